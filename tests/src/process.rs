@@ -188,7 +188,7 @@ impl Process {
             if self.open_streams == 0 {
                 panic!("`{}` ended without the line\n{}", self.name, self.tail());
             }
-            self.take_news(deadline, "prints the line");
+            self.take_event(deadline, "prints the line");
         }
     }
 
@@ -204,8 +204,8 @@ impl Process {
 
     /// The lines that have arrived so far, of both streams, each in order.
     pub fn lines(&mut self) -> &[Line] {
-        while let Ok(events) = self.events.try_recv() {
-            self.note(events);
+        while let Ok(event) = self.events.try_recv() {
+            self.note(event);
         }
         &self.lines
     }
@@ -248,7 +248,7 @@ impl Process {
     pub fn wait_status(&mut self) -> ExitStatus {
         let deadline = Instant::now() + WAIT_LIMIT;
         while !self.exited {
-            self.take_news(deadline, "ends");
+            self.take_event(deadline, "ends");
         }
         self.reap()
     }
@@ -263,7 +263,7 @@ impl Process {
         let status = self.wait_status();
         let deadline = Instant::now() + WAIT_LIMIT;
         while self.open_streams > 0 {
-            self.take_news(deadline, "has nothing left running that holds its output");
+            self.take_event(deadline, "has nothing left running that holds its output");
         }
         Finished {
             status,
@@ -299,10 +299,10 @@ impl Process {
 
     /// Takes one event; fails when none comes before `deadline`.
     #[track_caller]
-    fn take_news(&mut self, deadline: Instant, what: &str) {
+    fn take_event(&mut self, deadline: Instant, what: &str) {
         let remaining = deadline.saturating_duration_since(Instant::now());
         match self.events.recv_timeout(remaining) {
-            Ok(events) => self.note(events),
+            Ok(event) => self.note(event),
             Err(error) => {
                 let (name, tail) = (&self.name, self.tail());
                 panic!("never in time: `{name}` {what} ({error})\n{tail}");
@@ -310,8 +310,8 @@ impl Process {
         }
     }
 
-    fn note(&mut self, events: Event) {
-        match events {
+    fn note(&mut self, event: Event) {
+        match event {
             Event::Line(line) if self.lines.len() < MAX_LINES => {
                 self.lines.push(line);
                 self.found.push(false);
@@ -374,8 +374,8 @@ impl Drop for Process {
         }
         registry().remove(&self.group.as_raw_pid());
         if thread::panicking() {
-            while let Ok(events) = self.events.try_recv() {
-                self.note(events);
+            while let Ok(event) = self.events.try_recv() {
+                self.note(event);
             }
             eprintln!("{}", self.tail());
         }

@@ -7,21 +7,23 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// What a row names after "shown by": a file in backticks, and after it perhaps the name of a function.
+/// What a row names after "shown by": a file in backticks, and after it perhaps functions, with commas between.
 fn named_tests(row: &str) -> Vec<(String, Option<String>)> {
     let shown_by = row.trim_end().trim_end_matches('|').rsplit('|').next();
-    shown_by
-        .into_iter()
-        .flat_map(|cell| cell.split(','))
-        .filter_map(|entry| {
-            let (file, function) = entry.trim().strip_prefix('`')?.split_once('`')?;
-            let function = function.trim();
-            Some((
-                file.to_owned(),
-                (!function.is_empty()).then(|| function.to_owned()),
-            ))
-        })
-        .collect()
+    let mut named: Vec<(String, Option<String>)> = Vec::new();
+    for entry in shown_by.into_iter().flat_map(|cell| cell.split(',')) {
+        let entry = entry.trim();
+        let file = entry
+            .strip_prefix('`')
+            .and_then(|rest| rest.split_once('`'));
+        let (file, function) = match (file, named.last()) {
+            (Some((file, function)), _) => (file.to_owned(), function.trim()),
+            (None, Some((file, _))) => (file.clone(), entry),
+            (None, None) => continue,
+        };
+        named.push((file, (!function.is_empty()).then(|| function.to_owned())));
+    }
+    named
 }
 
 #[test]
