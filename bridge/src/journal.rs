@@ -14,9 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::BridgeConfig;
 use crate::core::{Bridge, Input};
-use crate::flight::request::RequestKey;
 pub use crate::flight::route::NotASnapshot;
-use crate::outputs::{AsValues, Notice, Output, Outputs};
+use crate::outputs::{AsValues, Notice, Output, Outputs, RequestKey};
 use crate::safety::fence::Fence;
 
 /// An entry of the bridge's journal.

@@ -16,7 +16,7 @@ use super::{Context, Flight, FlightTimer};
 use crate::geodesy::{distance_m, here};
 use crate::link::FlightCommand;
 use crate::link::commands::ALWAYS;
-use crate::link::dsp_path::DspPath;
+use crate::link::session::DspPath;
 use crate::outputs::Notice;
 use crate::safety::Violation;
 

@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::BridgeConfig;
 use crate::errors::reason_of;
 use crate::geodesy::{ground_distance_m, here};
-use crate::link::dsp_path::DspPath;
+use crate::link::session::DspPath;
 use crate::link::{FlightCommand, Link, LinkEvent};
 use crate::outputs::{Notice, Outputs};
 use crate::safety::fence::Fence;

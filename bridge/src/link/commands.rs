@@ -20,8 +20,7 @@ use dsp_protocol::{Command, Sequence};
 use ipc_types::MonotonicNs;
 use serde::{Deserialize, Serialize};
 
-/// Attempts in all before a command is given up.
-pub const ATTEMPTS: u32 = 3;
+pub use crate::config::ATTEMPTS;
 
 /// Commands that may wait: a stop (2), a movement (2), a probe, a keep-alive, an emptying of the path buffer, and the
 /// parameter requests (8), rounded up. The start-up sequence queues one command at a time. A command that finds the queue

@@ -18,16 +18,12 @@
 pub mod cadence;
 pub mod coherence;
 pub mod commands;
-pub mod dsp_path;
 pub mod event;
-mod grants;
 pub mod last_minute;
 mod liveness;
 pub mod outgoing;
-mod path_buffer;
 mod receive;
-mod session;
-mod snapshot;
+pub mod session;
 pub mod start_up;
 
 use std::collections::VecDeque;
@@ -39,16 +35,14 @@ use ipc_types::payload::{LinkHealth, RefusedCounters};
 use module_kit::journal::raw;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{BridgeConfig, Parameters};
+use crate::config::{BridgeConfig, Parameters, parameters};
 use crate::timers::{TimerTable, timers};
-use cadence::Cadence;
+use cadence::{Cadence, Grants};
 use coherence::Coherence;
 use commands::{ALWAYS, CommandQueue, QueueFull, Sending, Timeout};
-use dsp_path::DspPath;
 pub use event::{FlightCommand, LinkEvent, Purpose, Sample};
-use grants::Grants;
 use outgoing::Outgoing;
-use session::Session;
+use session::{DspPath, Session};
 use start_up::StartUp;
 
 /// Events that one message or deadline can cause at most: an odd status, a reboot, two samples, the end of the start-up
@@ -103,12 +97,11 @@ pub struct Link {
     #[serde(skip)]
     config: BridgeConfig,
     /// Written at each start-up: those of the configuration, and those set at run time.
-    #[serde(with = "snapshot::parameters")]
+    #[serde(with = "parameters::as_commands")]
     parameters: Parameters,
     decoder: Decoder<Downlink>,
     coherence: Coherence<Sample>,
     commands: CommandQueue<Purpose>,
-    #[serde(with = "snapshot::outgoing")]
     outgoing: Outgoing,
     /// Number of the last waypoint that was sent.
     waypoint_number: Sequence,

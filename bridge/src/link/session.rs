@@ -1,16 +1,60 @@
-//! [`Session`]: what is known of a DSP that was started up, above all what its path buffer may hold.
+//! [`Session`]: what is known of a DSP that was started up, above all what its path buffer may hold ([`DspPath`], requirement H1).
+//!
+//! Waypoints can only be sent while this is not `Unknown`, and only the acknowledgement of *invalidate path* makes it
+//! `Empty`. Whatever ends a movement, or makes its state uncertain, sets it to `Unknown`; the link then repeats *invalidate
+//! path* until the DSP has acknowledged it.
+//!
+//! | state | forget | waypoint | emptied, for certain | emptied, perhaps |
+//! |---|---|---|---|---|
+//! | Empty | → Unknown | → Ours | – | – |
+//! | Ours | → Unknown | – | – | – |
+//! | Unknown | – | not sent | → Empty | – |
 
 use std::time::Duration;
 
 use dsp_protocol::StatusMask;
 use ipc_types::MonotonicNs;
+use ipc_types::code::DspPathState;
 use serde::{Deserialize, Serialize};
 
-use super::dsp_path::DspPath;
 use super::start_up::StartUp;
 
 /// Sensors that come and go make a few masks; the oldest is asked for anew.
 const ACCEPTED_MASKS: usize = 4;
+
+/// What the DSP's path buffer may hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum DspPath {
+    /// It may hold anything.
+    #[default]
+    Unknown,
+    /// It holds nothing.
+    Empty,
+    /// It holds waypoints of the path under way.
+    Ours,
+}
+
+impl DspPath {
+    /// A waypoint is about to be sent; false when that is not allowed.
+    pub fn add_waypoint(&mut self) -> bool {
+        match self {
+            DspPath::Unknown => false,
+            DspPath::Empty | DspPath::Ours => {
+                *self = DspPath::Ours;
+                true
+            }
+        }
+    }
+
+    /// How it is published.
+    pub fn published(self) -> DspPathState {
+        match self {
+            DspPath::Unknown => DspPathState::Unknown,
+            DspPath::Empty => DspPathState::Empty,
+            DspPath::Ours => DspPathState::Ours,
+        }
+    }
+}
 
 /// What is known of a DSP that was started up.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
@@ -55,5 +99,20 @@ impl Session {
         self.accepted_masks.rotate_right(1);
         self.accepted_masks[0] = Some(groups);
         self.odd_mask = None;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_added_to_what_is_not_known() {
+        let mut path = DspPath::Unknown;
+        assert!(!path.add_waypoint());
+        assert_eq!(path, DspPath::Unknown);
+        path = DspPath::Empty;
+        assert!(path.add_waypoint() && path.add_waypoint());
+        assert_eq!(path, DspPath::Ours);
     }
 }

@@ -11,7 +11,7 @@ use module_kit::process::{self, Process, Sources};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
-use super::publish::{Incoming, Services};
+use super::publish::Services;
 use super::serial::{self, SerialPort};
 use crate::config::{BridgeConfig, SerialConfig};
 use crate::core::Input;
@@ -40,7 +40,7 @@ pub enum Waker {
     Line,
 }
 
-/// So many headers of the other profile, without any valid message, are no noise.
+/// After this many headers of the other profile without a valid message we report a profile mismatch.
 const OTHER_PROFILE_HEADERS: u32 = 3;
 
 /// How long the bridge goes on after it was asked to end, so that the DSP acknowledges that its path buffer is empty: as
@@ -107,7 +107,7 @@ struct Shell<'a> {
     services: Services,
     journal: JournalPort<BridgeJournal>,
     port: Port,
-    inbox: Vec<Incoming>,
+    inbox: Vec<Input<'static>>,
     buffer: Vec<u8>,
     /// Reads the geofence of the configuration again.
     read_fence: &'a dyn Fn() -> Result<Fence, String>,
@@ -187,39 +187,25 @@ impl Shell<'_> {
     /// Applies the requests that were taken before the line was read. So wherever the bridge stood still, the DSP's last words before
     /// a request was taken are applied before it.
     fn serve(&mut self, now: MonotonicNs) {
-        for incoming in self.inbox.drain(..) {
-            let input = match incoming {
-                Incoming::Control(key, sender, request)
-                    if request.command() == Some(ControlCommand::ReloadFence) =>
-                {
-                    let fence = (self.read_fence)().map_err(|error| {
-                        tracing::error!("the geofence stays as it is: {error}");
-                        Reason::InvalidFence
-                    });
-                    Input::NewFence {
-                        key,
-                        sender,
-                        request,
-                        fence,
-                    }
-                }
-                Incoming::Control(key, sender, request) => Input::Control {
+        for mut input in self.inbox.drain(..) {
+            if let Input::Control {
+                key,
+                sender,
+                request,
+            } = input
+                && request.command() == Some(ControlCommand::ReloadFence)
+            {
+                let fence = (self.read_fence)().map_err(|error| {
+                    tracing::error!("the geofence stays as it is: {error}");
+                    Reason::InvalidFence
+                });
+                input = Input::NewFence {
                     key,
                     sender,
                     request,
-                },
-                Incoming::Parameter(key, sender, request) => Input::Parameter {
-                    key,
-                    sender,
-                    request,
-                },
-                Incoming::Movement(key, sender, request) => Input::Movement {
-                    key,
-                    sender,
-                    request,
-                },
-                Incoming::Gone(key) => Input::SenderGone(key),
-            };
+                    fence,
+                };
+            }
             self.bridge.apply(now, input, &mut self.services);
         }
     }
@@ -294,7 +280,7 @@ impl Shell<'_> {
             .apply(now, Input::PortClosed, &mut self.services);
     }
 
-    /// One damaged byte may look like a header of the other profile; several, and no valid message, are no noise.
+    /// One damaged byte may look like a header of the other profile; several, and no valid message, are a profile mismatch.
     fn log_other_profile(&mut self) {
         let state = self.bridge.state();
         let is_other = state.refused.other_profile >= OTHER_PROFILE_HEADERS

@@ -11,8 +11,8 @@ use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
 use super::area::{Area, AreaConfig, Band, Shape, altitude_m};
-use super::bounds::{MAX_EXTENT_M, MAX_LATITUDE_DEG};
-use super::plane::{Plane, longitude_difference_deg};
+use super::plane::{MAX_EXTENT_M, MAX_LATITUDE_DEG, Plane};
+use crate::geodesy::longitude_difference_deg;
 
 /// Most areas of a fence: several times what an airfield or a town needs. Judging a leg takes at most about 15 ns for each
 /// edge, so 0.3 ms with the most areas and vertices. Measuring a breach takes up to 200 times that if all areas are
