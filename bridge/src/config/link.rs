@@ -7,7 +7,11 @@ use dsp_protocol::{Group, Profile, StatusMask};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::range::{baud_rate, milliseconds, pc_timeout_ms};
+runtime::ranged! {
+    fn baud_rate(u32) in 50..=4_000_000;
+    fn milliseconds(u64) in 1..=600_000;
+    fn pc_timeout_ms(u16) in 0..=60_000;
+}
 
 /// `[serial]`
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]

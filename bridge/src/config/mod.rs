@@ -36,16 +36,17 @@ macro_rules! checked {
 mod link;
 mod movement;
 pub(crate) mod parameters;
-mod range;
-mod safety;
 
 pub use link::{ATTEMPTS, CoherenceRule, LinkConfig, SerialConfig, StatusConfig};
 pub use movement::{
-    ArrivalConfig, MovementLimits, STOP_WITHIN, Tolerance, TrajectoryConfig, TrajectoryKind,
+    ArrivalConfig, BreachAction, MovementLimits, STOP_WITHIN, SafetyConfig, SupplyLimits,
+    Tolerance, TrajectoryConfig, TrajectoryKind,
 };
 pub use parameters::Parameters;
-use range::state_period_ms;
-pub use safety::{BreachAction, SafetyConfig, SupplyLimits};
+
+runtime::ranged! {
+    fn state_period_ms(u64) in 10..=1000;
+}
 
 /// All of `bridge.toml`.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
@@ -56,7 +57,7 @@ pub struct BridgeConfig {
     pub serial: SerialConfig,
     /// Times of the line.
     pub link: LinkConfig,
-    /// What the DSP reports, and which samples are believed.
+    /// What the DSP reports, and which samples are published.
     pub status: StatusConfig,
     /// When a path has been flown.
     pub arrival: ArrivalConfig,

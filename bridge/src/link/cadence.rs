@@ -18,7 +18,7 @@ const GAPS: usize = 5;
 /// So many periods may pass without an arrival: two in a row may be destroyed by noise.
 const PERIODS: u32 = 3;
 
-/// Longest period that is believed: the longest status period (port 10001).
+/// Longest period that counts: the longest status period (port 10001).
 const MAX_PERIOD: Duration = Duration::from_secs(10);
 
 /// Observes the period of arrivals.

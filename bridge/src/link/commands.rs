@@ -162,7 +162,7 @@ impl<P: Copy> CommandQueue<P> {
         self.push_until(command, purpose, ALWAYS)
     }
 
-    /// Queues a command that is not sent again after `until`. Who queues it takes it back when it has not been sent by then.
+    /// Queues a command that is not sent again after `until`. The caller takes it back when it has not been sent by then.
     ///
     /// # Errors
     /// [`QueueFull`]; nothing has changed.
@@ -446,7 +446,7 @@ mod tests {
         let mut queue = in_state(2);
         queue.push(READ, "read").unwrap();
         queue.forget(|purpose| *purpose == "clear");
-        assert_eq!(queue.time_out(at(100)), None, "nobody waits for it");
+        assert_eq!(queue.time_out(at(100)), None, "nothing waits for it");
         assert_eq!(queue.poll(at(100)), Some(sending(READ, 1)));
     }
 

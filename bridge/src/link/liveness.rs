@@ -5,8 +5,7 @@ use dsp_protocol::{Command, Status, StatusMask, port};
 use ipc_types::MonotonicNs;
 
 use super::commands::AckData;
-use super::session::{DspPath, Session};
-use super::start_up::{READ_PC_TIMEOUT, StartUp, Step, write_mask};
+use super::session::{DspPath, READ_PC_TIMEOUT, Session, StartUp, Step, write_mask};
 use super::{Link, LinkEvent, LinkTimer, Purpose, State, increment};
 
 /// A status in another mask that comes so often in a row is no noise.

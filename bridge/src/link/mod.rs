@@ -24,7 +24,6 @@ mod liveness;
 pub mod outgoing;
 mod receive;
 pub mod session;
-pub mod start_up;
 
 use std::collections::VecDeque;
 
@@ -42,8 +41,7 @@ use coherence::Coherence;
 use commands::{ALWAYS, CommandQueue, QueueFull, Sending, Timeout};
 pub use event::{FlightCommand, LinkEvent, Purpose, Sample};
 use outgoing::Outgoing;
-use session::{DspPath, Session};
-use start_up::StartUp;
+use session::{DspPath, Session, StartUp};
 
 /// Events that one message or deadline can cause at most: an odd status, a reboot, two samples, the end of the start-up
 /// and of its last parameter.
@@ -292,7 +290,7 @@ impl Link {
         let is_first = session.path == DspPath::Empty;
         if is_first {
             // An empty buffer cannot be dropped; from here on the DSP counts the silence of the PC.
-            session.heard = now;
+            session.last_delivered = now;
         }
         session.path.add_waypoint();
         self.waypoint_number = number;

@@ -43,13 +43,12 @@ mod plane;
 mod span;
 
 use std::cmp::Ordering;
-use std::fmt;
 
 use dsp_protocol::Waypoint;
 use serde::{Deserialize, Serialize};
 
 pub use area::{Area, AreaConfig, AreaKind};
-pub use config::{AreaFault, BandFault, FenceConfig, FenceError, MAX_AREAS, MAX_VERTICES};
+pub use config::{FenceConfig, MAX_AREAS, MAX_VERTICES};
 pub use plane::{MAX_EXTENT_M, MAX_LATITUDE_DEG, TOUCH_M};
 
 use area::Band;
@@ -130,25 +129,6 @@ pub enum FenceRule {
     Inclusion,
 }
 
-impl FenceRule {
-    /// The name for messages and logs.
-    pub fn name(self) -> &'static str {
-        match self {
-            FenceRule::Unjudgeable => "unjudgeable",
-            FenceRule::Floor => "floor",
-            FenceRule::Ceiling => "ceiling",
-            FenceRule::Exclusion => "exclusion",
-            FenceRule::Inclusion => "inclusion",
-        }
-    }
-}
-
-impl fmt::Display for FenceRule {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
 /// A rule that a leg breaks, and where: never without a span.
 struct BrokenRule {
     rule: FenceRule,
@@ -176,9 +156,9 @@ impl From<Fence> for FenceConfig {
 }
 
 impl TryFrom<FenceConfig> for Fence {
-    type Error = FenceError;
+    type Error = String;
 
-    fn try_from(config: FenceConfig) -> Result<Fence, FenceError> {
+    fn try_from(config: FenceConfig) -> Result<Fence, String> {
         let (band, areas) = config.checked()?;
         Ok(Fence { band, areas })
     }
