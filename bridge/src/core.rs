@@ -20,8 +20,8 @@ use crate::flight::request::{
 use crate::flight::route::NotASnapshot;
 use crate::flight::trajectory::{Trajectory, generator};
 use crate::flight::{Context, Flight};
-use crate::link::dsp_path::DspPath;
 use crate::link::last_minute::LastMinute;
+use crate::link::session::DspPath;
 use crate::link::{Link, LinkEvent};
 use crate::outputs::Outputs;
 use crate::safety::fence::Fence;

@@ -1,7 +1,7 @@
 //! The bridge's input journal: every input of the core in order with its time, what the core said, and snapshots of the whole core
 //! from which it can be gone on with. `docs/journal.md` has every byte.
 //!
-//! * [`Journaled`]: a wrapper around the core that writes the journal while somebody records it;
+//! * [`Journaled`]: a wrapper around the core that writes the journal while a program records it;
 //! * [`Snapshot`]: the configuration and the whole core as bytes, bit for bit;
 //! * [`Record`]: what a [`Reader`](module_kit::journal::Reader) finds in the pieces of the topic `bridge/journal`.
 
@@ -14,9 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::BridgeConfig;
 use crate::core::{Bridge, Input};
-use crate::flight::request::RequestKey;
 pub use crate::flight::route::NotASnapshot;
-use crate::outputs::{AsValues, Notice, Output, Outputs};
+use crate::outputs::{AsValues, Notice, Output, Outputs, RequestKey};
 use crate::safety::fence::Fence;
 
 /// An entry of the bridge's journal.
@@ -145,7 +144,7 @@ const VERSION: u32 = 3;
 
 /// A bridge and its configuration.
 ///
-/// The core is told by what it has seen; what the configuration says stands beside it as a text. A trajectory generator that was
+/// The core has what it has seen; what the configuration says stands beside it as a text. A trajectory generator that was
 /// given to [`Bridge::with_trajectory`] is not in it: a core from a snapshot has the one that its configuration chooses.
 #[derive(Debug)]
 pub struct Snapshot {

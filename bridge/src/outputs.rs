@@ -40,7 +40,7 @@ pub trait Outputs {
     fn notice(&mut self, notice: &Notice);
 }
 
-/// Nobody hears what the core says.
+/// Discards what the core says.
 impl Outputs for () {
     fn telemetry(&mut self, _fill: &mut dyn FnMut(&mut DspTelemetry)) {}
     fn state(&mut self, _state: &ModuleState) {}

@@ -2,6 +2,7 @@
 //! H6, H7).
 
 use crate::rig::{HOME, Rig, aborted, go_to, north, refused};
+use bridge::outputs::Notice;
 use bridge::{BridgeConfig, Input, RequestKey};
 use dsp_protocol::{Command, StatusMask, port};
 use ipc_types::code::{
@@ -445,9 +446,9 @@ fn status_that_never_carries_time_is_published_and_told_once() {
         rig.dsp.sends_status = false;
     }
     assert!(rig.out.telemetry.len() > 450);
-    let told = rig.out.notices.iter();
-    let told = told.filter(|notice| matches!(notice, bridge::outputs::Notice::OddStatus { .. }));
-    assert_eq!(told.count(), 1);
+    let notices = rig.out.notices.iter();
+    let is_odd = |notice: &&Notice| matches!(notice, Notice::OddStatus { .. });
+    assert_eq!(notices.filter(is_odd).count(), 1);
     assert!(rig.dsp.commands.len() <= 2, "{:?}", rig.dsp.commands);
 }
 

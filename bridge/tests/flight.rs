@@ -1,7 +1,7 @@
 //! The core's side of the operator: control, movements, and the one final report of every request.
 
 use crate::rig::{Rig, STOP, aborted, go_to, north, refused};
-use bridge::{BridgeConfig, Input, RequestKey};
+use bridge::{BridgeConfig, Input};
 use dsp_protocol::{Command, port};
 use ipc_types::code::{
     ControlCommand, Functionality, ImiError, ModuleStatus, MovementKind, Reason, Stage,
@@ -364,12 +364,7 @@ fn asking_again_never_executes_twice() {
             repeat,
             ..MovementData::default()
         };
-        let key = RequestKey::Movement(take_off);
-        rig.apply(Input::Movement {
-            key,
-            sender: None,
-            request: data,
-        });
+        rig.ask_movement(data);
         rig.exchange();
         rig.last(take_off)
     };

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use bridge::{Input, RequestKey};
+use bridge::Input;
 
 use dsp_protocol::{Command, port};
 use ipc_types::code::{ControlCommand, MovementKind, Stage};
@@ -70,12 +70,7 @@ fn one_step(rig: &mut Rig, random: &mut Random, request_id: u64) {
                 issued_ns: random.pick(&[rig.now.0, rig.now.0, control.issued_ns]),
                 ..control
             };
-            let key = RequestKey::Control(request_id);
-            rig.apply(Input::Control {
-                key,
-                sender: None,
-                request: control,
-            });
+            rig.ask_control(control);
         }
         1 => rig.run(10 << random.below(6)),
         2 => rig.dsp.status.flying = random.below(2) > 0,
@@ -86,12 +81,7 @@ fn one_step(rig: &mut Rig, random: &mut Random, request_id: u64) {
                 issued_ns: random.pick(&[rig.now.0, rig.now.0, movement.issued_ns]),
                 ..movement
             };
-            let key = RequestKey::Movement(request_id);
-            rig.apply(Input::Movement {
-                key,
-                sender: None,
-                request: movement,
-            });
+            rig.ask_movement(movement);
         }
     }
     rig.exchange();
@@ -107,29 +97,17 @@ fn any_request_gets_one_final_report_and_nothing_wild_reaches_the_dsp() {
         for number in 0..REQUESTS {
             one_step(&mut rig, &mut random, first.wrapping_add(number));
         }
-        // Zero is no id, but somebody may send it.
-        let key = RequestKey::Movement(0);
+        // Zero is no id, but a client may send it.
         let movement = MovementData {
             request_id: 0,
             ..random.movement()
         };
-        rig.apply(Input::Movement {
-            key,
-            sender: None,
-            request: movement,
-        });
+        rig.ask_movement(movement);
         rig.run(1000);
         rig.apply(Input::Close);
 
-        let mut finals: HashMap<u64, u32> = HashMap::new();
-        for report in &rig.out.reports {
-            let stage = Stage::from_code(report.stage).expect("a stage of the contract");
-            *finals.entry(report.request_id).or_default() += u32::from(stage.is_final());
-        }
-        assert!(finals.len() > 40, "seed {seed}: {finals:?}");
-        for (request, count) in finals {
-            assert_eq!(count, 1, "seed {seed}: request {request}");
-        }
+        let requests = check_final_reports(&rig, seed);
+        assert!(requests > 40, "seed {seed}: {requests}");
         for waypoint in &rig.dsp.waypoints {
             let is_near = (waypoint.latitude_deg - HOME.latitude_deg).abs() < 1.0
                 && (waypoint.longitude_deg - HOME.longitude_deg).abs() < 1.0
@@ -191,19 +169,25 @@ fn every_request_has_exactly_one_final_report() {
             any_step(&mut rig, &mut random);
         }
         rig.apply(Input::Close);
-        let mut finals: HashMap<u64, u32> = HashMap::new();
-        for report in &rig.out.reports {
-            let stage = Stage::from_code(report.stage).unwrap();
-            let count = finals.entry(report.request_id).or_default();
-            assert_eq!(
-                *count, 0,
-                "seed {seed}: {stage} after the final report of request {}",
-                report.request_id
-            );
-            *count += u32::from(stage.is_final());
-        }
-        for (request, count) in finals {
-            assert_eq!(count, 1, "seed {seed}: request {request}");
-        }
+        check_final_reports(&rig, seed);
     }
+}
+
+/// Each request has one final report, and no other after it. Returns how many requests there were.
+fn check_final_reports(rig: &Rig, seed: u64) -> usize {
+    let mut finals: HashMap<u64, u32> = HashMap::new();
+    for report in &rig.out.reports {
+        let stage = Stage::from_code(report.stage).expect("a stage of the contract");
+        let count = finals.entry(report.request_id).or_default();
+        assert_eq!(
+            *count, 0,
+            "seed {seed}: {stage} after the final report of request {}",
+            report.request_id
+        );
+        *count += u32::from(stage.is_final());
+    }
+    for (request, count) in &finals {
+        assert_eq!(*count, 1, "seed {seed}: request {request}");
+    }
+    finals.len()
 }

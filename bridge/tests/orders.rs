@@ -282,12 +282,7 @@ fn a_request_without_a_moment_or_from_the_future_is_invalid() {
             issued_ns,
             ..ModuleControl::new(request_id, ControlCommand::Stop)
         };
-        let key = bridge::RequestKey::Control(request_id);
-        rig.apply(Input::Control {
-            key,
-            sender: None,
-            request: control,
-        });
+        rig.ask_control(control);
         assert_eq!(rig.last(request_id), refused(Reason::InvalidRequest));
     }
     let path = rig.preempting(4, north(9));
@@ -305,12 +300,7 @@ fn a_start_before_a_stop_is_superseded_and_a_parameter_is_only_too_late() {
         issued_ns: rig.now.0 - 500 * MS,
         ..ModuleControl::new(request_id, ControlCommand::Start)
     };
-    let key = bridge::RequestKey::Control(request_id);
-    rig.apply(Input::Control {
-        key,
-        sender: None,
-        request: start,
-    });
+    rig.ask_control(start);
     assert_eq!(rig.last(request_id), refused(Reason::Superseded));
 
     for (ago_ms, expected) in [(1100, Stage::Done), (5100, Stage::Refused)] {
@@ -323,12 +313,7 @@ fn a_start_before_a_stop_is_superseded_and_a_parameter_is_only_too_late() {
             issued_ns: rig.now.0 - ago_ms * MS,
             ..ParameterRequest::read(request_id, port::CRUISE_SPEED_MPS)
         };
-        let key = bridge::RequestKey::Parameter(request_id);
-        rig.apply(Input::Parameter {
-            key,
-            sender: None,
-            request: read,
-        });
+        rig.ask_parameter(read);
         rig.exchange();
         assert_eq!(rig.last(request_id).0, expected);
     }

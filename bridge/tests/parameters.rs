@@ -140,8 +140,8 @@ fn a_parameter_of_the_configuration_that_the_dsp_refuses_is_told_by_name() {
     rig.dsp.refuses = Some(port::CRUISE_SPEED_MPS);
     rig.open();
     assert_eq!(rig.link(), LinkState::Up);
-    let told = rig.out.notices.iter();
-    let told: Vec<_> = told
+    let notices = rig.out.notices.iter();
+    let notices: Vec<_> = notices
         .filter_map(|notice| match notice {
             Notice::ParameterRefused { written, .. } => Some(*written),
             _ => None,
@@ -151,7 +151,7 @@ fn a_parameter_of_the_configuration_that_the_dsp_refuses_is_told_by_name() {
         port: port::CRUISE_SPEED_MPS,
         value: 8.0,
     };
-    assert_eq!(told, [written]);
+    assert_eq!(notices, [written]);
 }
 
 #[test]

@@ -204,7 +204,7 @@ impl ScriptedDsp {
         message.encode_in(self.profile, self.number, acknowledges.unwrap_or_default())
     }
 
-    fn hear(&mut self, bytes: &[u8]) -> Vec<Frame> {
+    fn receive(&mut self, bytes: &[u8]) -> Vec<Frame> {
         let (mut rest, mut answers) = (bytes, vec![]);
         while !rest.is_empty() {
             let (used, decoded) = self.decoder.receive(rest);
@@ -452,7 +452,7 @@ impl Rig {
                 return;
             }
             self.apply(Input::Transmitted(bytes.len()));
-            for answer in self.dsp.hear(&bytes) {
+            for answer in self.dsp.receive(&bytes) {
                 self.apply(Input::Received(answer.as_bytes()));
             }
         }
@@ -470,6 +470,36 @@ impl Rig {
         self.say(Downlink::Error(DspErrorCode(code)));
     }
 
+    /// A control request as it is, and nothing else.
+    pub fn ask_control(&mut self, request: ModuleControl) {
+        let (key, sender) = (RequestKey::Control(request.request_id), None);
+        self.apply(Input::Control {
+            key,
+            sender,
+            request,
+        });
+    }
+
+    /// A movement request as it is.
+    pub fn ask_movement(&mut self, request: MovementData) {
+        let (key, sender) = (RequestKey::Movement(request.request_id), None);
+        self.apply(Input::Movement {
+            key,
+            sender,
+            request,
+        });
+    }
+
+    /// A parameter request as it is.
+    pub fn ask_parameter(&mut self, request: ParameterRequest) {
+        let (key, sender) = (RequestKey::Parameter(request.request_id), None);
+        self.apply(Input::Parameter {
+            key,
+            sender,
+            request,
+        });
+    }
+
     pub fn control(&mut self, command: ControlCommand) -> u64 {
         let request_id = self.request_id();
         let control = ModuleControl {
@@ -478,11 +508,7 @@ impl Rig {
             command: command.code(),
             ..ModuleControl::default()
         };
-        self.apply(Input::Control {
-            key: RequestKey::Control(request_id),
-            sender: None,
-            request: control,
-        });
+        self.ask_control(control);
         self.exchange();
         request_id
     }
@@ -497,11 +523,7 @@ impl Rig {
     pub fn ordered(&mut self, data: MovementData) -> u64 {
         let request_id = self.request_id();
         let data = MovementData { request_id, ..data };
-        self.apply(Input::Movement {
-            key: RequestKey::Movement(request_id),
-            sender: None,
-            request: data,
-        });
+        self.ask_movement(data);
         self.exchange();
         request_id
     }
@@ -513,11 +535,7 @@ impl Rig {
             issued_ns: self.now.0,
             ..request
         };
-        self.apply(Input::Parameter {
-            key: RequestKey::Parameter(request_id),
-            sender: None,
-            request,
-        });
+        self.ask_parameter(request);
         self.exchange();
         request_id
     }

@@ -1,7 +1,7 @@
 //! Places on the Earth and the metres between them: the one Earth of this tool, a sphere with the mean radius.
 //!
 //! Distances are those on a flat map around the first place, good to 0.6 % over some kilometres. What the bridge judges with are its
-//! own: `bridge::flight::arrival` and the geofence.
+//! own: `bridge::geodesy` and the geofence.
 
 /// Metres of one degree of latitude, and of longitude at the equator: of the mean radius, 6 371 008.8 m.
 pub const METRES_PER_DEGREE: f64 = 6_371_008.8 * std::f64::consts::PI / 180.0;

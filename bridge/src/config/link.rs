@@ -7,9 +7,11 @@ use dsp_protocol::{Group, Profile, StatusMask};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::range::{baud_rate, milliseconds, pc_timeout_ms};
-use crate::link::coherence::Rule;
-use crate::link::commands::ATTEMPTS;
+runtime::ranged! {
+    fn baud_rate(u32) in 50..=4_000_000;
+    fn milliseconds(u64) in 1..=600_000;
+    fn pc_timeout_ms(u16) in 0..=60_000;
+}
 
 /// `[serial]`
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
@@ -45,6 +47,9 @@ impl SerialConfig {
         back_off(self.reopen_min_ms, self.reopen_max_ms, failures)
     }
 }
+
+/// Attempts in all before a command is given up.
+pub const ATTEMPTS: u32 = 3;
 
 checked!(LinkConfig);
 
@@ -137,6 +142,17 @@ fn name_of_profile<S: Serializer>(profile: &Profile, to: S) -> Result<S::Ok, S::
     to.serialize_str(profile.name())
 }
 
+/// Which status samples are newer than the one before: see [`coherence`](crate::link::coherence).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CoherenceRule {
+    /// Samples in order are sent at once.
+    #[default]
+    Immediate,
+    /// The source's rule: a sample waits for its successor.
+    Confirmed,
+}
+
 /// `[status]`
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
@@ -145,14 +161,14 @@ pub struct StatusConfig {
     #[serde(deserialize_with = "groups", serialize_with = "names_of_groups")]
     pub groups: Vec<Group>,
     /// Which samples are published.
-    pub coherence: Rule,
+    pub coherence: CoherenceRule,
 }
 
 impl Default for StatusConfig {
     fn default() -> Self {
         StatusConfig {
             groups: Group::ALL.to_vec(),
-            coherence: Rule::Immediate,
+            coherence: CoherenceRule::Immediate,
         }
     }
 }

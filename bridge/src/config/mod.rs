@@ -4,6 +4,8 @@
 
 use std::time::Duration;
 
+use dsp_protocol::{Downlink, FlowControl, Profile, Sequence, port};
+use runtime::config::Fault;
 use serde::{Deserialize, Serialize};
 
 use crate::errors::ErrorTable;
@@ -31,20 +33,20 @@ macro_rules! checked {
     };
 }
 
-mod line;
 mod link;
 mod movement;
-mod parameters;
-mod range;
-mod safety;
+pub(crate) mod parameters;
 
-pub use link::{LinkConfig, SerialConfig, StatusConfig};
+pub use link::{ATTEMPTS, CoherenceRule, LinkConfig, SerialConfig, StatusConfig};
 pub use movement::{
-    ArrivalConfig, MovementLimits, STOP_WITHIN, Tolerance, TrajectoryConfig, TrajectoryKind,
+    ArrivalConfig, BreachAction, MovementLimits, STOP_WITHIN, SafetyConfig, SupplyLimits,
+    Tolerance, TrajectoryConfig, TrajectoryKind,
 };
 pub use parameters::Parameters;
-use range::state_period_ms;
-pub use safety::{BreachAction, SafetyConfig, SupplyLimits};
+
+runtime::ranged! {
+    fn state_period_ms(u64) in 10..=1000;
+}
 
 /// All of `bridge.toml`.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
@@ -55,7 +57,7 @@ pub struct BridgeConfig {
     pub serial: SerialConfig,
     /// Times of the line.
     pub link: LinkConfig,
-    /// What the DSP reports, and which samples are believed.
+    /// What the DSP reports, and which samples are published.
     pub status: StatusConfig,
     /// When a path has been flown.
     pub arrival: ArrivalConfig,
@@ -94,5 +96,51 @@ impl StateConfig {
     /// Longest time between two published states.
     pub fn period(&self) -> Duration {
         Duration::from_millis(self.period_ms)
+    }
+}
+
+/// Bits of a byte on the line: 8N1.
+const BITS_PER_BYTE: u32 = 10;
+
+impl BridgeConfig {
+    /// Whether the line carries what the DSP is asked to send (`docs/protocol.md` section 1): status with all groups of the mask, and flow control, at their periods: those of `[parameters]`, or of
+    /// the DSP's boot.
+    ///
+    /// # Errors
+    /// By how much they do not, and what to do about it.
+    pub fn check_line(&self) -> Result<(), Fault> {
+        let flow = Downlink::FlowControl(FlowControl::Send);
+        let frame_len = |profile| {
+            flow.encode_in(profile, Sequence::FIRST, Sequence::FIRST)
+                .as_bytes()
+                .len()
+        };
+        let flow_len = frame_len(self.link.profile);
+        let longer = flow_len - frame_len(Profile::Classic);
+        let status_len = self.status.mask().status_frame_len() + longer;
+        let [status_ms, flow_ms] = [port::STATUS_PERIOD_MS, port::FLOW_CONTROL_PERIOD_MS]
+            .map(|port| u32::from(self.parameters.value_16(port)));
+        let a_second = |len: usize, period_ms: u32| (len as u32 * 1000).div_ceil(period_ms);
+        let (status, flow) = (a_second(status_len, status_ms), a_second(flow_len, flow_ms));
+        let carried = self.serial.baud_rate / BITS_PER_BYTE;
+        if status + flow <= carried {
+            return Ok(());
+        }
+        let slower = match carried.checked_sub(flow).filter(|left| *left > 0) {
+            Some(left) => format!(
+                ", take `status_period_ms` = {} or more in `[parameters]`",
+                a_second(status_len, left)
+            ),
+            None => String::new(),
+        };
+        Err(Fault::at(
+            &["serial", "baud_rate"],
+            format!(
+                "{} baud carry {carried} bytes a second, and the DSP is asked for {}: a status of {status_len} bytes each {status_ms} ms and \
+                 flow control of {flow_len} bytes each {flow_ms} ms; name fewer groups in `status.groups`{slower}, or make the line faster",
+                self.serial.baud_rate,
+                status + flow,
+            ),
+        ))
     }
 }

@@ -15,13 +15,6 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 pub struct Parameters(Vec<Command>);
 
 impl Parameters {
-    /// Those that these commands write, in their order; commands that write no port are left out.
-    pub(crate) fn of(writes: Vec<Command>) -> Parameters {
-        let is_write =
-            |write: &Command| matches!(write, Command::Write16 { .. } | Command::Write32 { .. });
-        Parameters(writes.into_iter().filter(is_write).collect())
-    }
-
     /// How many there are.
     pub fn len(&self) -> usize {
         self.0.len()
@@ -40,11 +33,6 @@ impl Parameters {
     /// The commands that write the parameters.
     pub fn writes(&self) -> impl Iterator<Item = Command> + '_ {
         self.0.iter().copied()
-    }
-
-    /// The commands as they lie here, for a snapshot.
-    pub(crate) fn commands(&self) -> &[Command] {
-        &self.0
     }
 
     /// The value of a 16-bit port: the one that was written, or that of the DSP's boot.
@@ -187,4 +175,19 @@ fn parameter_names() -> Vec<&'static str> {
         .map(|port| port.name)
         .chain(port::PORTS_32.iter().map(|port| port.name))
         .collect()
+}
+
+/// Parameters as the commands that write them, which is what a snapshot has: in a configuration they stand by their names.
+pub(crate) mod as_commands {
+    use super::{Command, Deserialize, Deserializer, Parameters, Serializer};
+
+    pub fn serialize<S: Serializer>(parameters: &Parameters, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_seq(&parameters.0)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Parameters, D::Error> {
+        let mut writes = Vec::<Command>::deserialize(from)?;
+        writes.retain(|write| matches!(write, Command::Write16 { .. } | Command::Write32 { .. }));
+        Ok(Parameters(writes))
+    }
 }

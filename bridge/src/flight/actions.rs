@@ -16,7 +16,7 @@ use super::{Context, Flight, FlightTimer};
 use crate::geodesy::{distance_m, here};
 use crate::link::FlightCommand;
 use crate::link::commands::ALWAYS;
-use crate::link::dsp_path::DspPath;
+use crate::link::session::DspPath;
 use crate::outputs::Notice;
 use crate::safety::Violation;
 
@@ -246,7 +246,7 @@ impl Flight {
         self.begin(Motion::Deferred { order, lands }, 0, cx);
     }
 
-    /// The DSP is heard again: a hold or a landing that waited for it is carried out, within the time that it had.
+    /// The DSP can be reached again: a hold or a landing that waited for it is carried out, within the time that it had.
     fn undefer(
         &mut self,
         order: Order,

@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::BridgeConfig;
 use crate::errors::reason_of;
 use crate::geodesy::{ground_distance_m, here};
-use crate::link::dsp_path::DspPath;
+use crate::link::session::DspPath;
 use crate::link::{FlightCommand, Link, LinkEvent};
 use crate::outputs::{Notice, Outputs};
 use crate::safety::fence::Fence;
@@ -101,10 +101,10 @@ impl Flight {
             motion: Motion::Idle(Rest::Waiting(ImiError::None)),
             assembler: Assembler::new(),
             route: Route::new(&config.arrival, trajectory),
-            answers: Answers::new(),
+            answers: Answers::default(),
             observation: Observation::default(),
             safety: Safety::new(config),
-            parameters: ParameterRequests::new(),
+            parameters: ParameterRequests::default(),
             movement: MovementState::default(),
             timers: TimerTable::new(),
             refusal: ImiError::None,
@@ -188,7 +188,7 @@ impl Flight {
             }
         }
         if let Motion::Deferred { .. } = self.motion {
-            self.happen(Event::Heard, cx);
+            self.happen(Event::Reachable, cx);
         }
     }
 

@@ -19,7 +19,7 @@
 //! Error 1 is module-running-to-restart-stop-it-before, error 2 is impossible-to-stop-module. "May fly": taken as long as the
 //! helicopter flies or may fly, also while the module is blocked; the module rests afterwards as it did before. "Pre-empts": the
 //! request says that it may replace what is under way, otherwise the module is busy. While the DSP cannot be reached, hold and landing are
-//! *deferred*: accepted with the reason link-down, and carried out when the DSP is heard before their moment has passed. A stop at
+//! *deferred*: accepted with the reason link-down, and carried out when the DSP can be reached before their moment has passed. A stop at
 //! rest empties the DSP's buffer as well: the operator who repeats it means it.
 //!
 //! | event | taking off, landing | following | holding | deferred | stopping |
@@ -33,7 +33,7 @@
 //! | path dropped | – | fatal | – | – | – |
 //! | a command not acknowledged | fatal | fatal | fatal | fatal | unknown, if it clears errors |
 //! | DSP rebooted, link lost | fatal | fatal | fatal | – | aborted |
-//! | DSP heard | – | – | – | → landing, holding | – |
+//! | DSP reachable | – | – | – | → landing, holding | – |
 //! | moment to begin passed | aborted if not begun | aborted if not begun | unknown | aborted | unknown |
 //! | time limit | fatal | fatal | – | – | – |
 //! | safety rule: hold | aborted, by the pilot's switch only | aborted | – | – | – |
@@ -41,9 +41,9 @@
 //! | bridge winds down | – | aborted if not begun, else its buffer is emptied | – | – | – |
 //! | bridge closes | unknown | unknown | unknown | aborted | unknown |
 //!
-//! At rest, only a safety rule makes something of an event: a landing. Every request ends in exactly one final report. Where the DSP
-//! may be doing what cannot be seen any more, it is `unknown`. A *fatal* error ends the functionality: → aborted. Where nothing runs
-//! that could be ended it is only noted.
+//! At rest, a command that is not acknowledged is a fatal error, a safety rule may land, and nothing else does anything. Every request
+//! ends in exactly one final report. Where the DSP may be doing what cannot be seen any more, it is `unknown`. A *fatal* error ends the
+//! functionality: → aborted. Where nothing runs that could be ended it is only noted.
 
 use dsp_protocol::DspErrorCode;
 use dsp_protocol::downlink::Geographic;
@@ -101,7 +101,7 @@ pub enum Motion {
         /// Whose request it is.
         order: Order,
     },
-    /// A hold or a landing that is carried out when the DSP is heard.
+    /// A hold or a landing that is carried out when the DSP can be reached.
     Deferred {
         /// Whose request it is.
         order: Order,
@@ -188,8 +188,8 @@ pub enum Event {
     PathDropped,
     /// The DSP cannot be reached, or is not the one it was. The start-up sequence, which runs next, empties its path buffer.
     Vanished(ImiError, Reason),
-    /// The link said something: the DSP may be heard again.
-    Heard,
+    /// Something happened on the link: the DSP may be reachable again.
+    Reachable,
     /// The moment to begin has passed, or that to end of a hold or stop.
     BeginByPassed,
     /// A movement that has begun has not ended in time.
@@ -383,7 +383,7 @@ impl Motion {
             (M::TakingOff { .. } | M::Landing { .. }, E::Vanished(error, reason)) => {
                 Action::Fatal(error, reason)
             }
-            (M::Deferred { order, lands }, E::Heard) if facts.is_link_up => match lands {
+            (M::Deferred { order, lands }, E::Reachable) if facts.is_link_up => match lands {
                 true if facts.flying == Some(false) => {
                     Action::End(Verdict::aborted(Reason::NotFlying), Rest::Ready)
                 }
@@ -484,7 +484,7 @@ impl Motion {
             Motion::Following { .. } => Action::GiveUp(aborted, Rest::Ready),
             Motion::Holding { .. } => Action::End(unknown, Rest::Ready),
             Motion::Stopping { then, .. } => Action::End(unknown, then),
-            // The DSP was not heard: it has nothing of it.
+            // The DSP could not be reached: it has nothing of it.
             Motion::Deferred { .. } => Action::End(aborted, Rest::Ready),
             Motion::Idle(_) => Action::None,
         }
@@ -800,5 +800,200 @@ mod tests {
             idle(Rest::Ready).functionality(true),
             Functionality::ReceivingPath
         );
+    }
+
+    const FACTS: Facts = Facts {
+        now: MonotonicNs(9),
+        is_link_up: true,
+        is_path_empty: true,
+        flying: Some(true),
+        may_fly: true,
+        looks_later: false,
+    };
+
+    #[test]
+    fn every_motion_and_order() {
+        use Reason as R;
+        let ok = |then| -> Result<Rest, Reason> { Ok(then) };
+        let (done, stopped) = (Ok(Rest::Done), ok(Rest::Stopped(NONE)));
+        let [busy, unable, start] = [R::Busy, R::UnableToAbort, R::NotStarted].map(Err);
+        // Take-off, path, path that pre-empts, hold, landing, landing that pre-empts.
+        let asked = [
+            (Asked::TakeOff, false),
+            (Asked::Path, false),
+            (Asked::Path, true),
+            (Asked::Hold, false),
+            (Asked::Land, false),
+            (Asked::Land, true),
+        ];
+        let table = [
+            (Motion::Idle(Rest::Ready), [done; 6]),
+            (
+                Motion::Idle(Rest::Stopped(NONE)),
+                [start, start, start, stopped, stopped, stopped],
+            ),
+            (FOLLOWING, [busy, busy, done, done, busy, done]),
+            (HOLDING, [busy, busy, done, done, busy, done]),
+            (TAKING_OFF, [busy, busy, busy, unable, busy, busy]),
+            (LANDING, [busy, busy, busy, unable, busy, busy]),
+            // Its module is stopped.
+            (DEFERRED, [start, start, start, stopped, stopped, stopped]),
+            (STOPPING, [start, start, start, busy, busy, busy]),
+        ];
+        for (motion, expected) in table {
+            let allows =
+                |facts| asked.map(|(asked, preempt)| motion.allows(asked, preempt, &facts));
+            assert_eq!(allows(FACTS), expected, "{motion:?}");
+            // On the ground, hold and landing want a start as well.
+            let may_fly = false;
+            if motion.is_blocked() {
+                assert_eq!(allows(Facts { may_fly, ..FACTS }), [start; 6], "{motion:?}");
+            }
+        }
+        let (idle, is_link_up) = (Motion::Idle(Rest::Ready), false);
+        let facts = Facts {
+            is_link_up,
+            ..FACTS
+        };
+        assert_eq!(idle.allows(Asked::Path, false, &facts), Err(R::LinkDown));
+        assert_eq!(idle.allows(Asked::Hold, false, &facts), done, "deferred");
+    }
+
+    #[test]
+    fn every_motion_and_event() {
+        use Event as E;
+        /// What comes of an event, without its details.
+        fn outcome(mut motion: Motion, event: Event) -> &'static str {
+            match motion.happen(event, &FACTS) {
+                Action::None => "-",
+                Action::End(Verdict { stage, .. }, _)
+                | Action::GiveUp(Verdict { stage, .. }, _) => stage.name(),
+                Action::Fatal(..) | Action::PathLost(..) => "fatal",
+                Action::Withdraw(..) => "withdraw",
+                Action::Intervene(_) => "intervene",
+                Action::Hold(_) => "hold",
+                Action::Land(_) => "land",
+                Action::Look | Action::UnderWay | Action::OrderDone | Action::Ordered => "order",
+                Action::ReadTakeOffAltitude | Action::OrderTakeOff => "prepare",
+                Action::EmptyPath => "empty",
+                Action::BeginPath
+                | Action::SendWaypoint
+                | Action::Counted(_)
+                | Action::WaypointError(_)
+                | Action::Watch(_)
+                | Action::SettlingOver => "path",
+            }
+        }
+        let violation = |rule| {
+            E::SafetyHold(Violation {
+                rule,
+                action: ipc_types::code::SafetyAction::Hold,
+                amount: 0.0,
+            })
+        };
+        let status = E::Status {
+            flying: false,
+            position: None,
+        };
+        let count = E::Delivered(FlightCommand::CountWaypoints, AckData::Bits16(0));
+        let write = E::Delivered(FlightCommand::WriteTakeOffAltitude, AckData::None);
+        let cleared = E::Delivered(FlightCommand::ClearErrors, AckData::None);
+        let lost = E::Vanished(ERROR, Reason::DspRebooted);
+        // Idle, taking off (being prepared), landing (under way), following, holding, deferred, stopping.
+        let table = [
+            (status, ["-", "-", "order", "path", "-", "-", "-"]),
+            (E::Grant, ["-", "-", "order", "path", "-", "-", "-"]),
+            (E::StepDue, ["-", "-", "order", "path", "-", "-", "-"]),
+            (
+                E::DspError(DspErrorCode::INVALID_COMMAND),
+                ["-", "-", "-", "path", "-", "-", "-"],
+            ),
+            (
+                E::DspError(DspErrorCode::PC_CHECKSUM),
+                ["-", "-", "-", "path", "-", "-", "-"],
+            ),
+            (E::DspError(DspErrorCode(77)), ["-"; 7]),
+            (count, ["-", "-", "-", "path", "-", "-", "-"]),
+            (write, ["-", "prepare", "-", "-", "-", "-", "-"]),
+            (cleared, ["-", "-", "-", "-", "-", "-", "done"]),
+            // The errors of the one that is stopping are not cleared.
+            (E::PathEmptied, ["-", "-", "-", "-", "done", "-", "-"]),
+            (
+                E::PathNotEmptied,
+                ["-", "-", "-", "fatal", "unknown", "-", "unknown"],
+            ),
+            (E::PathDropped, ["-", "-", "-", "fatal", "-", "-", "-"]),
+            (E::Undelivered(FlightCommand::Land), ["fatal"; 7]),
+            (
+                E::Undelivered(FlightCommand::ClearErrors),
+                ["-", "-", "-", "-", "-", "-", "unknown"],
+            ),
+            (
+                lost,
+                ["-", "fatal", "fatal", "fatal", "fatal", "-", "aborted"],
+            ),
+            (E::Reachable, ["-", "-", "-", "-", "-", "land", "-"]),
+            (
+                E::BeginByPassed,
+                [
+                    "-", "aborted", "withdraw", "-", "unknown", "aborted", "unknown",
+                ],
+            ),
+            (E::TimeLimit, ["fatal"; 7]),
+            (
+                violation(SafetyRule::Fuel),
+                ["-", "-", "-", "intervene", "-", "-", "-"],
+            ),
+            (
+                violation(SafetyRule::PilotSwitch),
+                ["-", "intervene", "intervene", "intervene", "-", "-", "-"],
+            ),
+            (E::SafetyLand, ["land", "-", "-", "-", "land", "-", "-"]),
+            (E::WindDown, ["-", "-", "-", "empty", "-", "-", "-"]),
+            (
+                E::Close,
+                [
+                    "-", "unknown", "unknown", "unknown", "unknown", "aborted", "unknown",
+                ],
+            ),
+        ];
+        let idle = Motion::Idle(Rest::Ready);
+        let motions = [
+            idle, TAKING_OFF, LANDING, FOLLOWING, HOLDING, DEFERRED, STOPPING,
+        ];
+        for (event, expected) in table {
+            let found = motions.map(|motion| outcome(motion, event));
+            assert_eq!(found, expected, "{event:?}");
+        }
+    }
+
+    #[test]
+    fn a_path_ends_when_the_buffer_is_empty_as_far_as_it_has_come() {
+        use PathStep as P;
+        let ended = |stage, reason| Some((stage, reason));
+        let done = ended(Stage::Done, Reason::None);
+        let ending = ended(Stage::Aborted, Reason::BridgeEnding);
+        let late = ended(Stage::Aborted, Reason::TooLate);
+        // Step, and what comes of an empty buffer, the end of the bridge, and the moment to begin.
+        let table = [
+            (P::AwaitingEmpty, [None, ending, late]),
+            (P::Ready, [None, ending, late]),
+            (P::Flying, [None, None, None]),
+            (P::Settling, [None, None, None]),
+            (P::Finishing, [done, None, None]),
+            (P::BridgeEnding, [ending, None, None]),
+        ];
+        for (step, expected) in table {
+            let found = [Event::PathEmptied, Event::WindDown, Event::BeginByPassed].map(|event| {
+                let mut motion = Motion::Following { order: ORDER, step };
+                match motion.happen(event, &FACTS) {
+                    Action::End(verdict, _) | Action::GiveUp(verdict, _) => {
+                        ended(verdict.stage, verdict.reason)
+                    }
+                    _ => None,
+                }
+            });
+            assert_eq!(found, expected, "{step:?}");
+        }
     }
 }

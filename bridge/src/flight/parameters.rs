@@ -8,8 +8,7 @@ use std::collections::VecDeque;
 use dsp_protocol::port::{Access, PORTS_16, PORTS_32, Port, port16, port32};
 use dsp_protocol::{Command, DspErrorCode};
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ImiError, ParameterOperation, PortKind, Reason, Stage};
-use ipc_types::payload::PortInfo;
+use ipc_types::code::{ImiError, ParameterOperation, Reason, Stage};
 use serde::{Deserialize, Serialize};
 
 use super::report::{Detail, Verdict, in_time};
@@ -47,12 +46,13 @@ impl Job {
     }
 }
 
-impl ParameterRequests {
-    /// None.
-    pub fn new() -> Self {
+impl Default for ParameterRequests {
+    fn default() -> Self {
         ParameterRequests(VecDeque::with_capacity(MAX_OPEN))
     }
+}
 
+impl ParameterRequests {
     /// The requests that have had no final report.
     pub fn open(&self) -> impl Iterator<Item = &RequestHeader> {
         self.0.iter().map(|job| &job.header)
@@ -79,7 +79,7 @@ impl ParameterRequests {
         if operation == ParameterOperation::List {
             let port = port_at(number as usize).ok_or(Reason::NoSuchPort)?;
             return Ok(Verdict::DONE.about(Detail {
-                port: Some(info(port)),
+                port: Some(port),
                 ..Detail::default()
             }));
         }
@@ -138,7 +138,7 @@ impl ParameterRequests {
             .is_some_and(|write| wrote(job.port, write) != found);
         let detail = Detail {
             value: found,
-            port: Some(info(job.port)),
+            port: Some(job.port),
             dsp_error: is_refused.then_some(DspErrorCode::INVALID_COMMAND),
             ..Detail::default()
         };
@@ -251,38 +251,6 @@ fn wrote(port: Port, write: Command) -> Option<f64> {
         Command::Write16 { value, .. } => value_of(port, AckData::Bits16(value)),
         Command::Write32 { value, .. } => value_of(port, AckData::Bits32(value)),
         _ => None,
-    }
-}
-
-fn info(port: Port) -> PortInfo {
-    let (number, name, kind, min, max) = match port {
-        Port::Bits16(port) => {
-            let kind = if port.signed {
-                PortKind::I16
-            } else {
-                PortKind::U16
-            };
-            let (min, max) = (f64::from(port.min), f64::from(port.max));
-            (port.number, port.name, kind, min, max)
-        }
-        Port::Bits32(port) => {
-            let (min, max) = (f64::from(port.min), f64::from(port.max));
-            (port.number, port.name, PortKind::F32, min, max)
-        }
-    };
-    let access = match access(port) {
-        Access::Bridge => 0,
-        Access::OnGround => PortInfo::WRITABLE,
-        Access::Always => PortInfo::WRITABLE | PortInfo::WRITABLE_IN_FLIGHT,
-    };
-    PortInfo {
-        min,
-        max,
-        number: number.into(),
-        kind: kind.code(),
-        access,
-        count: (PORTS_16.len() + PORTS_32.len()) as u32,
-        name: PortInfo::name_bytes(name),
     }
 }
 

@@ -1,8 +1,9 @@
 //! What a request is answered: each gets one final report, and none is executed twice (requirement D15).
 
 use dsp_protocol::DspErrorCode;
+use dsp_protocol::port::{Access, PORTS_16, PORTS_32, Port};
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ImiError, Reason, Stage};
+use ipc_types::code::{ImiError, PortKind, Reason, Stage};
 use ipc_types::payload::{PortInfo, RequestReport};
 use module_kit::completed::Completed;
 use module_kit::rules::Refused;
@@ -40,7 +41,7 @@ pub struct Detail {
     /// The height that was reached, m, the value of the port, or by how many seconds the request is late.
     pub value: Option<f64>,
     /// The port of a parameter request.
-    pub port: Option<PortInfo>,
+    pub port: Option<Port>,
 }
 
 impl Verdict {
@@ -127,7 +128,7 @@ impl Verdict {
         let value = violation.map(|violation| violation.amount).or(value);
         report.value_valid = value.is_some().into();
         report.value = value.unwrap_or_default();
-        report.port = port.unwrap_or_default();
+        report.port = port.map_or_else(PortInfo::default, info);
     }
 }
 
@@ -164,6 +165,39 @@ pub fn in_time(header: &RequestHeader, now: MonotonicNs) -> Result<(), Verdict> 
     }
 }
 
+/// A port as a report describes it.
+fn info(port: Port) -> PortInfo {
+    let (number, name, kind, min, max, access) = match port {
+        Port::Bits16(port) => {
+            let kind = if port.signed {
+                PortKind::I16
+            } else {
+                PortKind::U16
+            };
+            let (min, max) = (f64::from(port.min), f64::from(port.max));
+            (port.number, port.name, kind, min, max, port.access)
+        }
+        Port::Bits32(port) => {
+            let (min, max) = (f64::from(port.min), f64::from(port.max));
+            (port.number, port.name, PortKind::F32, min, max, port.access)
+        }
+    };
+    let access = match access {
+        Access::Bridge => 0,
+        Access::OnGround => PortInfo::WRITABLE,
+        Access::Always => PortInfo::WRITABLE | PortInfo::WRITABLE_IN_FLIGHT,
+    };
+    PortInfo {
+        min,
+        max,
+        number: number.into(),
+        kind: kind.code(),
+        access,
+        count: (PORTS_16.len() + PORTS_32.len()) as u32,
+        name: PortInfo::name_bytes(name),
+    }
+}
+
 /// The requests that were answered, and the last order that was taken.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Answers {
@@ -171,15 +205,17 @@ pub struct Answers {
     mark: IssueMark,
 }
 
-impl Answers {
-    /// None. All memory that they will ever need is taken here.
-    pub fn new() -> Answers {
+/// None. All memory that they will ever need is taken here.
+impl Default for Answers {
+    fn default() -> Self {
         Answers {
             completed: Completed::with_capacity(REMEMBERED),
             mark: IssueMark::default(),
         }
     }
+}
 
+impl Answers {
     /// After a snapshot: takes the memory again.
     pub fn configure(&mut self) {
         self.completed.set_capacity(REMEMBERED);

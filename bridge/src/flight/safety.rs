@@ -86,7 +86,7 @@ impl Safety {
         }
     }
 
-    /// The DSP is heard. When a path was lost with the link: the rule about that, with what the configuration says.
+    /// The DSP can be reached. When a path was lost with the link: the rule about that, with what the configuration says.
     pub(super) fn link_back(&mut self, now: MonotonicNs) -> Option<Violation> {
         let lost = self.path_lost.take()?;
         Some(Violation {

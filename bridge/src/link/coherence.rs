@@ -12,6 +12,8 @@
 
 use serde::{Deserialize, Serialize};
 
+pub use crate::config::CoherenceRule as Rule;
+
 /// Whether `time_ms` follows `earlier_ms` closely: the usual case, also where the clock wraps at 2³² ms (49.7 days).
 const fn is_next(earlier_ms: u32, time_ms: u32) -> bool {
     let step_ms = time_ms.wrapping_sub(earlier_ms);
@@ -27,17 +29,6 @@ const fn is_newer(earlier_ms: u32, time_ms: u32) -> bool {
 /// A time that leaps further ahead than this is held until the next sample confirms it. Far above any status period
 /// (at most 10 s, port 10001), so that a real line never gets here; a flipped bit 16 or higher always does.
 const LEAP_MS: u32 = 60_000;
-
-/// Which rule decides. See the module's documentation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Rule {
-    /// Samples in order are sent at once.
-    #[default]
-    Immediate,
-    /// The source's rule: a sample waits for its successor.
-    Confirmed,
-}
 
 /// What to do after a sample arrived: at most two samples to send, in order.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -20,8 +20,7 @@ use dsp_protocol::{Command, Sequence};
 use ipc_types::MonotonicNs;
 use serde::{Deserialize, Serialize};
 
-/// Attempts in all before a command is given up.
-pub const ATTEMPTS: u32 = 3;
+pub use crate::config::ATTEMPTS;
 
 /// Commands that may wait: a stop (2), a movement (2), a probe, a keep-alive, an emptying of the path buffer, and the
 /// parameter requests (8), rounded up. The start-up sequence queues one command at a time. A command that finds the queue
@@ -163,7 +162,7 @@ impl<P: Copy> CommandQueue<P> {
         self.push_until(command, purpose, ALWAYS)
     }
 
-    /// Queues a command that is not sent again after `until`. Who queues it takes it back when it has not been sent by then.
+    /// Queues a command that is not sent again after `until`. The caller takes it back when it has not been sent by then.
     ///
     /// # Errors
     /// [`QueueFull`]; nothing has changed.
@@ -447,7 +446,7 @@ mod tests {
         let mut queue = in_state(2);
         queue.push(READ, "read").unwrap();
         queue.forget(|purpose| *purpose == "clear");
-        assert_eq!(queue.time_out(at(100)), None, "nobody waits for it");
+        assert_eq!(queue.time_out(at(100)), None, "nothing waits for it");
         assert_eq!(queue.poll(at(100)), Some(sending(READ, 1)));
     }
 

@@ -5,7 +5,7 @@ use ipc_types::MonotonicNs;
 use serde::{Deserialize, Serialize};
 
 use super::commands::AckData;
-use super::start_up::Step;
+use super::session::Step;
 
 /// What a command is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -18,17 +18,12 @@
 pub mod cadence;
 pub mod coherence;
 pub mod commands;
-pub mod dsp_path;
 pub mod event;
-mod grants;
 pub mod last_minute;
 mod liveness;
 pub mod outgoing;
-mod path_buffer;
 mod receive;
-mod session;
-mod snapshot;
-pub mod start_up;
+pub mod session;
 
 use std::collections::VecDeque;
 
@@ -39,17 +34,14 @@ use ipc_types::payload::{LinkHealth, RefusedCounters};
 use module_kit::journal::raw;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{BridgeConfig, Parameters};
+use crate::config::{BridgeConfig, Parameters, parameters};
 use crate::timers::{TimerTable, timers};
-use cadence::Cadence;
+use cadence::{Cadence, Grants};
 use coherence::Coherence;
 use commands::{ALWAYS, CommandQueue, QueueFull, Sending, Timeout};
-use dsp_path::DspPath;
 pub use event::{FlightCommand, LinkEvent, Purpose, Sample};
-use grants::Grants;
 use outgoing::Outgoing;
-use session::Session;
-use start_up::StartUp;
+use session::{DspPath, Session, StartUp};
 
 /// Events that one message or deadline can cause at most: an odd status, a reboot, two samples, the end of the start-up
 /// and of its last parameter.
@@ -103,12 +95,11 @@ pub struct Link {
     #[serde(skip)]
     config: BridgeConfig,
     /// Written at each start-up: those of the configuration, and those set at run time.
-    #[serde(with = "snapshot::parameters")]
+    #[serde(with = "parameters::as_commands")]
     parameters: Parameters,
     decoder: Decoder<Downlink>,
     coherence: Coherence<Sample>,
     commands: CommandQueue<Purpose>,
-    #[serde(with = "snapshot::outgoing")]
     outgoing: Outgoing,
     /// Number of the last waypoint that was sent.
     waypoint_number: Sequence,
@@ -299,7 +290,7 @@ impl Link {
         let is_first = session.path == DspPath::Empty;
         if is_first {
             // An empty buffer cannot be dropped; from here on the DSP counts the silence of the PC.
-            session.heard = now;
+            session.last_delivered = now;
         }
         session.path.add_waypoint();
         self.waypoint_number = number;

@@ -1,6 +1,8 @@
 //! Bytes that wait for the serial port: bounded, and a message goes in whole or not at all.
 
 use dsp_protocol::Frame;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Bytes that may wait. One command attempt has at most 11 bytes and a waypoint 17; a port that takes nothing for the
 /// whole life of a command (three attempts) and of as many grants as the DSP can give meanwhile needs less than half of
@@ -25,16 +27,25 @@ impl Default for Outgoing {
     }
 }
 
-impl Outgoing {
-    /// These bytes wait; `None` if they are too many.
-    pub fn holding(bytes: &[u8]) -> Option<Outgoing> {
-        let mut outgoing = Outgoing::default();
-        let place = outgoing.bytes.get_mut(..bytes.len())?;
-        place.copy_from_slice(bytes);
-        outgoing.end = bytes.len();
-        Some(outgoing)
+impl Serialize for Outgoing {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_bytes(self.as_bytes())
     }
+}
 
+impl<'de> Deserialize<'de> for Outgoing {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        let bytes = Vec::<u8>::deserialize(from)?;
+        let mut outgoing = Outgoing::default();
+        let place = outgoing.bytes.get_mut(..bytes.len());
+        let place = place.ok_or_else(|| D::Error::custom("too many bytes wait"))?;
+        place.copy_from_slice(&bytes);
+        outgoing.end = bytes.len();
+        Ok(outgoing)
+    }
+}
+
+impl Outgoing {
     /// Whether a message of `len` bytes fits.
     pub fn has_room(&self, len: usize) -> bool {
         self.as_bytes().len() + len <= CAPACITY

@@ -118,7 +118,7 @@ impl Link {
         increment(&mut self.health.commands_acknowledged);
         self.arm_command_timer();
         if let State::Up(session) = &mut self.state {
-            session.heard = session.heard.max(sent);
+            session.last_delivered = session.last_delivered.max(sent);
         }
         let Some(purpose) = purpose else {
             return self.empty_path();

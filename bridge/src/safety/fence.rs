@@ -38,20 +38,18 @@
 //! ```
 
 mod area;
-mod bounds;
 mod config;
 mod plane;
 mod span;
 
 use std::cmp::Ordering;
-use std::fmt;
 
 use dsp_protocol::Waypoint;
 use serde::{Deserialize, Serialize};
 
 pub use area::{Area, AreaConfig, AreaKind};
-pub use bounds::{MAX_EXTENT_M, MAX_LATITUDE_DEG, TOUCH_M};
-pub use config::{AreaFault, BandFault, FenceConfig, FenceError, MAX_AREAS, MAX_VERTICES};
+pub use config::{FenceConfig, MAX_AREAS, MAX_VERTICES};
+pub use plane::{MAX_EXTENT_M, MAX_LATITUDE_DEG, TOUCH_M};
 
 use area::Band;
 use plane::{ground_length_m, point_between};
@@ -131,35 +129,16 @@ pub enum FenceRule {
     Inclusion,
 }
 
-impl FenceRule {
-    /// The name for messages and logs.
-    pub fn name(self) -> &'static str {
-        match self {
-            FenceRule::Unjudgeable => "unjudgeable",
-            FenceRule::Floor => "floor",
-            FenceRule::Ceiling => "ceiling",
-            FenceRule::Exclusion => "exclusion",
-            FenceRule::Inclusion => "inclusion",
-        }
-    }
-}
-
-impl fmt::Display for FenceRule {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
 /// A rule that a leg breaks, and where: never without a span.
-struct Offence {
+struct BrokenRule {
     rule: FenceRule,
     area: Option<usize>,
     spans: Vec<Span>,
 }
 
-impl Offence {
+impl BrokenRule {
     /// Which of two the leg meets first.
-    fn by_place(&self, other: &Offence) -> Ordering {
+    fn by_place(&self, other: &BrokenRule) -> Ordering {
         self.spans[0].from.total_cmp(&other.spans[0].from)
     }
 }
@@ -177,9 +156,9 @@ impl From<Fence> for FenceConfig {
 }
 
 impl TryFrom<FenceConfig> for Fence {
-    type Error = FenceError;
+    type Error = String;
 
-    fn try_from(config: FenceConfig) -> Result<Fence, FenceError> {
+    fn try_from(config: FenceConfig) -> Result<Fence, String> {
         let (band, areas) = config.checked()?;
         Ok(Fence { band, areas })
     }
@@ -197,7 +176,7 @@ impl Fence {
             return Some(Breach::UNJUDGEABLE);
         }
         // `min_by` returns the first one of equals, which is the order of the rules.
-        let first = self.offences(from, to).min_by(Offence::by_place)?;
+        let first = self.broken_rules(from, to).min_by(BrokenRule::by_place)?;
         Some(self.measure(&first, from, to))
     }
 
@@ -210,10 +189,10 @@ impl Fence {
         if !self.can_judge(from, to) {
             return vec![Breach::UNJUDGEABLE];
         }
-        let mut offences: Vec<Offence> = self.offences(from, to).collect();
-        offences.sort_by(Offence::by_place);
-        let measure = |offence| self.measure(offence, from, to);
-        offences.iter().map(measure).collect()
+        let mut broken_rules: Vec<BrokenRule> = self.broken_rules(from, to).collect();
+        broken_rules.sort_by(BrokenRule::by_place);
+        let measure = |broken| self.measure(broken, from, to);
+        broken_rules.iter().map(measure).collect()
     }
 
     /// First breach of a whole path flown from `start`, and the number of its leg. The leg from `start` to the first
@@ -264,17 +243,17 @@ impl Fence {
                 || (on_map(from) && on_map(to) && ground_length_m(from, to) <= MAX_EXTENT_M))
     }
 
-    fn offences(&self, from: &Waypoint, to: &Waypoint) -> impl Iterator<Item = Offence> {
-        self.altitude_offences(from, to)
-            .chain(self.exclusion_offences(from, to))
-            .chain(self.inclusion_offence(from, to))
+    fn broken_rules(&self, from: &Waypoint, to: &Waypoint) -> impl Iterator<Item = BrokenRule> {
+        self.altitude_rules(from, to)
+            .chain(self.exclusion_rules(from, to))
+            .chain(self.inclusion_rule(from, to))
     }
 
-    fn altitude_offences(
+    fn altitude_rules(
         &self,
         from: &Waypoint,
         to: &Waypoint,
-    ) -> impl Iterator<Item = Offence> + use<> {
+    ) -> impl Iterator<Item = BrokenRule> + use<> {
         let (start_m, climb_m) = (from.altitude_m, to.altitude_m - from.altitude_m);
         let too_low_m = self.band.floor_m + TOUCH_M;
         let too_high_m = self.band.ceiling_m - TOUCH_M;
@@ -291,7 +270,7 @@ impl Fence {
         ]
         .into_iter()
         .filter_map(|(rule, line)| {
-            Some(Offence {
+            Some(BrokenRule {
                 rule,
                 area: None,
                 spans: vec![line?.and(Span::WHOLE)?],
@@ -299,12 +278,12 @@ impl Fence {
         })
     }
 
-    fn exclusion_offences(&self, from: &Waypoint, to: &Waypoint) -> impl Iterator<Item = Offence> {
+    fn exclusion_rules(&self, from: &Waypoint, to: &Waypoint) -> impl Iterator<Item = BrokenRule> {
         self.of_kind(AreaKind::Exclusion)
             .filter_map(|(index, area)| {
                 let mut spans = Vec::new();
                 area.where_inside(from, to, &mut spans);
-                (!spans.is_empty()).then_some(Offence {
+                (!spans.is_empty()).then_some(BrokenRule {
                     rule: FenceRule::Exclusion,
                     area: Some(index),
                     spans,
@@ -312,14 +291,14 @@ impl Fence {
             })
     }
 
-    fn inclusion_offence(&self, from: &Waypoint, to: &Waypoint) -> Option<Offence> {
+    fn inclusion_rule(&self, from: &Waypoint, to: &Waypoint) -> Option<BrokenRule> {
         self.of_kind(AreaKind::Inclusion).next()?;
         let mut inside = Vec::new();
         for (_, area) in self.of_kind(AreaKind::Inclusion) {
             area.where_inside(from, to, &mut inside);
         }
         let spans = rest(&mut inside);
-        (!spans.is_empty()).then_some(Offence {
+        (!spans.is_empty()).then_some(BrokenRule {
             rule: FenceRule::Inclusion,
             area: None,
             spans,
@@ -333,8 +312,8 @@ impl Fence {
             .filter(move |(_, area)| area.kind() == kind)
     }
 
-    fn measure(&self, offence: &Offence, from: &Waypoint, to: &Waypoint) -> Breach {
-        let Offence { rule, area, spans } = offence;
+    fn measure(&self, broken: &BrokenRule, from: &Waypoint, to: &Waypoint) -> Breach {
+        let BrokenRule { rule, area, spans } = broken;
         let mut area = *area;
         let amount_m = match (rule, area) {
             (FenceRule::Floor, _) => self.band.floor_m - from.altitude_m.min(to.altitude_m),

@@ -16,8 +16,7 @@ use ipc_types::payload::{
     ModuleControl, ModuleState, MovementData, ParameterRequest, RequestReport,
 };
 
-use crate::flight::request::RequestKey;
-use crate::outputs::Notice;
+use crate::outputs::{Notice, RequestKey};
 
 /// Time between two lines about the same repeated trouble.
 const REPETITION_PERIOD: Duration = Duration::from_secs(1);

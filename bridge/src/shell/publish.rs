@@ -9,8 +9,8 @@ use ipc_types::{
 };
 
 use super::audit::Audit;
-use crate::flight::request::RequestKey;
-use crate::outputs::{Notice, Outputs};
+use crate::core::Input;
+use crate::outputs::{Notice, Outputs, RequestKey};
 
 /// The bridge's services.
 pub struct Services {
@@ -20,18 +20,6 @@ pub struct Services {
     movement: Server<MovementData>,
     parameters: Server<ParameterRequest>,
     audit: Audit,
-}
-
-/// What came in through the services.
-pub enum Incoming {
-    /// A control request and the process that sent it, if that is known; so are the others.
-    Control(RequestKey, Option<u32>, ModuleControl),
-    /// A movement request.
-    Movement(RequestKey, Option<u32>, MovementData),
-    /// A parameter request.
-    Parameter(RequestKey, Option<u32>, ParameterRequest),
-    /// The sender of a request is gone.
-    Gone(RequestKey),
 }
 
 impl Services {
@@ -71,7 +59,7 @@ impl Services {
     }
 
     /// Takes everything that is there into `inbox`, which keeps its memory.
-    pub fn drain(&mut self, inbox: &mut Vec<Incoming>) {
+    pub fn drain(&mut self, inbox: &mut Vec<Input<'static>>) {
         let audit = &self.audit;
         drain(
             &mut self.control,
@@ -80,7 +68,11 @@ impl Services {
             RequestKey::Control,
             |key, sender, request| {
                 audit.control(sender, &request);
-                Incoming::Control(key, sender, request)
+                Input::Control {
+                    key,
+                    sender,
+                    request,
+                }
             },
         );
         drain(
@@ -90,7 +82,11 @@ impl Services {
             RequestKey::Movement,
             |key, sender, request| {
                 audit.movement(sender, &request);
-                Incoming::Movement(key, sender, request)
+                Input::Movement {
+                    key,
+                    sender,
+                    request,
+                }
             },
         );
         drain(
@@ -100,7 +96,11 @@ impl Services {
             RequestKey::Parameter,
             |key, sender, request| {
                 audit.parameter(sender, &request);
-                Incoming::Parameter(key, sender, request)
+                Input::Parameter {
+                    key,
+                    sender,
+                    request,
+                }
             },
         );
     }
@@ -109,15 +109,15 @@ impl Services {
 /// Takes the requests of one service, and those whose senders are gone.
 fn drain<R: Request>(
     server: &mut Server<R>,
-    inbox: &mut Vec<Incoming>,
+    inbox: &mut Vec<Input<'static>>,
     audit: &Audit,
     key: fn(u64) -> RequestKey,
-    incoming: impl Fn(RequestKey, Option<u32>, R) -> Incoming,
+    incoming: impl Fn(RequestKey, Option<u32>, R) -> Input<'static>,
 ) {
     server.vanished(|ticket, request_id| {
         let key = key(ticket.to_bits());
         audit.sender_gone(key, request_id);
-        inbox.push(Incoming::Gone(key));
+        inbox.push(Input::SenderGone(key));
     });
     let mut requests = Vec::new();
     let drained: Result<usize, ServeError> =

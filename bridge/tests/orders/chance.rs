@@ -1,7 +1,7 @@
 //! Random orders of several senders to a bridge, over ways that lose, delay, double and reorder them, with clocks that are not
 //! known exactly and a bridge that stands still at times. At the end the helicopter does what was ordered last.
 
-use bridge::{BridgeConfig, Input, RequestKey};
+use bridge::{BridgeConfig, Input};
 use dsp_protocol::{Downlink, FlowControl, StatusMask};
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, Reason, Stage};
@@ -270,12 +270,7 @@ impl Sequence {
             self.messages.remove(0);
             let order = &mut self.orders[number];
             let data = &order.requests[index];
-            let key = RequestKey::Movement(data.request_id);
-            rig.apply(Input::Movement {
-                key,
-                sender: None,
-                request: *data,
-            });
+            rig.ask_movement(*data);
             if index + 1 == order.requests.len() {
                 order.read.get_or_insert(rig.now);
             }

@@ -341,7 +341,7 @@ mod tests {
     #[test]
     #[should_panic(expected = "Geographic of")]
     fn an_implausible_value_is_noticed() {
-        witness().telemetry(|sample| {
+        witness().telemetry(&mut |sample| {
             sample.valid_groups = TelemetryGroup::Geographic.bit();
             sample.geographic.latitude_deg = 90.1;
         });
@@ -350,7 +350,7 @@ mod tests {
     #[test]
     #[should_panic(expected = "a group that is not valid holds something")]
     fn a_value_that_was_never_measured_is_noticed() {
-        witness().telemetry(|sample| sample.sonar_adc = 1);
+        witness().telemetry(&mut |sample| sample.sonar_adc = 1);
     }
 
     #[test]
@@ -358,7 +358,7 @@ mod tests {
     fn a_clock_that_stands_still_is_noticed() {
         let mut witness = witness();
         for _ in 0..2 {
-            witness.telemetry(|sample| {
+            witness.telemetry(&mut |sample| {
                 sample.valid_groups = TelemetryGroup::Time.bit();
                 sample.dsp_time_ms = 20;
             });
@@ -390,7 +390,7 @@ mod tests {
         witness.assert_all_answered();
         assert!(witness.outcome(1).expect("a final report").is_done());
         for time in [20, 40] {
-            witness.telemetry(|sample| {
+            witness.telemetry(&mut |sample| {
                 sample.valid_groups = TelemetryGroup::Time.bit();
                 sample.dsp_time_ms = time;
             });

@@ -11,8 +11,8 @@ use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
 use super::area::{Area, AreaConfig, Band, Shape, altitude_m};
-use super::bounds::{MAX_EXTENT_M, MAX_LATITUDE_DEG};
-use super::plane::{Plane, longitude_difference_deg};
+use super::plane::{MAX_EXTENT_M, MAX_LATITUDE_DEG, Plane};
+use crate::geodesy::longitude_difference_deg;
 
 /// Most areas of a fence: several times what an airfield or a town needs. Judging a leg takes at most about 15 ns for each
 /// edge, so 0.3 ms with the most areas and vertices. Measuring a breach takes up to 200 times that if all areas are
@@ -46,77 +46,6 @@ pub struct FenceConfig {
     pub area: Vec<Area>,
 }
 
-/// Why a fence was refused.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum FenceError {
-    /// One area is wrong.
-    #[error("area `{area}`: {fault}")]
-    Area {
-        /// Its name.
-        area: String,
-        /// What is wrong with it.
-        fault: AreaFault,
-    },
-    /// Two areas have the same name.
-    #[error("two areas are called `{0}`; give each its own name")]
-    SameName(String),
-    /// There are more areas than [`MAX_AREAS`].
-    #[error("the fence has {0} areas; at most {MAX_AREAS} are allowed")]
-    TooManyAreas(usize),
-    /// Nothing lies between floor and ceiling of the fence.
-    #[error("the fence's {0}")]
-    Band(BandFault),
-}
-
-/// Nothing lies between a floor and a ceiling.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[error("floor_m = {floor_m} is not below its ceiling_m = {ceiling_m}")]
-pub struct BandFault {
-    /// The floor.
-    pub floor_m: f64,
-    /// The ceiling.
-    pub ceiling_m: f64,
-}
-
-/// What is wrong with one area. Vertices are counted from 1.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum AreaFault {
-    /// The name is empty, too long, or has control characters.
-    #[error("a name has 1 to {MAX_NAME_CHARS} printable characters")]
-    Name,
-    /// There must be one shape.
-    #[error("give either `polygon`, or `centre` and `radius_m`")]
-    Shape,
-    /// A vertex or centre is no coordinate, or too near to a pole.
-    #[error(
-        "[{}, {}] is no [latitude, longitude] within ±{MAX_LATITUDE_DEG} and ±180 degrees",
-        .0[0], .0[1]
-    )]
-    Coordinate([f64; 2]),
-    /// The radius is out of range.
-    #[error("radius_m = {0} is out of range: it must be from {MIN_RADIUS_M} to {MAX_RADIUS_M}")]
-    Radius(f64),
-    /// The polygon has too few or too many vertices.
-    #[error("a polygon has 3 to {MAX_VERTICES} vertices, and this one has {0}")]
-    Vertices(usize),
-    /// Two vertices that follow each other are the same.
-    #[error("vertex {0} of the polygon repeats the vertex before it")]
-    Repeated(usize),
-    /// Two edges cross or touch.
-    #[error(
-        "the polygon crosses or touches itself: the edge that begins at vertex {0} meets the one that begins at vertex {1}"
-    )]
-    SelfIntersection(usize, usize),
-    /// The polygon is too large for a flat map of it.
-    #[error(
-        "the polygon is {0:.0} m wide; at most {MAX_EXTENT_M} m are allowed, east to west and north to south"
-    )]
-    Extent(f64),
-    /// Nothing lies between floor and ceiling of the area.
-    #[error("its {0}")]
-    Band(BandFault),
-}
-
 /// Checked inside the table, so that an error points at the line of this area. With `serde(try_from)` it would point at
 /// the first one.
 impl<'de> Deserialize<'de> for Area {
@@ -142,24 +71,33 @@ impl<'de> Visitor<'de> for AreaVisitor {
 
 impl FenceConfig {
     /// The limits that hold everywhere, and the areas, when they fit together.
-    pub(super) fn checked(self) -> Result<(Band, Vec<Area>), FenceError> {
+    ///
+    /// # Errors
+    /// Why they do not.
+    pub(super) fn checked(self) -> Result<(Band, Vec<Area>), String> {
         let areas = self.area;
         if areas.len() > MAX_AREAS {
-            return Err(FenceError::TooManyAreas(areas.len()));
+            let count = areas.len();
+            return Err(format!(
+                "the fence has {count} areas; at most {MAX_AREAS} are allowed"
+            ));
         }
         let mut names = HashSet::new();
         if let Some(area) = areas.iter().find(|area| !names.insert(area.name())) {
-            return Err(FenceError::SameName(area.name().to_owned()));
+            let name = area.name();
+            return Err(format!(
+                "two areas are called `{name}`; give each its own name"
+            ));
         }
-        let band = band(self.floor_m, self.ceiling_m).map_err(FenceError::Band)?;
+        let band = band("the fence's", self.floor_m, self.ceiling_m)?;
         Ok((band, areas))
     }
 }
 
 impl TryFrom<AreaConfig> for Area {
-    type Error = FenceError;
+    type Error = String;
 
-    fn try_from(config: AreaConfig) -> Result<Area, FenceError> {
+    fn try_from(config: AreaConfig) -> Result<Area, String> {
         match config.placed() {
             Ok((plane, shape, band)) => Ok(Area {
                 config,
@@ -167,48 +105,50 @@ impl TryFrom<AreaConfig> for Area {
                 shape,
                 band,
             }),
-            Err(fault) => Err(FenceError::Area {
-                area: config.name.chars().take(MAX_NAME_CHARS).collect(),
-                fault,
-            }),
+            Err(fault) => {
+                let name: String = config.name.chars().take(MAX_NAME_CHARS).collect();
+                Err(format!("area `{name}`: {fault}"))
+            }
         }
     }
 }
 
 impl AreaConfig {
-    fn placed(&self) -> Result<(Plane, Shape, Band), AreaFault> {
+    fn placed(&self) -> Result<(Plane, Shape, Band), String> {
         let length = self.name.chars().count();
         if !(1..=MAX_NAME_CHARS).contains(&length) || self.name.chars().any(char::is_control) {
-            return Err(AreaFault::Name);
+            return Err(format!(
+                "a name has 1 to {MAX_NAME_CHARS} printable characters"
+            ));
         }
-        let band = band(self.floor_m, self.ceiling_m).map_err(AreaFault::Band)?;
+        let band = band("its", self.floor_m, self.ceiling_m)?;
         let (plane, shape) = match (&self.polygon, self.centre, self.radius_m) {
             (Some(vertices), None, None) => place_polygon(vertices)?,
             (None, Some(centre), Some(radius_m)) => place_circle(centre, radius_m)?,
-            _ => return Err(AreaFault::Shape),
+            _ => return Err("give either `polygon`, or `centre` and `radius_m`".to_owned()),
         };
         Ok((plane, shape, band))
     }
 }
 
-fn band(floor_m: Option<f64>, ceiling_m: Option<f64>) -> Result<Band, BandFault> {
-    let band = Band {
-        floor_m: floor_m.unwrap_or(f64::NEG_INFINITY),
-        ceiling_m: ceiling_m.unwrap_or(f64::INFINITY),
-    };
-    if band.floor_m < band.ceiling_m {
-        return Ok(band);
+/// Altitudes of `whose`, which must have something between floor and ceiling.
+fn band(whose: &str, floor_m: Option<f64>, ceiling_m: Option<f64>) -> Result<Band, String> {
+    let floor_m = floor_m.unwrap_or(f64::NEG_INFINITY);
+    let ceiling_m = ceiling_m.unwrap_or(f64::INFINITY);
+    match floor_m < ceiling_m {
+        true => Ok(Band { floor_m, ceiling_m }),
+        false => Err(format!(
+            "{whose} floor_m = {floor_m} is not below its ceiling_m = {ceiling_m}"
+        )),
     }
-    Err(BandFault {
-        floor_m: band.floor_m,
-        ceiling_m: band.ceiling_m,
-    })
 }
 
-fn place_circle(centre: [f64; 2], radius_m: f64) -> Result<(Plane, Shape), AreaFault> {
+fn place_circle(centre: [f64; 2], radius_m: f64) -> Result<(Plane, Shape), String> {
     check_coordinate(centre)?;
     if !(MIN_RADIUS_M..=MAX_RADIUS_M).contains(&radius_m) {
-        return Err(AreaFault::Radius(radius_m));
+        return Err(format!(
+            "radius_m = {radius_m} is out of range: it must be from {MIN_RADIUS_M} to {MAX_RADIUS_M}"
+        ));
     }
     let [latitude_deg, longitude_deg] = centre;
     Ok((
@@ -217,7 +157,7 @@ fn place_circle(centre: [f64; 2], radius_m: f64) -> Result<(Plane, Shape), AreaF
     ))
 }
 
-fn place_polygon(vertices: &[[f64; 2]]) -> Result<(Plane, Shape), AreaFault> {
+fn place_polygon(vertices: &[[f64; 2]]) -> Result<(Plane, Shape), String> {
     let vertices = match vertices {
         [first, between @ .., last] if first == last && !between.is_empty() => {
             &vertices[..vertices.len() - 1]
@@ -225,7 +165,10 @@ fn place_polygon(vertices: &[[f64; 2]]) -> Result<(Plane, Shape), AreaFault> {
         _ => vertices,
     };
     if !(3..=MAX_VERTICES).contains(&vertices.len()) {
-        return Err(AreaFault::Vertices(vertices.len()));
+        let count = vertices.len();
+        return Err(format!(
+            "a polygon has 3 to {MAX_VERTICES} vertices, and this one has {count}"
+        ));
     }
     vertices.iter().copied().try_for_each(check_coordinate)?;
     let (plane, reach) = plane_in_the_middle(vertices)?;
@@ -238,16 +181,20 @@ fn place_polygon(vertices: &[[f64; 2]]) -> Result<(Plane, Shape), AreaFault> {
     Ok((plane, Shape::Polygon { polygon, reach }))
 }
 
-fn check_coordinate(point: [f64; 2]) -> Result<(), AreaFault> {
+fn check_coordinate(point: [f64; 2]) -> Result<(), String> {
     let [latitude_deg, longitude_deg] = point;
     // Not-a-number is in no range.
     let known = (-MAX_LATITUDE_DEG..=MAX_LATITUDE_DEG).contains(&latitude_deg)
         && (-180.0..=180.0).contains(&longitude_deg);
-    known.then_some(()).ok_or(AreaFault::Coordinate(point))
+    known.then_some(()).ok_or_else(|| {
+        format!(
+            "[{latitude_deg}, {longitude_deg}] is no [latitude, longitude] within ±{MAX_LATITUDE_DEG} and ±180 degrees"
+        )
+    })
 }
 
 /// The plane at the middle of the polygon, and how far the polygon reaches from there to the east and to the north.
-fn plane_in_the_middle(vertices: &[[f64; 2]]) -> Result<(Plane, Coord), AreaFault> {
+fn plane_in_the_middle(vertices: &[[f64; 2]]) -> Result<(Plane, Coord), String> {
     let first_deg = vertices[0][1];
     let (low, high) = vertices.iter().fold(
         ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]),
@@ -274,17 +221,22 @@ fn plane_in_the_middle(vertices: &[[f64; 2]]) -> Result<(Plane, Coord), AreaFaul
     if extent_m <= MAX_EXTENT_M {
         Ok((plane, reach))
     } else {
-        Err(AreaFault::Extent(extent_m))
+        Err(format!(
+            "the polygon is {extent_m:.0} m wide; at most {MAX_EXTENT_M} m are allowed, east to west and north to south"
+        ))
     }
 }
 
 /// Whether no edge meets another one, except neighbours at their common vertex.
-fn check_simple(outline: &[Coord]) -> Result<(), AreaFault> {
+fn check_simple(outline: &[Coord]) -> Result<(), String> {
     let count = outline.len();
     let edge = |index: usize| Line::new(outline[index], outline[(index + 1) % count]);
     for index in 0..count {
         if outline[index] == outline[(index + 1) % count] {
-            return Err(AreaFault::Repeated((index + 1) % count + 1));
+            let vertex = (index + 1) % count + 1;
+            return Err(format!(
+                "vertex {vertex} of the polygon repeats the vertex before it"
+            ));
         }
     }
     for first in 0..count {
@@ -296,7 +248,11 @@ fn check_simple(outline: &[Coord]) -> Result<(), AreaFault> {
                 Some(LineIntersection::Collinear { .. }) => false,
             };
             if !simple {
-                return Err(AreaFault::SelfIntersection(first + 1, second + 1));
+                return Err(format!(
+                    "the polygon crosses or touches itself: the edge that begins at vertex {} meets the one that begins at vertex {}",
+                    first + 1,
+                    second + 1,
+                ));
             }
         }
     }

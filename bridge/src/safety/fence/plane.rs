@@ -1,4 +1,4 @@
-//! From degrees to metres: the local plane of one area.
+//! From degrees to metres: the local plane of one area, and how finely and how far is judged on it.
 //!
 //! The projection is equirectangular: latitude and longitude are multiplied by the metres per degree that WGS 84 has at
 //! the reference point. A line that is straight in latitude and longitude is straight in every such plane, so the planes
@@ -7,15 +7,25 @@
 use dsp_protocol::Waypoint;
 use geo::{Coord, coord};
 
+use crate::geodesy::longitude_difference_deg;
+
+/// Closer than this counts as touching, metres.
+///
+/// A waypoint travels to the DSP in steps of 10⁻⁷ ° and 1 mm, so it can arrive 8 mm from where it was judged. The value
+/// is far above rounding errors too, which are below 10⁻⁶ m.
+pub const TOUCH_M: f64 = 0.01;
+
+/// Largest extent of an area from east to west and from north to south, and longest leg that is judged, metres: beyond
+/// it a flat map is no longer honest.
+pub const MAX_EXTENT_M: f64 = 100_000.0;
+
+/// No vertex, centre or leg is judged nearer to a pole than this, degrees of latitude: meridians are no longer parallel there.
+pub const MAX_LATITUDE_DEG: f64 = 85.0;
+
 /// Equatorial radius of WGS 84.
 const EQUATORIAL_RADIUS_M: f64 = 6_378_137.0;
 /// Squared eccentricity of WGS 84.
 const ECCENTRICITY_SQUARED: f64 = 6.694_379_990_14e-3;
-
-/// `a − b` the short way round, −180 … 180 degrees.
-pub(super) fn longitude_difference_deg(a: f64, b: f64) -> f64 {
-    (a - b + 540.0).rem_euclid(360.0) - 180.0
-}
 
 /// The plane that touches the Earth at a reference point, its origin. x is metres east, y is metres north.
 #[derive(Clone, Debug, PartialEq)]
