@@ -8,10 +8,11 @@ use bridge::geodesy::distance_m;
 use dsp_protocol::Waypoint;
 
 use crate::altitude::in_telemetry;
-use crate::finding::{Finding, Findings};
+use crate::finding::Findings;
 use crate::model::{Action, Altitude, Item, OtherKind, Plan, Position};
 use crate::site::{Site, Start};
 pub use crate::steps::{Flight, Leg, PathPoint, Step, ground_m, quantised};
+use runtime::finding::{Finding, Severity};
 
 /// A place of a take-off, a hover or a landing this close to where the helicopter is needs no leg, m: the box in which a waypoint counts
 /// as reached.
@@ -79,12 +80,13 @@ impl Builder<'_> {
         self.finish_path();
         for item in items {
             self.find(
-                Finding::warns(
+                Finding::new(
+                    Severity::Warning,
                     "not-reached",
                     "comes after an item that hovers for ever, where the flight ends",
                 )
-                .remedy("`ril plan fly --from ITEM` flies on from there")
-                .item(item.number),
+                .with_next_step("`ril plan fly --from ITEM` flies on from there")
+                .about(item.number),
             );
         }
     }
@@ -92,9 +94,9 @@ impl Builder<'_> {
     fn left_out(&mut self, plan: &Plan) {
         for part in &plan.left_out {
             let finding = match part.kind {
-                OtherKind::Payload => Finding::warns("not-used", &part.what),
-                OtherKind::Flight => Finding::forbids("not-possible", &part.what)
-                    .remedy("take it out of the file, or say in the file what it is"),
+                OtherKind::Payload => Finding::new(Severity::Warning, "not-used", &part.what),
+                OtherKind::Flight => Finding::new(Severity::Error, "not-possible", &part.what)
+                    .with_next_step("take it out of the file, or say in the file what it is"),
             };
             self.find(finding);
         }
@@ -114,7 +116,7 @@ impl Builder<'_> {
     fn item(&mut self, item: &Item) {
         for ignored in &item.ignored {
             let text = format!("asks for {ignored}, which is not done");
-            self.find(Finding::warns("not-done", text).item(item.number));
+            self.find(Finding::new(Severity::Warning, "not-done", text).about(item.number));
         }
         match &item.action {
             Action::TakeOff { position, altitude } => self.take_off(item, *position, *altitude),
@@ -146,13 +148,17 @@ impl Builder<'_> {
 
     fn other(&mut self, item: &Item, name: &str, kind: OtherKind) {
         let finding = match kind {
-            OtherKind::Payload => Finding::warns("not-done", format!("{name} is not done")),
-            OtherKind::Flight => {
-                Finding::forbids("not-possible", format!("the helicopter cannot do {name}"))
-                    .remedy("take the item out of the plan")
+            OtherKind::Payload => {
+                Finding::new(Severity::Warning, "not-done", format!("{name} is not done"))
             }
+            OtherKind::Flight => Finding::new(
+                Severity::Error,
+                "not-possible",
+                format!("the helicopter cannot do {name}"),
+            )
+            .with_next_step("take the item out of the plan"),
         };
-        self.find(finding.item(item.number));
+        self.find(finding.about(item.number));
     }
 
     /// The take-off of `--takeoff`, unless the plan begins with one, or with something that needs none.
@@ -183,15 +189,16 @@ impl Builder<'_> {
     fn take_off(&mut self, item: &Item, position: Option<Position>, altitude: Altitude) {
         if self.is_flying {
             self.find(
-                Finding::forbids(
+                Finding::new(
+                    Severity::Error,
                     "already-flying",
                     "takes off, but the helicopter is in the air then",
                 )
-                .remedy(format!(
+                .with_next_step(format!(
                     "begin with the next item: `--from {}`",
                     item.number + 1
                 ))
-                .item(item.number),
+                .about(item.number),
             );
             return;
         }
@@ -202,11 +209,12 @@ impl Builder<'_> {
         };
         if self.has_landed {
             self.find(
-                Finding::warns(
+                Finding::new(
+                    Severity::Warning,
                     "second-take-off",
                     "takes off again: the ground there is taken to be as high as home",
                 )
-                .item(item.number),
+                .about(item.number),
             );
         }
         self.climb(Some(item.number), altitude_m - self.here.altitude_m);
@@ -264,11 +272,12 @@ impl Builder<'_> {
         };
         self.must_fly(item, &there);
         self.find(
-            Finding::warns(
+            Finding::new(
+                Severity::Warning,
                 "return",
                 "returns home in a straight line, as high as the item before it, and lands",
             )
-            .item(item.number),
+            .about(item.number),
         );
         if ground_m(&self.here, &there) > SAME_PLACE_M {
             self.fly_to(item, there);
@@ -317,22 +326,28 @@ impl Builder<'_> {
             return;
         }
         let finding = if self.has_landed {
-            Finding::forbids("not-flying", "needs the air, but follows a landing")
-                .remedy("put a take-off in front of it")
+            Finding::new(
+                Severity::Error,
+                "not-flying",
+                "needs the air, but follows a landing",
+            )
+            .with_next_step("put a take-off in front of it")
         } else if self.site.is_for_flight {
-            Finding::forbids(
+            Finding::new(
+                Severity::Error,
                 "not-flying",
                 "needs the air, but the helicopter stands on the ground",
             )
-            .remedy("let it take off first: `--takeoff 20m`")
+            .with_next_step("let it take off first: `--takeoff 20m`")
         } else {
-            Finding::warns(
+            Finding::new(
+                Severity::Warning,
                 "not-flying",
                 "needs the air, and the plan has no take-off before it",
             )
-            .remedy("fly it with `--takeoff 20m`, or from the air")
+            .with_next_step("fly it with `--takeoff 20m`, or from the air")
         };
-        self.find(finding.item(item.number));
+        self.find(finding.about(item.number));
         let least_m = self.site.home.altitude_m + LEAST_TAKE_OFF_M;
         self.here.altitude_m = there.altitude_m.max(least_m);
         self.is_flying = true;
@@ -341,11 +356,11 @@ impl Builder<'_> {
     fn fly_to(&mut self, item: &Item, to: Waypoint) {
         if self.path.len() == MAX_WAYPOINTS {
             self.find(
-                Finding::warns(
+                Finding::new(Severity::Warning,
                     "path-divided",
                     format!("is waypoint {} of a path, of which the bridge takes {MAX_WAYPOINTS}: the helicopter stops before it", MAX_WAYPOINTS + 1),
                 )
-                .item(item.number),
+                .about(item.number),
             );
             self.finish_path();
         }
@@ -378,7 +393,7 @@ impl Builder<'_> {
     /// The telemetry altitude, m; `None`, and a finding, if it is not known.
     fn resolve(&mut self, item: &Item, altitude: Altitude) -> Option<f64> {
         in_telemetry(altitude, self.site)
-            .map_err(|finding| self.find(finding.item(item.number)))
+            .map_err(|finding| self.find(finding.about(item.number)))
             .ok()
     }
 

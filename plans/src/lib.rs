@@ -39,7 +39,7 @@
 //! assert_eq!(flight.steps[0], Step::TakeOff { item: Some(1), height_m: 15.0 });
 //!
 //! let findings = check(&plan, &flight, &site, None, &Endurance::default());
-//! assert_eq!((findings[0].rule, findings[0].items[0]), ("not-possible", 3));
+//! assert_eq!((findings[0].id, findings[0].items[0]), ("not-possible", 3));
 //! assert_eq!(findings[0].text, "the helicopter cannot do NAV_LOITER_TURNS (18)");
 //! # Ok::<(), plans::ReadError>(())
 //! ```

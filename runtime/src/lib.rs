@@ -4,6 +4,7 @@
 //! * [`config`]: TOML files whose mistakes are refused with file, line and reason;
 //! * [`duration`]: times as people write them, such as `1m30s`;
 //! * [`exit`]: exit codes, and how an error is printed once;
+//! * [`finding`]: one thing that a check found, with what to do about it;
 //! * [`logging`]: diagnostics on standard error;
 //! * [`manual`]: pages of the manual from the definition of the command line;
 //! * [`notify`]: readiness and watchdog for a supervisor;
@@ -64,6 +65,7 @@ pub mod args;
 pub mod config;
 pub mod duration;
 pub mod exit;
+pub mod finding;
 pub mod logging;
 pub mod manual;
 pub mod notify;

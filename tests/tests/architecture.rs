@@ -32,7 +32,7 @@ const ARROWS: [(&str, &[&str]); 17] = [
     ("ros-messages", &["ipc-types"]),
     ("recording", &["ipc-types", "ros-messages"]),
     ("dsp-sim", &["dsp-protocol", "runtime"]),
-    ("plans", &["bridge", "dsp-protocol", "ipc-types"]),
+    ("plans", &["bridge", "dsp-protocol", "ipc-types", "runtime"]),
     ("flight-report", &[]),
     ("replay", &["bridge", "ipc-types", "module-kit", "status"]),
     (

@@ -1,9 +1,10 @@
 //! Whether battery and fuel last.
 
-use crate::finding::{Finding, Findings};
+use crate::finding::Findings;
 use crate::flight::Flight;
 use crate::site::Endurance;
 use crate::timeline::{Mark, timeline};
+use runtime::finding::{Finding, Severity};
 
 /// Checks the whole flight; what is not configured is a finding, too.
 pub fn check(flight: &Flight, endurance: &Endurance, findings: &mut Findings) {
@@ -11,22 +12,22 @@ pub fn check(flight: &Flight, endurance: &Endurance, findings: &mut Findings) {
     let (Some(last), Some(endurance_s)) = (marks.last(), endurance.endurance_s) else {
         if !flight.steps.is_empty() {
             findings.push(
-                Finding::not_checked(
+                Finding::unchecked(
                     "endurance",
                     "whether battery and fuel last is not checked: how long they do is not configured",
                 )
-                .remedy("set `endurance_s` and `cruise_speed_mps` under `[plan]` of ril.toml"),
+                .with_next_step("set `endurance_s` and `cruise_speed_mps` under `[plan]` of ril.toml"),
             );
         }
         return;
     };
     let Some(total_s) = last.time_s else {
         findings.push(
-            Finding::not_checked(
+            Finding::unchecked(
                 "endurance",
                 "whether battery and fuel last is not checked: the cruise speed is not known",
             )
-            .remedy("set `cruise_speed_mps` under `[plan]` of ril.toml"),
+            .with_next_step("set `cruise_speed_mps` under `[plan]` of ril.toml"),
         );
         return;
     };
@@ -40,7 +41,7 @@ pub fn check(flight: &Flight, endurance: &Endurance, findings: &mut Findings) {
     findings.push(Finding {
         items: first.item.into_iter().collect(),
         leg: first.leg,
-        ..Finding::forbids(
+        ..Finding::new(Severity::Error,
             "endurance",
             format!(
                 "is reached too late: the flight takes {total_s:.0} s, battery and fuel last {endurance_s:.0} s, of which {:.0} s \
@@ -49,6 +50,6 @@ pub fn check(flight: &Flight, endurance: &Endurance, findings: &mut Findings) {
             ),
         )
         .by_m(left_m)
-        .remedy("divide the plan, or correct `[plan]` of ril.toml")
+        .with_next_step("divide the plan, or correct `[plan]` of ril.toml")
     });
 }

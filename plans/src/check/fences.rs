@@ -3,10 +3,11 @@
 use bridge::safety::fence::{Area, AreaConfig, AreaKind, Breach, Fence, FenceConfig, FenceRule};
 use dsp_protocol::Waypoint;
 
-use crate::finding::{Finding, Findings};
+use crate::finding::Findings;
 use crate::flight::{Flight, Step};
 use crate::model::{FenceArea, FenceShape, Plan, Position};
 use crate::site::{Site, Start};
+use runtime::finding::{Finding, Severity};
 
 /// Checks the flight against the fence that the robot has.
 pub fn check_robot(fence: &Fence, flight: &Flight, site: &Site, findings: &mut Findings) {
@@ -23,15 +24,18 @@ pub fn check_robot(fence: &Fence, flight: &Flight, site: &Site, findings: &mut F
 pub fn check_ground(flight: &Flight, site: &Site, findings: &mut Findings) {
     for leg in &flight.legs {
         if let Some(breach) = Breach::of_ground(&leg.to, site.home.altitude_m) {
-            let finding =
-                Finding::forbids("fence-floor", "is reached below the ground of the take-off");
+            let finding = Finding::new(
+                Severity::Error,
+                "fence-floor",
+                "is reached below the ground of the take-off",
+            );
             let remedy = "change its altitude; where the field falls away, set `below_take_off` in `[safety]` of bridge.toml";
             findings.push(
                 finding
                     .by_m(breach.amount_m)
-                    .remedy(remedy)
-                    .item(leg.item)
-                    .leg(leg.number),
+                    .with_next_step(remedy)
+                    .about(leg.item)
+                    .on_leg(leg.number),
             );
         }
     }
@@ -87,7 +91,7 @@ impl NamedFence<'_> {
         for leg in &flight.legs {
             for breach in self.fence.breaches_of_leg(&leg.from, &leg.to) {
                 let finding = self.finding(&breach, "is reached");
-                findings.push(finding.item(leg.item).leg(leg.number));
+                findings.push(finding.about(leg.item).on_leg(leg.number));
             }
         }
     }
@@ -123,9 +127,9 @@ impl NamedFence<'_> {
             }
             (_, None) => format!("{what} in breach of {owner}"),
         };
-        Finding::forbids(rule, text)
+        Finding::new(Severity::Error, rule, text)
             .by_m(breach.amount_m)
-            .remedy(self.remedy)
+            .with_next_step(self.remedy)
     }
 }
 
@@ -136,17 +140,18 @@ fn plan_fence(plan: &Plan, findings: &mut Findings) -> Fence {
         match Area::try_from(area_config(area)) {
             Ok(area) => config.area.push(area),
             Err(error) => findings.push(
-                Finding::forbids(
+                Finding::new(
+                    Severity::Error,
                     "plan-fence",
                     format!("the plan's own fence is not valid: {error}"),
                 )
-                .remedy("correct the fence in the program that made the plan"),
+                .with_next_step("correct the fence in the program that made the plan"),
             ),
         }
     }
     Fence::try_from(config).unwrap_or_else(|error| {
         let text = format!("the plan's own fence is not valid: {error}");
-        findings.push(Finding::forbids("plan-fence", text));
+        findings.push(Finding::new(Severity::Error, "plan-fence", text));
         Fence::default()
     })
 }

@@ -6,10 +6,11 @@ use dsp_protocol::port;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{MovementData, WaypointPosition};
 
-use crate::finding::{Finding, Findings};
+use crate::finding::Findings;
 use crate::flight::{Flight, Leg, Step, ground_m};
 use crate::site::Endurance;
 use crate::timeline::timeline;
+use runtime::finding::{Finding, Severity};
 
 /// Checks it, the times only when the cruise speed is known.
 pub fn check(
@@ -69,8 +70,8 @@ impl Limits<'_> {
         findings.push(Finding {
             items: item.into_iter().collect(),
             amount_m: excess_m,
-            ..Finding::forbids("take-off-altitude", text)
-                .remedy("take off to less, then climb on a leg")
+            ..Finding::new(Severity::Error, "take-off-altitude", text)
+                .with_next_step("take off to less, then climb on a leg")
         });
     }
 
@@ -91,13 +92,13 @@ impl Limits<'_> {
         );
         let altitude_m = leg.to.altitude_m;
         findings.push(
-            Finding::forbids(
+            Finding::new(Severity::Error,
                 "altitude-range",
                 format!("leads to {altitude_m:.1} m; `[movement]` of bridge.toml allows {min_m} to {max_m} m"),
             )
             .by_m((altitude_m - max_m).max(min_m - altitude_m))
-            .item(leg.item)
-            .leg(leg.number),
+            .about(leg.item)
+            .on_leg(leg.number),
         );
     }
 
@@ -106,14 +107,14 @@ impl Limits<'_> {
         let distance_m = ground_m(&leg.path_start, &leg.to);
         if distance_m > most_m {
             findings.push(
-                Finding::forbids(
+                Finding::new(Severity::Error,
                     "max-distance",
                     format!("is {distance_m:.0} m from where its path is sent; the bridge takes {most_m} m"),
                 )
                 .by_m(distance_m - most_m)
-                .remedy("put a hold in between, or raise `movement.max_distance_m` of bridge.toml")
-                .item(leg.item)
-                .leg(leg.number),
+                .with_next_step("put a hold in between, or raise `movement.max_distance_m` of bridge.toml")
+                .about(leg.item)
+                .on_leg(leg.number),
             );
         }
     }
@@ -125,14 +126,14 @@ impl Limits<'_> {
         let length_m = leg.length_m();
         if !is_first && length_m < radius_m {
             findings.push(
-                Finding::warns(
+                Finding::new(Severity::Warning,
                     "spacing",
                     format!("is {length_m:.2} m from the waypoint before it, within the DSP's acceptance radius of {radius_m} m"),
                 )
                 .by_m(radius_m - length_m)
-                .remedy("leave one of them out")
-                .item(leg.item)
-                .leg(leg.number),
+                .with_next_step("leave one of them out")
+                .about(leg.item)
+                .on_leg(leg.number),
             );
         }
     }
@@ -158,13 +159,13 @@ impl Limits<'_> {
             let end = time_of(last.number).and_then(|mark| mark.time_s);
             if let Some(end) = end.filter(|end| end - begin > limit_s) {
                 findings.push(
-                    Finding::forbids(
+                    Finding::new(Severity::Error,
                         "movement-timeout",
                         format!("ends a path that takes {:.0} s; the bridge gives it up after {limit_s:.0} s", end - begin),
                     )
-                    .remedy("fly faster, or raise `movement.time_limit_s` of bridge.toml")
-                    .item(last.item)
-                    .leg(last.number),
+                    .with_next_step("fly faster, or raise `movement.time_limit_s` of bridge.toml")
+                    .about(last.item)
+                    .on_leg(last.number),
                 );
             }
         }
@@ -180,6 +181,6 @@ fn check_speed(item: u32, speed_mps: f64, findings: &mut Findings) {
             "asks for {speed_mps} m/s; the DSP takes {} to {} m/s",
             port.min, port.max
         );
-        findings.push(Finding::forbids("speed", text).item(item));
+        findings.push(Finding::new(Severity::Error, "speed", text).about(item));
     }
 }

@@ -12,10 +12,11 @@ use dsp_protocol::{Command, Waypoint};
 
 pub use fences::area_config;
 
-use crate::finding::{Finding, Findings, Severity};
+use crate::finding::Findings;
 use crate::flight::{Flight, ground_m};
 use crate::model::Plan;
 use crate::site::{Endurance, HomeSource, Site};
+use runtime::finding::{Finding, Severity};
 
 /// A planned home farther away than this from the point of take-off is worth a word, m.
 const HOME_MOVED_M: f64 = 100.0;
@@ -36,7 +37,8 @@ pub fn check(
     let mut findings = flight.findings.clone();
     check_home(plan, site, &mut findings);
     if flight.steps.is_empty() {
-        findings.push(Finding::forbids(
+        findings.push(Finding::new(
+            Severity::Error,
             "empty",
             "there is nothing in it that can be flown",
         ));
@@ -50,11 +52,11 @@ pub fn check(
             }
         }
         None => findings.push(
-            Finding::not_checked(
+            Finding::unchecked(
                 "robot-rules",
                 "the robot's geofence is not known, and its limits are taken to be the defaults",
             )
-            .remedy("name its configuration: `--bridge bridge.toml`"),
+            .with_next_step("name its configuration: `--bridge bridge.toml`"),
         ),
     }
     fences::check_plan(plan, flight, site, &mut findings);
@@ -63,37 +65,28 @@ pub fn check(
 }
 
 fn check_home(plan: &Plan, site: &Site, findings: &mut Findings) {
+    // What is not known forbids a flight, and leaves a look unchecked.
+    let unknown = |for_flight: &str, for_a_look: &str| match site.is_for_flight {
+        true => Finding::new(Severity::Error, "home-unknown", for_flight),
+        false => Finding::unchecked("home-unknown", for_a_look),
+    };
     if site.home_source == HomeSource::Assumed {
-        let (severity, text) = match site.is_for_flight {
-            true => (
-                Severity::Forbids,
-                "home is not known: the helicopter is in the air already",
-            ),
-            false => (
-                Severity::NotChecked,
-                "home is not known: the take-off is taken to be below the first place of the plan, at altitude 0",
-            ),
-        };
+        let finding = unknown(
+            "home is not known: the helicopter is in the air already",
+            "home is not known: the take-off is taken to be below the first place of the plan, at altitude 0",
+        );
         findings.push(
-            Finding::new(severity, "home-unknown", text)
-                .remedy("state where the take-off was, or will be: `--home LAT,LON,ALT`"),
+            finding
+                .with_next_step("state where the take-off was, or will be: `--home LAT,LON,ALT`"),
         );
     } else if !site.is_home_altitude_known {
-        let (severity, text) = match site.is_for_flight {
-            true => (
-                Severity::Forbids,
-                "the telemetry altitude of home is not known",
-            ),
-            false => (
-                Severity::NotChecked,
-                "the telemetry altitude of home is not known, and is taken to be 0",
-            ),
-        };
-        findings.push(
-            Finding::new(severity, "home-unknown", text).remedy(
-                "state it: `--home LAT,LON,ALT`; for the home of a plan `[plan] zero_above_sea_m` in ril.toml does as well",
-            ),
+        let finding = unknown(
+            "the telemetry altitude of home is not known",
+            "the telemetry altitude of home is not known, and is taken to be 0",
         );
+        findings.push(finding.with_next_step(
+            "state it: `--home LAT,LON,ALT`; for the home of a plan `[plan] zero_above_sea_m` in ril.toml does as well",
+        ));
     }
     let Some(planned) = plan.planned_home else {
         return;
@@ -109,7 +102,8 @@ fn check_home(plan: &Plan, site: &Site, findings: &mut Findings) {
     let distance_m = ground_m(&site.home, &there);
     if distance_m > HOME_MOVED_M {
         findings.push(
-            Finding::warns(
+            Finding::new(
+                Severity::Warning,
                 "home-moved",
                 "the plan was made for another place of take-off",
             )
@@ -123,12 +117,13 @@ fn check_home(plan: &Plan, site: &Site, findings: &mut Findings) {
         .map(|(above_sea_m, zero_m)| site.home.altitude_m + zero_m - above_sea_m);
     if let Some(height_m) = height_m.filter(|height_m| height_m.abs() > HOME_HEIGHT_M) {
         findings.push(
-            Finding::warns(
+            Finding::new(
+                Severity::Warning,
                 "home-height",
                 "home is not as high above sea as the plan has it",
             )
             .by_m(height_m.abs())
-            .remedy("check `[plan] zero_above_sea_m` in ril.toml"),
+            .with_next_step("check `[plan] zero_above_sea_m` in ril.toml"),
         );
     }
 }

@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use dsp_protocol::Waypoint;
-use plans::finding::Severity;
 use plans::flight::{Flight, Step};
 use plans::site::{HomeSource, Site, Start};
 
@@ -326,10 +325,8 @@ fn flown(name: &str, text: &str, zero_above_sea_m: Option<f64>) -> Result<f64, V
     };
     let flight = Flight::new(&plan, &site);
     let findings = flight.findings.clone().sorted();
-    let forbidding = findings
-        .iter()
-        .filter(|one| one.severity == Severity::Forbids);
-    let rules: Vec<&str> = forbidding.map(|one| one.rule).collect();
+    let forbidding = findings.iter().filter(|one| one.has_failed());
+    let rules: Vec<&str> = forbidding.map(|one| one.id).collect();
     match flight.steps.as_slice() {
         [Step::Path(points)] if rules.is_empty() => Ok(points[0].waypoint.altitude_m),
         [] => Err(rules),

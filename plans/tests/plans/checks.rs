@@ -5,10 +5,11 @@ use std::path::Path;
 use bridge::BridgeConfig;
 use dsp_protocol::{Uplink, Waypoint};
 use plans::check::check;
-use plans::finding::{Finding, Severity};
+use plans::finding::effect;
 use plans::flight::{Flight, Step, quantised};
 use plans::site::{Endurance, HomeSource, Site, Start};
 use plans::timeline::timeline;
+use runtime::finding::{Finding, Severity};
 
 const HOME: Waypoint = Waypoint {
     latitude_deg: 37.411,
@@ -79,8 +80,8 @@ fn describe(findings: &[Finding]) -> String {
                 .map_or(String::new(), |metres| format!(" {metres:.1} m"));
             format!(
                 "{} {} {:?}{leg}{amount}: {}",
-                finding.severity.name(),
-                finding.rule,
+                effect(finding),
+                finding.id,
                 finding.items,
                 finding.text
             )
@@ -234,8 +235,8 @@ fn what_is_not_known_is_not_checked_and_says_so() {
     let found = check(&square(), &flight, &site, None, &Endurance::default());
     let not_checked: Vec<&str> = found
         .iter()
-        .filter(|finding| finding.severity == Severity::NotChecked)
-        .map(|finding| finding.rule)
+        .filter(|finding| !finding.is_checked)
+        .map(|finding| finding.id)
         .collect();
     assert_eq!(not_checked, ["home-unknown", "robot-rules", "endurance"]);
 }
@@ -252,13 +253,13 @@ fn what_flies_must_have_taken_off() {
         let found = findings(&path, site, "", &FAST);
         found
             .into_iter()
-            .map(|finding| (finding.severity, finding.rule, finding.items))
+            .map(|finding| (finding.severity, finding.id, finding.items))
             .collect()
     };
-    let lands = (Severity::Forbids, "not-flying", vec![4]);
+    let lands = (Severity::Error, "not-flying", vec![4]);
     assert_eq!(
         rules(&site()),
-        [(Severity::Forbids, "not-flying", vec![1]), lands.clone()]
+        [(Severity::Error, "not-flying", vec![1]), lands.clone()]
     );
     let check = Site {
         is_for_flight: false,
@@ -266,7 +267,7 @@ fn what_flies_must_have_taken_off() {
     };
     assert_eq!(
         rules(&check),
-        [lands.clone(), (Severity::Warns, "not-flying", vec![1])]
+        [lands.clone(), (Severity::Warning, "not-flying", vec![1])]
     );
     let asked = Site {
         take_off_m: Some(15.0),
@@ -325,8 +326,11 @@ fn a_plan_that_is_resumed_begins_with_the_item_and_its_speed() {
     let again = Site { from: 1, ..site };
     let found = findings(&plan, &again, "", &FAST);
     assert_eq!(
-        (found[0].rule, found[0].remedy.as_str()),
-        ("already-flying", "begin with the next item: `--from 2`")
+        (found[0].id, found[0].next_step.as_deref()),
+        (
+            "already-flying",
+            Some("begin with the next item: `--from 2`")
+        )
     );
 }
 

@@ -20,8 +20,8 @@ use ipc_types::{MonotonicNs, RobotId, StateOf, StatusModule, Subscriber, Waiter}
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Style};
-use ril::chart::{Chart, FenceFile};
-use ril::keys::Key;
+use ril::render::terminal::Key;
+use ril::robot::chart::{Chart, FenceFile};
 use ril::verbs::watch::app::App;
 use ril::verbs::watch::model::Process as Kind;
 use ril::verbs::watch::view::{self, Clock, Glyphs};

@@ -3,6 +3,9 @@
 use runtime::exit::ExitCode;
 
 use super::*;
+use crate::options::length::{Height, Target};
+use crate::verbs::param::{ParamCommand, PortKey};
+use crate::verbs::relay::RelayCommand;
 
 fn parse(arguments: &[&str]) -> Result<Command, clap::Error> {
     read(arguments).map(|(cli, _)| cli.command)
@@ -243,5 +246,50 @@ fn a_usage_error_says_why() {
             error.to_string().contains(expected),
             "{arguments:?}: {error}"
         );
+    }
+}
+
+#[test]
+fn what_stands_before_the_verb_is_written_behind_it() {
+    for (before, after) in [
+        ("ril status --robot 2", "ril status --robot 2"),
+        ("ril --robot 2 status", "ril status --robot 2"),
+        (
+            "ril --robot=2 --json -vv param list",
+            "ril param list --robot=2 --json -vv",
+        ),
+        (
+            "ril --json goto 37,-6,20 -- -1,2,3",
+            "ril goto 37,-6,20 --json -- -1,2,3",
+        ),
+        (
+            "ril --timeout 5s --config x.toml echo dsp -q",
+            "ril echo dsp -q --timeout 5s --config x.toml",
+        ),
+        // Without a verb, and what is none of these.
+        ("ril --robot 2", "ril --robot 2"),
+        ("ril --robot", "ril --robot"),
+        ("ril", "ril"),
+        ("ril --help status", "ril --help status"),
+        ("ril --json --help", "ril --help --json"),
+        ("ril --nonsense status", "ril --nonsense status"),
+        ("ril -vx status", "ril -vx status"),
+        ("ril - status", "ril - status"),
+    ] {
+        let args = before.split(' ').map(OsString::from).collect();
+        let moved = behind_the_verb(args, &Cli::command());
+        assert_eq!(moved.join(OsStr::new(" ")), after, "{before}");
+    }
+}
+
+#[test]
+fn only_waypoints_are_protected() {
+    for text in ["-37,6,2", "-.5,1,2", "-5m", "-16.5ft"] {
+        let protected = protect_coordinates([OsString::from(text)]);
+        assert_eq!(protected, [format!(" {text}").as_str()], "{text}");
+    }
+    for text in ["-v", "--robot", "-1", "37,-6,2", "-x,1,2", "", "-"] {
+        let protected = protect_coordinates([OsString::from(text)]);
+        assert_eq!(protected, [text], "{text}");
     }
 }

@@ -6,7 +6,8 @@ use std::num::NonZeroU32;
 use clap::{ArgMatches, CommandFactory, ValueEnum};
 use ipc_types::RobotId;
 
-use crate::cli::{Cli, Topic};
+use crate::cli::Cli;
+use crate::verbs::topic::options::Topic;
 
 /// What is said already.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -9,9 +9,9 @@ use dsp_protocol::port::{PORTS_16, PORTS_32};
 use ipc_types::{Domain, RobotId};
 
 use super::context::Context;
-use crate::alive::alive;
-use crate::cli::Topic;
-use crate::fields::field_names;
+use crate::render::fields::field_names;
+use crate::session::alive;
+use crate::verbs::topic::options::Topic;
 
 /// How long a look-up may take. A person notices a delay of about 200 ms after the key; this leaves 50 ms to start the
 /// program. A look-up takes about a millisecond. One that takes longer is abandoned, and nothing is offered.

@@ -1,12 +1,16 @@
-//! The verbs: each with its options, its shell, its pure values and their tests in one folder. A verb imports what all share, never
+//! The verbs: each with its options, its shell, its pure values and their tests in one file or folder. A verb imports what all share, never
 //! another verb.
 
 pub mod check;
 pub mod demo;
 pub mod log;
+pub mod order;
+pub mod param;
+pub mod plan;
 pub mod record;
 pub mod relay;
 pub mod replay;
+pub mod robots;
 pub mod status;
 pub mod topic;
 pub mod wait;

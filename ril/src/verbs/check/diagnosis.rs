@@ -7,12 +7,13 @@
 
 use ipc_types::Repair;
 use runtime::exit::ExitCode;
+use runtime::finding::{Finding, Severity};
 use serde::Serialize;
 
-use super::facts::{FileContent, FileFacts, FreeMemory, Look, MachineFacts, Trouble};
+use super::facts::{FileContent, FileFacts, FreeMemory, MachineFacts};
 use super::{domain, relay_link, serial, services};
-use crate::finding::{Finding, Severity};
-use crate::words::count_irregular;
+use crate::render::words::count_irregular;
+use crate::robot::domain::{Look, Trouble};
 
 /// What a finding is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -284,7 +285,7 @@ mod tests {
     use std::time::Duration;
 
     use super::*;
-    use crate::finding::Severity::{Error, Note, Warning};
+    use runtime::finding::Severity::{Error, Note, Warning};
 
     #[test]
     fn the_gravest_kind_of_trouble_gives_the_exit_code() {

@@ -6,15 +6,16 @@
 use std::io::{self, Write};
 
 use runtime::exit::{ExitCode, Failure};
+use runtime::finding::{Finding, Severity};
 use serde::{Serialize, Serializer};
 
 use super::diagnosis::{Subject, diagnose, diagnose_files, exit_code};
 use super::facts::{FileFacts, MachineFacts};
 use super::options::DoctorArgs;
 use super::{HEADING, gather, width};
-use crate::commands::json_line;
-use crate::finding::{Finding, Severity};
-use crate::words::count;
+use crate::render::finding::lines;
+use crate::render::json_line;
+use crate::render::words::count;
 
 /// `ril doctor`
 ///
@@ -134,7 +135,7 @@ impl Report {
         }
         text.push('\n');
         for (subject, finding) in &self.findings {
-            text += &finding.lines(subject.name(), HEADING, columns);
+            text += &lines(finding, subject.name(), HEADING, columns);
         }
         if self.exit_code == ExitCode::Ok {
             text += &format!("{}\n", self.verdict());
@@ -147,8 +148,9 @@ impl Report {
 mod tests {
     use std::time::Duration;
 
-    use super::super::facts::{FileContent, Trouble};
+    use super::super::facts::FileContent;
     use super::*;
+    use crate::robot::domain::Trouble;
 
     fn files() -> [FileFacts; 3] {
         let file = |command, path: &str, content| FileFacts {

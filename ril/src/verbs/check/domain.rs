@@ -4,12 +4,12 @@ use std::collections::BTreeSet;
 
 use ipc_types::RobotId;
 use ipc_types::inspect::{Entry, Inspection, Life, Member, RobotFacts};
+use runtime::finding::Finding;
 
-use super::facts::DomainFacts;
-use crate::commands::process_of;
-use crate::commands::robot::as_user;
-use crate::finding::Finding;
-use crate::words::count;
+use crate::render::words::count;
+use crate::robot::domain::DomainFacts;
+use crate::session::as_user;
+use crate::session::process_of;
 
 /// What to do about what is certainly dead.
 const REPAIR: &str =

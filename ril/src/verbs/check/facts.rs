@@ -1,38 +1,14 @@
 //! What the checks go by: plain values, which `gather` looks up and [`diagnosis`](super::diagnosis) and the preflight judge. Nothing here
 //! looks at anything by itself.
 
-use std::fmt;
 use std::path::PathBuf;
-use std::time::Duration;
 
 use bridge::BridgeConfig;
 use bridge::shell::serial::holders::Holders;
-use ipc_types::inspect::{Entry, Inspection};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
-use ipc_types::{MonotonicNs, Provider, Repair, RobotId, ServiceId};
-use runtime::duration::Shown;
+use ipc_types::{MonotonicNs, Repair};
 
-/// What a look found, or why it found nothing.
-pub type Look<T> = Result<T, Trouble>;
-
-/// Why a look found nothing.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Trouble {
-    /// It took longer than this and was given up: something stands in the way that keeps the looking process waiting.
-    TookTooLong(Duration),
-    /// It failed.
-    Failed(String),
-}
-
-impl fmt::Display for Trouble {
-    /// The end of a sentence that begins with what was looked at.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Trouble::TookTooLong(limit) => write!(f, "was given up after {}", Shown(*limit)),
-            Trouble::Failed(reason) => write!(f, "failed: {reason}"),
-        }
-    }
-}
+use crate::robot::domain::{DomainFacts, Look};
 
 /// What the doctor knows of the machine.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,47 +27,6 @@ pub struct MachineFacts {
     pub relay: Option<LinkFacts>,
     /// What was repaired; `None` if that was not asked for.
     pub repair: Option<Look<Repair>>,
-}
-
-/// Shared memory.
-#[derive(Clone, Debug, PartialEq)]
-pub struct DomainFacts {
-    /// The folder of the domain.
-    pub root: PathBuf,
-    /// What is there.
-    pub inspection: Look<Inspection>,
-    /// The live providers of all robots of the domain.
-    pub providers: Look<Vec<Provided>>,
-    /// Live processes that do not run because they are stopped.
-    pub stopped: Vec<u32>,
-    /// The domains of other users in the usual place.
-    pub others: Vec<Entry>,
-}
-
-/// A service that a live process provides.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Provided {
-    /// Of which robot.
-    pub robot: RobotId,
-    /// Which service.
-    pub service: ServiceId,
-    /// The process.
-    pub by: Provider,
-    /// Its PID namespace: elsewhere than in this one its process id means nothing.
-    pub pids: Namespace,
-    /// Its time namespace: elsewhere than in this one its times mean other moments.
-    pub clock: Namespace,
-}
-
-/// The namespace of another process, beside the one of this process.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Namespace {
-    /// The same.
-    Ours,
-    /// Another one.
-    Other,
-    /// The other process did not say.
-    Unknown,
 }
 
 /// The link of the relay that provides the robot's services here.

@@ -1,23 +1,18 @@
 //! Gathers the facts: a thin shell around the file system and `/proc` that decides nothing.
 //!
-//! Each look happens on a thread of its own and is given up at a deadline, because whatever stands in the place of a
-//! file, such as a pipe or a file system that does not answer, may keep a process that opens it waiting without end. Nothing
-//! is opened that could notice it: the serial port is only looked at from outside.
+//! Each look times out, as [`domain`](crate::robot::domain) says. Nothing is opened that could notice it: the serial port is only looked
+//! at from outside.
 
 use std::fs;
 use std::io;
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
-use std::thread;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use bridge::BridgeConfig;
 use bridge::shell::serial::holders::{Holders, Terminal};
 use bridge::shell::serial::permission_hint;
-use ipc_types::inspect::{Inspection, Life};
 use ipc_types::payload::RelayLink;
-use ipc_types::service::SERVICES;
 use ipc_types::{Domain, Ipc, MonotonicNs, Repair, RobotId, Subscriber, Topic};
 use runtime::config::load;
 use runtime::exit::Failure;
@@ -26,15 +21,12 @@ use serde::de::DeserializeOwned;
 use status::log::config::LogConfig;
 
 use super::facts::{
-    Clock, Device, DomainFacts, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs,
-    Look, MachineFacts, Namespace, PortFacts, PortHolders, Provided, Trouble,
+    Clock, Device, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs, MachineFacts,
+    PortFacts, PortHolders,
 };
 use super::options::MachineArgs;
 use super::services::bridge_pid;
-
-/// How long looks may take that begin together. They take milliseconds; a machine that is overloaded a thousand times
-/// is still waited for.
-const LOOK_TIMEOUT: Duration = Duration::from_secs(5);
+use crate::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, failed, open_files};
 
 /// How long a sample of the relay's link is waited for, which is published once a second: twice that.
 const LINK_TIMEOUT: Duration = Duration::from_secs(2);
@@ -43,38 +35,11 @@ const LINK_TIMEOUT: Duration = Duration::from_secs(2);
 /// up ends with this process, as if killed: what it had set aside for deletion, the next start or repair deletes.
 const REPAIR_TIMEOUT: Duration = Duration::from_secs(15);
 
-/// The directory that shows processes and what they have open.
-const PROC: &str = "/proc";
-
 /// Where shared memory lies.
 const SHARED_MEMORY: &str = "/dev/shm";
 
 /// What the time service of systemd makes when the clock is synchronized.
 const SYNCHRONIZED: &str = "/run/systemd/timesync/synchronized";
-
-/// A look that goes on in the background.
-struct Looking<T>(Receiver<T>);
-
-impl<T: Send + 'static> Looking<T> {
-    fn start(look: impl FnOnce() -> T + Send + 'static) -> Looking<T> {
-        let (sender, receiver) = mpsc::sync_channel(1);
-        // When there is no thread the sender is gone at once, and `end` says so. A look that is given up keeps its
-        // thread; it ends with the process.
-        let _ = thread::Builder::new().spawn(move || {
-            let _ = sender.send(look());
-        });
-        Looking(receiver)
-    }
-
-    /// What it found by the time that `timeout` is over, counted from `began`.
-    fn end(self, began: Instant, timeout: Duration) -> Look<T> {
-        let left = timeout.saturating_sub(began.elapsed());
-        self.0.recv_timeout(left).map_err(|error| match error {
-            RecvTimeoutError::Timeout => Trouble::TookTooLong(timeout),
-            RecvTimeoutError::Disconnected => Trouble::Failed("it broke off".to_owned()),
-        })
-    }
-}
 
 /// Everything that is known of the machine, after a repair if one `is_to_repair`, with the bridge's configuration.
 pub(super) fn machine(
@@ -90,7 +55,7 @@ pub(super) fn machine(
         _ => None,
     };
     let domain = match &place {
-        Ok(place) => Ok(domain(place)),
+        Ok(place) => Ok(DomainFacts::look(place)),
         Err(error) => Err(error.to_string()),
     };
     // Where no provider can be found, that is a finding of its own.
@@ -134,29 +99,6 @@ fn chosen_port(
         (None, None) => return None,
     };
     Some(port(path.clone(), is_chosen, process))
-}
-
-/// Looks at the domain, at the providers in it, and at the domains of other users.
-pub(crate) fn domain(domain: &Domain) -> DomainFacts {
-    let began = Instant::now();
-    let (inspected, asked) = (domain.clone(), domain.clone());
-    let inspection = Looking::start(move || inspected.inspect());
-    let providers = Looking::start(move || providers(&asked));
-    let others = Looking::start(Domain::others);
-    let inspection = inspection.end(began, LOOK_TIMEOUT);
-    let providers = providers.end(began, LOOK_TIMEOUT).and_then(|result| result);
-    let stopped = match (&inspection, &providers) {
-        (Ok(inspection), Ok(providers)) => stopped(domain.root(), inspection, providers),
-        _ => Vec::new(),
-    };
-    DomainFacts {
-        root: domain.root().to_owned(),
-        inspection,
-        providers,
-        stopped,
-        // They are only a hint; what keeps this look from its end is reported for the memory.
-        others: others.end(began, LOOK_TIMEOUT).unwrap_or_default(),
-    }
 }
 
 /// Looks at the relay's link to `robot`; `None` if no process provides one here.
@@ -376,16 +318,6 @@ fn holders(port: &Path, bridge: Option<u32>) -> io::Result<PortHolders> {
     })
 }
 
-/// Number and path of everything that a process has open.
-fn open_files(process: &Path) -> io::Result<Vec<(u32, PathBuf)>> {
-    let entries = fs::read_dir(process.join("fd"))?.flatten();
-    let open = entries.filter_map(|entry| {
-        let number = entry.file_name().to_str()?.parse().ok()?;
-        Some((number, fs::read_link(entry.path()).ok()?))
-    });
-    Ok(open.collect())
-}
-
 /// The terminals among open files, but for the standard streams.
 fn terminals(open: &[(u32, PathBuf)]) -> Vec<PathBuf> {
     let is_terminal = |path: &Path| {
@@ -400,85 +332,6 @@ fn terminals(open: &[(u32, PathBuf)]) -> Vec<PathBuf> {
     found.sort();
     found.dedup();
     found
-}
-
-/// The live providers of all robots.
-fn providers(domain: &Domain) -> Look<Vec<Provided>> {
-    let mut provided = Vec::new();
-    for spec in &SERVICES {
-        for robot in domain.robots(spec.contract.key).map_err(failed)? {
-            let Some(by) = domain.provider(robot, spec.contract.key).map_err(failed)? else {
-                continue;
-            };
-            provided.push(Provided {
-                robot,
-                service: spec.id,
-                pids: namespace(by.pid_namespace, by.shares_pids()),
-                clock: namespace(by.time_namespace, by.shares_clock()),
-                by,
-            });
-        }
-    }
-    Ok(provided)
-}
-
-fn namespace(number: u64, is_ours: bool) -> Namespace {
-    match (is_ours, number) {
-        (true, _) => Namespace::Ours,
-        (false, 0) => Namespace::Unknown,
-        (false, _) => Namespace::Other,
-    }
-}
-
-/// Live processes of the domain that are stopped.
-///
-/// A member does not say in which PID namespace its process id means something; its provider does, and where the provider
-/// is in another one, so are perhaps the others of its service. What is then left must have something of the domain open:
-/// the operator may kill it, and must not be led to a process that happens to have the same number.
-fn stopped(root: &Path, inspection: &Inspection, providers: &[Provided]) -> Vec<u32> {
-    let mut pids = Vec::new();
-    for robot in &inspection.robots {
-        let is_elsewhere = |service: &str| {
-            providers.iter().any(|provided| {
-                provided.robot == robot.robot
-                    && provided.service.key() == service
-                    && provided.pids != Namespace::Ours
-            })
-        };
-        let members = robot.members.iter();
-        pids.extend(
-            members
-                .filter(|member| member.life == Life::Live && !is_elsewhere(&member.service))
-                .map(|member| member.pid),
-        );
-    }
-    pids.sort_unstable();
-    pids.dedup();
-    pids.retain(|pid| {
-        let process = Path::new(PROC).join(pid.to_string());
-        let stat = fs::read_to_string(process.join("stat"));
-        stat.is_ok_and(|stat| is_stopped(&stat)) && may_use(root, &process)
-    });
-    pids
-}
-
-/// Whether a process has something beneath `root` open. One that keeps its files to itself may have.
-fn may_use(root: &Path, process: &Path) -> bool {
-    match open_files(process) {
-        Ok(open) => open.iter().any(|(_, path)| path.starts_with(root)),
-        Err(_) => true,
-    }
-}
-
-/// Whether `/proc/PID/stat` tells of a process that is stopped or being traced.
-fn is_stopped(stat: &str) -> bool {
-    // The program's name, in parentheses, may have any character in it.
-    let state = stat.rsplit(')').next().unwrap_or_default().trim_start();
-    state.starts_with(['T', 't'])
-}
-
-fn failed(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Trouble {
-    Trouble::Failed(Failure::internal(error).chain().join(": "))
 }
 
 /// The folders of the logs in the configuration of status; `folder` is where its process began, `None` if that is not known.
@@ -541,18 +394,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_look_that_does_not_come_back_is_given_up() {
-        let (keeps_it_waiting, never) = mpsc::channel::<()>();
-        let timeout = Duration::from_millis(10);
-        let look = Looking::start(move || never.recv());
-        let given_up = Err(Trouble::TookTooLong(timeout));
-        assert_eq!(look.end(Instant::now(), timeout), given_up);
-        drop(keeps_it_waiting);
-        let look = Looking::start(|| 7);
-        assert_eq!(look.end(Instant::now(), LOOK_TIMEOUT), Ok(7));
-    }
-
-    #[test]
     fn what_is_no_terminal_is_reported_without_opening_it() {
         let folder = std::env::temp_dir();
         let is = |path: &str| device(Path::new(path)).unwrap();
@@ -569,19 +410,6 @@ mod tests {
             a_screen_of_any_process,
             Device::Other("another kind of device")
         );
-    }
-
-    #[test]
-    fn the_state_of_a_process_is_read_behind_its_name() {
-        for (stat, expected) in [
-            ("7 (ril) T 1 7 7", true),
-            ("7 (ril) t 1 7 7", true),
-            ("7 (ril) S 1 7 7", false),
-            ("7 (a) T) R 1 7 7", false),
-            ("", false),
-        ] {
-            assert_eq!(is_stopped(stat), expected, "{stat}");
-        }
     }
 
     #[test]

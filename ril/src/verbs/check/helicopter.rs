@@ -3,14 +3,14 @@
 use ipc_types::code::{PilotSwitch, SafetyAction, SafetyRule};
 use ipc_types::payload::DspTelemetry;
 use ipc_types::{MonotonicNs, TelemetryGroup};
+use runtime::finding::Finding;
 
 use super::facts::Facts;
-use super::limits::{Limits, Threshold};
 use super::robot::{Checked, age_s, either, state};
-use crate::finding::Finding;
-use crate::messages::details::amount;
-use crate::pilot::GpsFix;
-use crate::words::count;
+use crate::config::{Limits, Threshold};
+use crate::render::messages::details::amount;
+use crate::render::words::count;
+use crate::robot::pilot::GpsFix;
 
 /// What to do about a group that the DSP does not send.
 const ADD_GROUP: &str = "add the group to `status.groups` of bridge.toml and restart the bridge";

@@ -1,11 +1,11 @@
 //! The machine: what `ril doctor` finds, the clock, and room for logs.
 
+use runtime::finding::{Finding, Severity};
 use status::log::clock::Utc;
 
 use super::diagnosis::{Subject, diagnose};
 use super::facts::{Facts, LogPlace, Logs};
-use super::limits::Limits;
-use crate::finding::{Finding, Severity};
+use crate::config::Limits;
 
 const MIB: u64 = 1 << 20;
 

@@ -2,7 +2,7 @@
 //!
 //! `gather` looks up [`facts`]; what they mean is pure: [`diagnosis`] judges the machine for the doctor, with `domain`, `services`,
 //! `serial` and `relay_link`; for the preflight `robot`, `helicopter` and `machine` judge the rest. All of them give
-//! [findings](crate::finding).
+//! [findings](runtime::finding).
 
 pub mod diagnosis;
 pub mod doctor;
@@ -10,7 +10,6 @@ mod domain;
 pub mod facts;
 pub(crate) mod gather;
 mod helicopter;
-pub mod limits;
 mod machine;
 pub mod options;
 pub mod preflight;
@@ -24,7 +23,7 @@ mod tests;
 use std::io::IsTerminal;
 use std::os::fd::AsFd;
 
-use crate::live::Size;
+use crate::render::terminal::Size;
 
 /// Width of the name of a check or a subject, and the space behind it.
 const HEADING: usize = 16;

@@ -6,8 +6,8 @@ use std::time::Duration;
 use clap::Args;
 use runtime::args::CommonArgs;
 
-use crate::cli::exit_codes::EXIT_CODES;
-use crate::cli::value::duration;
+use crate::options::EXIT_CODES;
+use crate::options::duration;
 
 /// What the checks are judged by, for the end of the help.
 const NOTES: &str = "\

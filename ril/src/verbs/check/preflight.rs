@@ -1,7 +1,7 @@
 //! `ril preflight`: whether a robot is ready to take off, and what `ril start` says of that before it starts.
 //!
 //! What the machine is like comes from the doctor and is not judged a second time. [`judge`] is pure: the same facts give the same
-//! findings. [`limits`](super::limits) is `[preflight]` of `ril.toml`.
+//! findings. [`Limits`] is `[preflight]` of `ril.toml`.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -11,20 +11,23 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, ParameterRequ
 use ipc_types::{MonotonicNs, Request, Source, Topic, fresh_request_id};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure};
+use runtime::finding::{Finding, Severity};
 use serde::{Serialize, Serializer};
 
-use super::facts::{Facts, FileContent, FileFacts, Live, Logs, Namespace};
-use super::limits::Limits;
+use super::facts::{Facts, FileContent, FileFacts, Live, Logs};
 use super::options::{MachineArgs, PreflightArgs};
 use super::{HEADING, gather, helicopter, machine, robot, width};
-use crate::commands::conversation::{Conversation, Format};
-use crate::commands::exchange::Until;
-use crate::commands::latest::Latest;
-use crate::commands::{Session, configuration, is_relayed, json_line};
 use crate::config::Config;
-use crate::finding::{Finding, Severity};
-use crate::messages::Verb;
-use crate::words::{count, wrap};
+use crate::config::Limits;
+use crate::render::finding::lines;
+use crate::render::json_line;
+use crate::render::messages::Verb;
+use crate::render::words::{count, wrap};
+use crate::request::exchange::Until;
+use crate::request::{Conversation, Format};
+use crate::robot::domain::Namespace;
+use crate::session::Latest;
+use crate::session::{Session, configuration, is_relayed};
 
 /// How long `ril start` waits for samples that it goes by: twice the period of the module's state. A start is not held up by what
 /// is missing.
@@ -251,7 +254,7 @@ struct CheckObject<'a> {
 fn objects<S: Serializer>(checks: &[Finding], serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_seq(checks.iter().map(|check| CheckObject {
         id: check.id,
-        verdict: (!is_unmade(check)).then(|| verdict(check.severity)),
+        verdict: (!check.is_unmade()).then(|| verdict(check.severity)),
         checked: check.is_checked,
         value: &check.text,
         limit: check.limit.as_deref(),
@@ -265,15 +268,6 @@ fn verdict(severity: Severity) -> &'static str {
         Severity::Warning => "warn",
         Severity::Error => "fail",
     }
-}
-
-/// Whether the check could not be made, and the operator does not do without it.
-fn is_unmade(check: &Finding) -> bool {
-    !check.is_checked && check.severity == Severity::Error
-}
-
-fn has_failed(check: &Finding) -> bool {
-    check.is_checked && check.severity == Severity::Error
 }
 
 /// The worst of `checks`. What was not checked is not ready.
@@ -292,7 +286,7 @@ impl Report {
             schema: "ril.Preflight.v1",
             robot,
             verdict: verdict(worst(&checks)),
-            failed: number(has_failed),
+            failed: number(Finding::has_failed),
             warned: number(|check| check.severity == Severity::Warning),
             passed: number(|check| check.severity == Severity::Note),
             unchecked: number(|check| !check.is_checked),
@@ -329,7 +323,7 @@ impl Report {
     pub fn text(&self, columns: usize) -> String {
         let mut text = format!("robot {}\n", self.robot);
         for check in &self.checks {
-            text += &check.lines(check.id, HEADING, columns);
+            text += &lines(check, check.id, HEADING, columns);
         }
         let readiness = match self.worst() {
             Severity::Note => "ready to take off",
@@ -341,12 +335,15 @@ impl Report {
 
     /// What a command that starts something says of the checks on standard error: each failure, and the names of the warnings.
     pub fn warnings(&self) -> Vec<String> {
-        let failed = self.checks.iter().filter(|check| has_failed(check));
+        let failed = self.checks.iter().filter(|check| check.has_failed());
         let mut lines: Vec<String> = failed
             .map(|check| format!("not ready to take off: {}: {}", check.id, check.text))
             .collect();
         for (text, ids) in [
-            ("not ready to take off, not checked", self.ids(is_unmade)),
+            (
+                "not ready to take off, not checked",
+                self.ids(Finding::is_unmade),
+            ),
             (
                 "warnings",
                 self.ids(|check| check.severity == Severity::Warning),

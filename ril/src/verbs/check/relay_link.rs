@@ -2,10 +2,10 @@
 
 use ipc_types::code::RelayLinkState;
 use ipc_types::payload::RelayLink;
+use runtime::finding::Finding;
 
 use super::facts::LinkFacts;
-use crate::finding::Finding;
-use crate::relay_link::LinkReport;
+use crate::robot::relay_link::LinkReport;
 
 /// Part of the samples lost on the air from which on the link is too weak for what goes over it.
 const MAX_LOSS: f64 = 0.01;
@@ -112,9 +112,9 @@ mod tests {
     use ipc_types::MonotonicNs;
     use ipc_types::payload::ascii_bytes;
 
-    use super::super::facts::{Look, Trouble};
     use super::*;
-    use crate::finding::Severity::{self, Error, Note, Warning};
+    use crate::robot::domain::{Look, Trouble};
+    use runtime::finding::Severity::{self, Error, Note, Warning};
 
     const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 

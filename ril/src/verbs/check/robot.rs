@@ -3,12 +3,13 @@
 use ipc_types::code::{LinkState, ModuleStatus};
 use ipc_types::payload::{LastMinute, ModuleState};
 use ipc_types::{Module, MonotonicNs, RelayModule};
+use runtime::finding::Finding;
 
-use super::facts::{Facts, Provided};
-use super::limits::Limits;
-use crate::finding::Finding;
-use crate::messages::details::dsp_error;
-use crate::words::count;
+use super::facts::Facts;
+use crate::config::Limits;
+use crate::render::messages::details::dsp_error;
+use crate::render::words::count;
+use crate::robot::domain::Provided;
 
 /// With fewer messages than this a share of rejected ones says little: the share is then taken of so many. 1,000 messages are
 /// 20 s of status messages.

@@ -1,9 +1,10 @@
 //! The serial port of the bridge.
 
 use bridge::shell::serial::holders::{Hold, Holder};
+use runtime::finding::{Finding, Severity};
 
-use super::facts::{Device, Look, PortFacts, PortHolders};
-use crate::finding::{Finding, Severity};
+use super::facts::{Device, PortFacts, PortHolders};
+use crate::robot::domain::Look;
 
 /// What is to be said of the port, when `bridge` is the process of the live bridge.
 pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
@@ -150,8 +151,8 @@ fn named(holder: &Holder) -> String {
 mod tests {
     use bridge::shell::serial::holders::Holders;
 
-    use super::super::facts::Trouble;
     use super::*;
+    use crate::robot::domain::Trouble;
 
     const BRIDGE: Option<u32> = Some(7);
 

@@ -2,9 +2,9 @@
 
 use ipc_types::service::SERVICES;
 use ipc_types::{Module, RelayModule};
+use runtime::finding::Finding;
 
-use super::facts::{DomainFacts, Namespace, Provided};
-use crate::finding::Finding;
+use crate::robot::domain::{DomainFacts, Namespace, Provided};
 
 /// What the providers of `robot` mean.
 pub(super) fn diagnose(domain: &DomainFacts, robot: u32) -> Vec<Finding> {
@@ -153,9 +153,9 @@ fn is_here(provided: &Provided) -> bool {
 mod tests {
     use ipc_types::{Provider, RobotId, ServiceId};
 
-    use super::super::facts::Trouble;
     use super::*;
-    use crate::finding::Severity::{self, Error, Note, Warning};
+    use crate::robot::domain::Trouble;
+    use runtime::finding::Severity::{self, Error, Note, Warning};
 
     fn provided(service: ServiceId, process: &str, pid: u32) -> Provided {
         Provided {

@@ -3,14 +3,12 @@ use ipc_types::code::{LinkState, ModuleStatus, PilotSwitch, SafetyAction, Safety
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::service::SERVICES;
 use ipc_types::{MonotonicNs, Provider, RobotId};
+use runtime::finding::{Finding, Severity};
 
-use super::facts::{
-    Clock, DomainFacts, Facts, FreeMemory, LinkFacts, Live, LogPlace, Logs, MachineFacts,
-    Namespace, Provided,
-};
-use super::limits::Limits;
+use super::facts::{Clock, Facts, FreeMemory, LinkFacts, Live, LogPlace, Logs, MachineFacts};
 use super::preflight::{Report, judge, worst};
-use crate::finding::{Finding, Severity};
+use crate::config::Limits;
+use crate::robot::domain::{DomainFacts, Namespace, Provided};
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 

@@ -1,9 +1,9 @@
 //! The judgement of a demonstration: from what a consumer saw to a list of findings with figures. Pure.
 
 use ipc_types::code::{Functionality, ModuleStatus};
+use runtime::finding::{Finding, Severity};
 
 use super::seen::{Counts, Seen};
-use crate::finding::{Finding, Severity};
 
 /// How near a consumer must have seen the helicopter to each waypoint, m: the acceptance radius that the DSP is given
 /// (1 m), and what the noise of a simulated GPS and the time between two samples add.
@@ -183,7 +183,7 @@ fn log(evidence: &Evidence<'_>) -> Finding {
 }
 
 fn record(evidence: &Evidence<'_>) -> Finding {
-    const ID: &str = "record tells of every sample";
+    const ID: &str = "every sample is in the record";
     let Some(record) = evidence.record else {
         return check(ID, false, "there is no record".to_owned());
     };
@@ -339,19 +339,19 @@ mod tests {
             ),
             (
                 |evidence| evidence.record = None,
-                &["record tells of every sample"],
+                &["every sample is in the record"],
             ),
             (
                 |evidence| evidence.record.as_mut().unwrap().is_in_order = false,
-                &["record tells of every sample"],
+                &["every sample is in the record"],
             ),
             (
                 |evidence| evidence.record.as_mut().unwrap().messages[0] = 6,
-                &["record tells of every sample"],
+                &["every sample is in the record"],
             ),
             (
                 |evidence| evidence.record.as_mut().unwrap().messages[2] = 8,
-                &["record tells of every sample"],
+                &["every sample is in the record"],
             ),
             (
                 |evidence| {

@@ -28,8 +28,7 @@ use runtime::signal::Termination;
 use serde::Deserialize;
 use status::log::file_name::{FileKind, recognize};
 
-use crate::cli::exit_codes::EXIT_CODES;
-use crate::finding::{Severity, count_of};
+use crate::options::EXIT_CODES;
 use crate::recorded::topic_of;
 use checks::{Evidence, RecordEvidence};
 pub use children::end_with_parent;
@@ -121,7 +120,7 @@ fn demonstrate(args: &Args, folder: &Path, termination: &Termination) -> Result<
         None => Kept::default(),
     };
     print_result(&flight.seen, flight.took, &checks, kept, args.json)?;
-    match count_of(&checks, Severity::Error) {
+    match checks.iter().filter(|check| check.has_failed()).count() {
         0 => Ok(()),
         failed => Err(Failure::internal(format!(
             "{failed} of {} checks failed",

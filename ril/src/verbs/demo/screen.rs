@@ -6,12 +6,13 @@ use std::time::{Duration, Instant};
 
 use ipc_types::MonotonicNs;
 use runtime::exit::Failure;
+use runtime::finding::{Finding, Severity};
 use serde::Serialize;
 
 use super::seen::Seen;
-use crate::commands::json::json_line;
-use crate::finding::{Finding, Severity};
-use crate::live::{Block, Size};
+use crate::render::finding::lines;
+use crate::render::json_line;
+use crate::render::terminal::{Block, Size};
 
 /// Shortest time between two drawings: what the eye can follow.
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);
@@ -195,7 +196,7 @@ pub(super) fn print_result(
     }
     let mut text = "\n".to_owned();
     for check in checks {
-        text += &check.lines(check.id, HEADING, usize::MAX);
+        text += &lines(check, check.id, HEADING, usize::MAX);
     }
     text += &format!("\nflight    {flight_s:.1} s\n");
     if let (Some(p50), Some(p99)) = (p50, p99) {

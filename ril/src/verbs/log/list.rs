@@ -8,9 +8,10 @@ use status::log::clock::IsoTime;
 
 use super::files::{self, Found, folders};
 use super::options::LogListArgs;
-use crate::cli::RobotChoice;
-use crate::commands::{configuration, json_line};
-use crate::words::duration_with_tenths;
+use crate::options::RobotChoice;
+use crate::render::json_line;
+use crate::render::words::duration_with_tenths;
+use crate::session::configuration;
 
 /// Name of the layout of a file in a list.
 const SCHEMA: &str = "ril.LogFile.v1";

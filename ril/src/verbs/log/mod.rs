@@ -26,8 +26,9 @@ use self::options::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs};
 use self::recording::{Damage, Entry};
 use self::row::{Chosen, UTC, UtcSource, UtcTimes};
 use self::summary::Summarizer;
-use crate::cli::RobotChoice;
-use crate::commands::{configuration, json_line};
+use crate::options::RobotChoice;
+use crate::render::json_line;
+use crate::session::configuration;
 
 /// `ril log …`
 ///

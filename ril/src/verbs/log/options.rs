@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use runtime::args::CommonArgs;
 
-use crate::cli::exit_codes::EXIT_CODES;
+use crate::options::EXIT_CODES;
 
 /// Most rows that `ril log tail` begins with: what a person can read back.
 const MAX_TAIL_ROWS: u32 = 10_000;

@@ -19,7 +19,8 @@ use super::files::{LogFile, MAX_NAMED, chosen_file, folder_of, last_rows, succes
 use super::options::LogTailArgs;
 use super::recording::{Entry, Recording, Row};
 use super::row::{Chosen, JsonRow, UtcSource, UtcTimes};
-use crate::commands::{configuration, json_line};
+use crate::render::json_line;
+use crate::session::configuration;
 
 /// The columns that are shown when none is chosen: with the time they fit into 80 characters.
 const USUAL: [&str; 3] = ["flying", "altitude_m", "battery_mv"];

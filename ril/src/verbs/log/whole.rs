@@ -11,9 +11,10 @@ use status::log::file_name::FileKind;
 
 use super::files::{OrFailUsage, newest, open};
 use super::options::{LogFileArgs, LogRecoverArgs};
-use crate::commands::{configuration, json_line};
 use crate::recorded::check::FileCheck;
-use crate::words::{count, shell_word};
+use crate::render::json_line;
+use crate::render::words::{count, shell_word};
+use crate::session::configuration;
 
 /// How a file of a record that was made whole ends, behind the name of the damaged one. No log and no recording gives such a
 /// name, so that none removes the file to make room.

@@ -16,10 +16,10 @@ use recording::Recorder;
 use ros_messages::Level;
 
 use super::log::{LogTopic, RecorderTopic};
-use crate::messages::{self, Verb};
 use crate::recorded::{
     REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent, SERIAL_BYTES, SERIAL_BYTES_TEXT, serial_bytes,
 };
+use crate::render::messages::{self, Verb};
 
 /// Open requests whose command is remembered for their reports: many times as many as the bridge's clients can have open. Of older
 /// ones the reports have no command.

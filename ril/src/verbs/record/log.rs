@@ -8,8 +8,8 @@ use module_kit::journal::{Entry, LogLine, Reader};
 use recording::{Anchor, Channel, ChannelId, Recorder};
 use ros_messages::{Level, Log, UnixOffset, definition};
 
-use crate::changes::{self, Weight};
 use crate::recorded::{FLIGHT, topic};
+use crate::robot::changes::{self, Weight};
 
 /// Makes lines of a log.
 #[derive(Debug)]

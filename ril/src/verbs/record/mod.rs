@@ -33,8 +33,8 @@ use self::report::Reporter;
 use self::shell::{Shell, anchor};
 use self::sinks::Sinks;
 use self::topics::Topics;
-use crate::commands::configuration;
-use crate::words::count;
+use crate::render::words::count;
+use crate::session::configuration;
 
 /// `ril record`
 ///

@@ -6,8 +6,8 @@ use std::time::Duration;
 use clap::Args;
 use runtime::args::CommonArgs;
 
-use crate::cli::exit_codes::EXIT_CODES;
-use crate::cli::value::duration;
+use crate::options::EXIT_CODES;
+use crate::options::duration;
 
 /// Longest file, MiB: one more would not fit onto memory cards' file systems.
 const MAX_FILE_MIB: u64 = 4095;

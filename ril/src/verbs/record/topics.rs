@@ -17,7 +17,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use super::loss_events::LossEvents;
 use super::sinks::Sinks;
 use crate::recorded::topic_of;
-use crate::stamps::StampReader;
+use crate::render::stamps::StampReader;
 
 /// When a service that could not be opened is tried again.
 const RETRY_PERIOD: Duration = Duration::from_secs(1);

@@ -8,12 +8,12 @@ use ipc_types::{MonotonicNs, RobotId};
 use runtime::exit::ExitCode;
 use serde::ser::{Serialize, Serializer};
 
-use crate::commands::sample_age::Sample;
-use crate::fields::{JsonLine, Tree};
-use crate::relay_link::{
+use crate::render::fields::{JsonLine, Tree};
+use crate::render::words::count;
+use crate::robot::relay_link::{
     LinkReport, STALE_AFTER, UNREADABLE, ago, heard_ms, refusal_name, shown, since_ms,
 };
-use crate::words::count;
+use crate::robot::sample_age::Sample;
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Relay.v2";

@@ -3,7 +3,6 @@
 
 pub mod options;
 mod request;
-mod screen;
 mod terminal;
 mod verify;
 
@@ -25,10 +24,10 @@ use serde::Serialize;
 
 use self::options::ReplayArgs;
 use self::request::ReplayedRequest;
-use self::screen::Screen;
-use self::terminal::{PlayerKey, Terminal};
-use crate::cli::RobotChoice;
-use crate::commands::{configuration, json_line};
+use self::terminal::{PlayerKey, Screen, Terminal};
+use crate::options::RobotChoice;
+use crate::render::json_line;
+use crate::session::configuration;
 
 /// Name of the layout of the JSON object at the end.
 const SCHEMA: &str = "ril.Replay.v1";

@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::Args;
 use runtime::args::CommonArgs;
 
-use crate::cli::exit_codes::EXIT_CODES;
+use crate::options::EXIT_CODES;
 
 /// Slowest and fastest speed of a replay. Slower, and each sample is stale when the next one comes; faster, and subscribers
 /// cannot read as fast as samples come.

@@ -16,8 +16,8 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
 
 use super::options::ReplayArgs;
-use crate::commands::json_line;
-use crate::words::{count, shell_word};
+use crate::render::json_line;
+use crate::render::words::{count, shell_word};
 
 /// Topics of which verification needs every message.
 const JOURNALS: [&str; 2] = ["bridge/journal", "status/journal"];

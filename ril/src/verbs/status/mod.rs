@@ -1,24 +1,46 @@
 //! `ril status`: the newest state and telemetry, each with its age, once or as they change.
 
-pub mod options;
 pub mod report;
 
 use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, SystemTime};
 
+use clap::Args;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Source, StateOf, StatusModule, Topic};
+use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure};
 
-use self::options::StatusArgs;
 use self::report::{Samples, StateReport};
-use crate::commands::latest::Latest;
-use crate::commands::sample_age::STALE_AFTER;
-use crate::commands::{self, Session, configuration, json_line};
-use crate::live::{Block, Size};
-use crate::pilot::PilotView;
-use crate::relay_link::{LinkReport, LinkWatch};
-use crate::words::time_of_day;
+use crate::options::{EXIT_CODES, duration};
+use crate::render::json_line;
+use crate::render::terminal::{Block, Size};
+use crate::render::words::time_of_day;
+use crate::robot::pilot::PilotView;
+use crate::robot::relay_link::{LinkReport, LinkWatch};
+use crate::robot::sample_age::STALE_AFTER;
+use crate::session::{Latest, Session, absent, configuration};
+
+/// `ril status`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct StatusArgs {
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// How long to wait for a sample, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
+    pub timeout: Option<Duration>,
+
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+
+    /// Go on until a signal: on a terminal show all anew in its place, elsewhere print a line at every change
+    #[arg(long)]
+    pub watch: bool,
+}
 
 /// Shortest time between two looks of `--watch` at what came: what the eye can follow.
 const WATCH_PERIOD: Duration = Duration::from_millis(200);
@@ -67,9 +89,7 @@ pub fn status(args: &StatusArgs) -> Result<(), Failure> {
     match report.trouble() {
         None => Ok(()),
         // It names other robots that may be meant.
-        Some((ExitCode::ServiceAbsent, _)) => {
-            Err(commands::absent(ModuleState::KEY, session.ipc.robot()))
-        }
+        Some((ExitCode::ServiceAbsent, _)) => Err(absent(ModuleState::KEY, session.ipc.robot())),
         Some((code, text)) => Err(Failure::new(code, text)),
     }
 }

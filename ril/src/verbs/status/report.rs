@@ -18,11 +18,11 @@ use ipc_types::{MonotonicNs, RobotId, TelemetryGroup};
 use runtime::exit::ExitCode;
 use serde::ser::{Serialize, Serializer};
 
-use crate::commands::sample_age::{STALE_AFTER, Sample, age_ms, is_stale, named};
-use crate::fields::{JsonLine, Selection, Tree};
-use crate::messages::details;
-use crate::pilot::{self, PilotView};
-use crate::relay_link::LinkReport;
+use crate::render::fields::{JsonLine, Selection, Tree};
+use crate::render::messages::details;
+use crate::robot::pilot::{self, PilotView};
+use crate::robot::relay_link::LinkReport;
+use crate::robot::sample_age::{STALE_AFTER, Sample, age_ms, is_stale, named};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.State.v3";

@@ -10,12 +10,13 @@ use runtime::exit::Failure;
 use super::options::{EchoArgs, EchoOptions};
 use super::stream::{self, Watched, Watcher};
 use super::watch_timeout::{Limits, Next};
-use crate::commands::sample_age::STALE_AFTER;
-use crate::commands::{Session, configuration, json_line};
 use crate::config::Config;
-use crate::fields::{JsonLine, Meaning, Plainly, Selection, Tree};
-use crate::stamps::StampReader;
-use crate::words::count as plural;
+use crate::render::fields::{JsonLine, Meaning, Plainly, Selection, Tree};
+use crate::render::json_line;
+use crate::render::stamps::StampReader;
+use crate::render::words::count as plural;
+use crate::robot::sample_age::STALE_AFTER;
+use crate::session::{Session, configuration};
 
 /// `ril echo`
 ///

@@ -17,10 +17,11 @@ use super::meter::{Detail, Meter, Of, RelayedTimes, Report};
 use super::options::{MeasureArgs, MeasureOptions};
 use super::stream::{self, Watched, Watcher};
 use super::watch_timeout::{Limits, Next};
-use crate::commands::{Session, configuration, json_line};
-use crate::live::{Block, Size};
-use crate::relay_link::LinkWatch;
-use crate::stamps::StampReader;
+use crate::render::json_line;
+use crate::render::stamps::StampReader;
+use crate::render::terminal::{Block, Size};
+use crate::robot::relay_link::LinkWatch;
+use crate::session::{Session, configuration};
 
 /// From one drawing to the next: long enough to read.
 const REDRAW_PERIOD: Duration = Duration::from_secs(1);

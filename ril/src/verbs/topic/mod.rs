@@ -24,8 +24,9 @@ use self::meter::delay::DelayMeter;
 use self::meter::rate::RateMeter;
 use self::options::{TopicCommand, TopicInfoArgs, TopicListArgs};
 use self::stream::Watched;
-use crate::commands::{Session, configuration, json_line, robot};
-use crate::fields::Selection;
+use crate::render::fields::Selection;
+use crate::render::json_line;
+use crate::session::{Session, configuration, other_domains, others_alive};
 
 /// `ril topic …`
 ///
@@ -70,8 +71,8 @@ fn list(args: &TopicListArgs) -> Result<(), Failure> {
         let _ = writeln!(
             io::stderr(),
             "note: robot {robot} has no topic{}{}",
-            robot::others_alive(robot),
-            robot::other_domains()
+            others_alive(robot),
+            other_domains()
         );
     }
     if !args.json {

@@ -7,8 +7,8 @@ use ipc_types::ServiceId;
 use ipc_types::service::is_key;
 use runtime::args::CommonArgs;
 
-use crate::cli::exit_codes::EXIT_CODES;
-use crate::cli::value::duration;
+use crate::options::EXIT_CODES;
+use crate::options::duration;
 
 /// `ril echo`
 #[derive(Args, Clone, Debug)]

@@ -18,7 +18,7 @@ use rustix::fs::{FileType, fstat};
 
 use super::options;
 use super::watch_timeout::{Limits, Next, WatchTimeout};
-use crate::commands::{Session, absent};
+use crate::session::{Session, absent};
 
 /// A topic that a command watches.
 pub(super) struct Watched {

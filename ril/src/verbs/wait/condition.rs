@@ -12,7 +12,7 @@ use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Schema, TelemetryGroup};
 
-use crate::fields::{Selection, Tree};
+use crate::render::fields::{Selection, Tree};
 
 /// A sample older than this is not of the present: the state comes at least once a second, telemetry far more often.
 pub const PRESENT: Duration = Duration::from_secs(1);

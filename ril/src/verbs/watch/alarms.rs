@@ -4,9 +4,9 @@
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
+use runtime::finding::Finding;
 
-use crate::changes::Weight;
-use crate::finding::Finding;
+use crate::robot::changes::Weight;
 
 /// An alarm that is over for less than this and comes back is the same one: it is not told again. Several seconds, so that a link
 /// which loses every other message does not fill the journal.
@@ -35,7 +35,7 @@ impl Alarm {
     }
 
     fn is_about(&self, finding: &Finding) -> bool {
-        (self.finding.id, self.finding.number) == (finding.id, finding.number)
+        (self.finding.id, &self.finding.items) == (finding.id, &finding.items)
     }
 }
 
@@ -116,7 +116,7 @@ impl Alarms {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::finding::Severity;
+    use runtime::finding::Severity;
 
     const fn at(ms: u64) -> MonotonicNs {
         MonotonicNs(ms * 1_000_000)
@@ -158,7 +158,7 @@ mod tests {
     #[test]
     fn an_amount_that_changes_is_shown_and_is_no_other_alarm() {
         let mut alarms = Alarms::default();
-        let battery = |text| vec![finding("safety", text).with_number(6)];
+        let battery = |text| vec![finding("safety", text).about(6)];
         alarms.update(battery("by 0.3 V"), at(0));
         assert!(alarms.update(battery("by 0.4 V"), at(1)).is_empty());
         assert_eq!(alarms.lasting().next().unwrap().finding.text, "by 0.4 V");
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn the_worst_comes_first_and_a_flood_is_bounded() {
         let mut alarms = Alarms::default();
-        let flood = (0..1000).map(|code| finding("dsp-error", "").with_number(code));
+        let flood = (0..1000).map(|code| finding("dsp-error", "").about(code));
         let status_gone = Finding::new(Severity::Warning, "status-gone", "");
         let flood: Vec<Finding> = [status_gone, finding("bridge-gone", "")]
             .into_iter()

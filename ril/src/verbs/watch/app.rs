@@ -7,9 +7,9 @@ use ipc_types::{MonotonicNs, RobotId};
 
 use super::model::Robot;
 use super::prompt::{Answer, Order, Prompt};
-use crate::changes::Weight;
-use crate::chart::Chart;
-use crate::keys::Key;
+use crate::render::terminal::Key;
+use crate::robot::changes::Weight;
+use crate::robot::chart::Chart;
 
 /// Most robots that are watched at a time: those with a key of their own.
 pub const MAX_ROBOTS: usize = 9;

@@ -10,7 +10,7 @@ use ipc_types::{MonotonicNs, RobotId};
 use super::app::App;
 use super::model::{Process, Robot};
 use super::view::Clock;
-use crate::chart::{Chart, FenceFile};
+use crate::robot::chart::{Chart, FenceFile};
 
 pub const fn at(ms: u64) -> MonotonicNs {
     MonotonicNs(1_000_000_000_000 + ms * 1_000_000)

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use crate::changes::Weight;
+use crate::robot::changes::Weight;
 
 /// Time of one bar of a sparkline.
 pub const SLOT: Duration = Duration::from_secs(1);

@@ -14,11 +14,11 @@ use ipc_types::{MonotonicNs, RobotId};
 use super::alarms::{Alarms, Change};
 use super::freshness::{Feed, Freshness, OVERDUE_AFTER};
 use super::history::{History, Journal};
-use crate::changes::Weight;
-use crate::geo::Place;
-use crate::pilot::PilotView;
-use crate::track::Track;
-use crate::{changes, pilot};
+use crate::robot::changes::Weight;
+use crate::robot::geo::Place;
+use crate::robot::geo::Track;
+use crate::robot::pilot::PilotView;
+use crate::robot::{changes, pilot};
 
 /// Telemetry older than this says nothing of the present: the DSP sends it several times a second.
 pub const TELEMETRY_STALE_AFTER: Duration = Duration::from_secs(1);

@@ -13,12 +13,12 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use super::freshness::Freshness;
 use super::model::{Process, Robot};
 use super::prompt::Order;
-use crate::changes::Weight;
-use crate::commands::exchange::{Exchange, Next, Outcome, Until};
-use crate::commands::is_relayed;
-use crate::commands::request::{complete, control_request};
 use crate::config::RequestConfig;
-use crate::messages::{self, FinalReport, Verb};
+use crate::render::messages::{self, FinalReport, Verb};
+use crate::request::exchange::{Exchange, Next, Outcome, Until};
+use crate::request::{complete, control_request};
+use crate::robot::changes::Weight;
+use crate::session::is_relayed;
 
 /// Services that orders go to.
 pub(super) const MAX_CLIENTS: usize = 2;

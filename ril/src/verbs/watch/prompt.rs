@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
 
-use crate::keys::Key;
+use crate::render::terminal::Key;
 
 /// How long the word may take.
 pub const TIMEOUT: Duration = Duration::from_secs(10);

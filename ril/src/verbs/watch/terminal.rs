@@ -28,8 +28,8 @@ use signal_hook::low_level::{pipe, unregister};
 use signal_hook::{SigId, flag};
 
 use super::paint;
-use crate::keys::{Key, keys};
-use crate::live::Size;
+use crate::render::terminal::Size;
+use crate::render::terminal::{Key, keys};
 use guard::Guard;
 
 /// Most bytes of keys that one read takes; what is more wakes the next wait.

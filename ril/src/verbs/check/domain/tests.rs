@@ -2,9 +2,10 @@
 
 use std::time::Duration;
 
-use super::super::facts::Trouble;
+use runtime::finding::Severity::{self, Error, Note, Warning};
+
 use super::*;
-use crate::finding::Severity::{self, Error, Note, Warning};
+use crate::robot::domain::Trouble;
 
 /// Of a user that is not this one.
 const STRANGER: u32 = u32::MAX - 7;

@@ -12,12 +12,12 @@ use super::events::{EventLog, Kind};
 use super::module::Module;
 use super::module::States;
 use super::requests::Requests;
-use crate::chart::Chart;
-use crate::geo::{Place, distance_m, offset_m};
-use crate::messages::details;
-use crate::pilot::PilotView;
 use crate::recorded::RequestEvent;
-use crate::track::Track;
+use crate::render::messages::details;
+use crate::robot::chart::Chart;
+use crate::robot::geo::Track;
+use crate::robot::geo::{Place, distance_m, offset_m};
+use crate::robot::pilot::PilotView;
 
 /// Most points of the track: more than a map has columns.
 const TRACK_POINTS: usize = 4000;

@@ -6,7 +6,7 @@ use flight_report::flight::{Curve, Ink, Limit, Plot, Scale};
 use ipc_types::TelemetryGroup;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 
-use crate::pilot::PilotView;
+use crate::robot::pilot::PilotView;
 
 /// A curve is interrupted where nothing came for longer than this, s: telemetry comes at least once a second, or is stale.
 pub const GAP_S: f64 = 1.0;

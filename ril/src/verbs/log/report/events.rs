@@ -3,7 +3,7 @@
 
 use flight_report::flight::{Event, Weight};
 
-use crate::geo::Place;
+use crate::robot::geo::Place;
 
 /// Most events of a kind: more than a person reads.
 pub const MAX_OF_A_KIND: usize = 50;

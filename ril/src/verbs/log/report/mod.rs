@@ -31,8 +31,9 @@ use super::options::LogReportArgs;
 use super::recording::{Entry, Format, ReadError};
 use super::row::UtcSource;
 use super::summary::{Summarizer, Summary};
-use crate::chart::{Chart, FenceFile, of_files};
-use crate::commands::{configuration, json_line};
+use crate::render::json_line;
+use crate::robot::chart::{Chart, FenceFile, of_files};
+use crate::session::configuration;
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.LogReport.v1";

@@ -6,8 +6,8 @@ use ipc_types::payload::ModuleState;
 
 use super::curves::Curves;
 use super::events::{EventLog, Kind};
-use crate::messages::details;
-use crate::pilot;
+use crate::render::messages::details;
+use crate::robot::pilot;
 
 /// See the module's documentation.
 #[derive(Debug, Default)]

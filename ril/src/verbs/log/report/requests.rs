@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use flight_report::flight::{Outcome, Request};
 use ipc_types::code::Stage;
 
-use crate::geo::Place;
 use crate::recorded::RequestEvent;
+use crate::robot::geo::Place;
 
 /// Most requests that are shown; further ones are counted.
 const MAX_REQUESTS: usize = 300;

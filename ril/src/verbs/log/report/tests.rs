@@ -8,7 +8,7 @@ use status::log::read::LogReader;
 use super::collector::Collector;
 use super::row::SampleReader;
 use super::words;
-use crate::chart::Chart;
+use crate::robot::chart::Chart;
 use crate::verbs::log::recording::Entry;
 use crate::verbs::log::row::UtcSource;
 use crate::verbs::log::summary::Summarizer;

@@ -10,11 +10,11 @@ use ipc_types::payload::{DspErrorCounters, LinkHealth, ModuleState, MovementStat
 use runtime::duration::Shown;
 
 use super::{StateReport, UNREADABLE, implausible, known_dsp_errors, pc_timeout_supported};
-use crate::commands::sample_age::{age_ms, named};
-use crate::fields::{Selection, Tree};
-use crate::geo::Place;
-use crate::messages::details;
-use crate::words::count;
+use crate::render::fields::{Selection, Tree};
+use crate::render::messages::details;
+use crate::render::words::count;
+use crate::robot::geo::Place;
+use crate::robot::sample_age::{age_ms, named};
 
 impl fmt::Display for StateReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use super::histogram::{Histogram, Summary, Unit};
 use super::{Counts, Detail, Meter, Of, Report, rounded};
-use crate::stamps::{DspClock, Stamps};
+use crate::render::stamps::{DspClock, Stamps};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Delay.v2";

@@ -19,8 +19,8 @@ use std::fmt;
 use ipc_types::{Losses, MonotonicNs};
 use serde::Serialize;
 
-use crate::stamps::Stamps;
-use crate::words::count;
+use crate::render::stamps::Stamps;
+use crate::render::words::count;
 
 /// How much of a report is shown to people. Programs get everything.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::histogram::{Histogram, Summary, Unit};
 use super::{Counts, Detail, Meter, Of, Report, rounded};
-use crate::stamps::Stamps;
+use crate::render::stamps::Stamps;
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Rate.v1";

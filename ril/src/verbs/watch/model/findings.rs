@@ -3,11 +3,11 @@
 use ipc_types::MonotonicNs;
 use ipc_types::code::{LinkState, SafetyAction};
 use ipc_types::payload::{ModuleState, RelayLink};
+use runtime::finding::{Finding, Severity};
 
 use super::super::freshness::Freshness;
 use super::{DSP_ERROR_SHOWN, Robot};
-use crate::finding::{Finding, Severity};
-use crate::messages::details;
+use crate::render::messages::details;
 
 impl Robot {
     /// All that is wrong, what matters most first. What follows from another finding is left out: one cause is one alarm.
@@ -84,7 +84,7 @@ impl Robot {
                 _ => Severity::Error,
             };
             let finding = Finding::new(severity, "safety", format!("{name}{by}: {action}"));
-            findings.push(finding.with_number(safety.rule));
+            findings.push(finding.about(safety.rule));
         }
         if let Some(error) = self.dsp_error
             && now.since(error.at) < DSP_ERROR_SHOWN
@@ -94,12 +94,12 @@ impl Robot {
                 false => Severity::Warning,
             };
             let finding = Finding::new(severity, "dsp-error", details::dsp_error(error.code));
-            findings.push(finding.with_number(error.code));
+            findings.push(finding.about(error.code));
         }
         if state.is_blocked() && state.imi_error != 0 {
             let error = state.imi_error();
             let text = format!("movements are blocked until `ril start`: {error}");
-            findings.push(warning("blocked", text).with_number(state.imi_error));
+            findings.push(warning("blocked", text).about(state.imi_error));
         }
         findings
     }

@@ -19,7 +19,10 @@ fn told(robot: &Robot) -> Vec<String> {
 fn alarms(robot: &Robot) -> Vec<(&'static str, u32)> {
     let alarms = robot.alarms().lasting();
     alarms
-        .map(|alarm| (alarm.finding.id, alarm.finding.number))
+        .map(|alarm| {
+            let number = alarm.finding.items.first();
+            (alarm.finding.id, number.copied().unwrap_or_default())
+        })
         .collect()
 }
 

@@ -9,8 +9,8 @@ use ratatui::widgets::canvas::{Canvas, Line};
 use ratatui::widgets::{Block, Widget};
 
 use super::pen::{Glyphs, OLD, TITLE, put};
-use crate::geo::Place;
-use crate::geo::offset_m;
+use crate::robot::geo::Place;
+use crate::robot::geo::offset_m;
 use crate::verbs::watch::app::{App, Zoom};
 use crate::verbs::watch::model::Robot;
 

@@ -1,9 +1,7 @@
 //! Draws an [`App`] into a buffer. Meaning is never by colour alone: alarms are reversed and have a word, marks on the map have letters
 //! of their own, and old values have a question mark.
 
-mod header;
-mod list;
-mod log;
+mod lines;
 mod map;
 mod pen;
 #[cfg(test)]
@@ -56,9 +54,9 @@ pub fn draw(app: &App, clock: Clock, glyphs: Glyphs, buffer: &mut Buffer) {
         height,
         ..area
     };
-    header::draw(app.robot(), clock, row(0, 1), buffer);
-    header::draw_alarm(app.robot(), clock, row(1, 1), buffer);
-    list::draw(app, clock, row(2, list), buffer);
+    lines::draw(app.robot(), clock, row(0, 1), buffer);
+    lines::draw_alarm(app.robot(), clock, row(1, 1), buffer);
+    lines::draw_list(app, clock, row(2, list), buffer);
     let middle = row(2 + list, body);
     let map = Rect {
         width: area.width - VALUES_WIDTH,
@@ -71,14 +69,14 @@ pub fn draw(app: &App, clock: Clock, glyphs: Glyphs, buffer: &mut Buffer) {
     };
     map::draw(app, glyphs, map, buffer);
     values::draw(app, clock, glyphs, values, buffer);
-    log::draw(
+    lines::draw_log(
         app.robot(),
         clock,
         glyphs,
         row(2 + list + body, log),
         buffer,
     );
-    header::draw_keys(app, clock, row(area.height - 1, 1), buffer);
+    lines::draw_keys(app, clock, row(area.height - 1, 1), buffer);
 }
 
 /// What matters most, where there is no room for all.
@@ -90,8 +88,8 @@ fn draw_small(app: &App, clock: Clock, buffer: &mut Buffer) {
         height: u16::from(y < height),
         ..area
     };
-    header::draw(app.robot(), clock, row(0), buffer);
-    header::draw_alarm(app.robot(), clock, row(1), buffer);
+    lines::draw(app.robot(), clock, row(0), buffer);
+    lines::draw_alarm(app.robot(), clock, row(1), buffer);
     let pilot = app.robot().pilot();
     let altitude = pilot
         .altitude_m
@@ -110,6 +108,6 @@ fn draw_small(app: &App, clock: Clock, buffer: &mut Buffer) {
     let advice = format!("terminal {width} x {height}: all needs {MIN_WIDTH} x {MIN_HEIGHT}");
     put(buffer, row(3), 0, &advice, TITLE);
     if height > 4 {
-        header::draw_keys(app, clock, row(height - 1), buffer);
+        lines::draw_keys(app, clock, row(height - 1), buffer);
     }
 }

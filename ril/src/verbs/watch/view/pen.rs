@@ -6,8 +6,8 @@ use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 
-use crate::changes::Weight;
-use crate::words::time_of_day;
+use crate::render::words::time_of_day;
+use crate::robot::changes::Weight;
 
 /// Which characters are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

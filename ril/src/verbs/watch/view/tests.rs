@@ -11,8 +11,8 @@ use ratatui::layout::Rect;
 use ratatui::style::Modifier;
 
 use super::*;
-use crate::chart::Chart;
-use crate::keys::Key;
+use crate::render::terminal::Key;
+use crate::robot::chart::Chart;
 use crate::verbs::watch::fixture::{app, at, clock, hero, on_path};
 use crate::verbs::watch::model::Process;
 

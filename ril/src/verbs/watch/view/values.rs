@@ -8,7 +8,7 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 
 use super::pen::{Clock, GOOD, Glyphs, OLD, TITLE, WARNING, put};
-use crate::pilot;
+use crate::robot::pilot;
 use crate::verbs::watch::app::App;
 use crate::verbs::watch::freshness::Freshness;
 use crate::verbs::watch::history::History;

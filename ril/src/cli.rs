@@ -1,0 +1,313 @@
+//! The command line of `ril`: the list of verbs, and the options that may stand before a verb as well as behind it.
+//!
+//! Everything is checked here, once; the verbs get typed values. The options of a verb are in the verb's own folder, those that several
+//! take in [`options`](crate::options). Every verb has its own of the global ones, so that its help says what they do there and a verb
+//! refuses what it has no use for; those that stand before the verb are written behind it before the command line is read. Nothing here
+//! talks to another process.
+
+#[cfg(test)]
+mod tests;
+
+use std::ffi::{OsStr, OsString};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{
+    ArgAction, ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum,
+};
+use runtime::args::CommonArgs;
+use runtime::manual::ManualArgs;
+
+use crate::options::{EXIT_CODES, RequestArgs, RobotChoice, duration};
+use crate::verbs::check::options::{DoctorArgs, PreflightArgs};
+use crate::verbs::demo;
+use crate::verbs::log::options::LogArgs;
+use crate::verbs::order::{ControlArgs, FenceArgs, GotoArgs, LandArgs, TakeoffArgs};
+use crate::verbs::param::ParamArgs;
+use crate::verbs::plan::options::PlanArgs;
+use crate::verbs::record::options::RecordArgs;
+use crate::verbs::relay::RelayArgs;
+use crate::verbs::replay::options::ReplayArgs;
+use crate::verbs::robots::RobotsArgs;
+use crate::verbs::status::StatusArgs;
+use crate::verbs::topic::options::{EchoArgs, MeasureArgs, TopicArgs};
+use crate::verbs::wait::WaitArgs;
+use crate::verbs::watch::WatchArgs;
+
+/// The operator's tool of the HERO helicopter's Robot Implementation Layer.
+///
+/// Data goes to standard output, everything else to standard error. With --json, data is one JSON object a line, and so is
+/// a failure.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "ril", version, after_help = EXIT_CODES)]
+pub struct Cli {
+    /// What may stand before the verb too.
+    #[command(flatten)]
+    pub global: GlobalArgs,
+
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+impl Cli {
+    /// Reads the command line, of which the first argument is the program's name.
+    ///
+    /// # Errors
+    ///
+    /// A usage error, or a text that was asked for, such as the help.
+    pub fn read(
+        args: impl IntoIterator<Item = OsString>,
+    ) -> Result<(Cli, RobotChoice), clap::Error> {
+        let mut command = Cli::command();
+        let args = behind_the_verb(protect_coordinates(args), &command);
+        let matches = command.try_get_matches_from_mut(args)?;
+        let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))?;
+        if let Command::Goto(goto) = &cli.command {
+            goto.targets().map_err(|text| {
+                // With the usage of `ril goto`, not that of `ril`.
+                if let Some(goto) = command.find_subcommand_mut("goto") {
+                    return goto.error(ErrorKind::ValueValidation, text);
+                }
+                command.error(ErrorKind::ValueValidation, text)
+            })?;
+        }
+        Ok((cli, robot_choice(&matches)))
+    }
+}
+
+/// Options that may stand before the verb too. Here they are for the help and for completion; the verb reads them.
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Options of the verbs, before the verb or after it")]
+pub struct GlobalArgs {
+    /// Which robot: an integer greater than 0 [env: RIL_ROBOT] [default: 1]
+    #[arg(long, value_name = "N")]
+    robot: Option<String>,
+
+    /// Print JSON, one object a line; a failure is the object ril.Error.v1
+    #[arg(long)]
+    json: bool,
+
+    /// How long to wait for an answer or a sample, such as 5s or 200ms [env: RIL_TIMEOUT]
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    timeout: Option<Duration>,
+
+    /// Configuration file; it must exist when it is named here [env: RIL_CONFIG]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+
+    /// Log more: -v debug, -vv trace
+    #[arg(short, long, action = ArgAction::Count)]
+    verbose: u8,
+
+    /// Log less: -q warnings, -qq errors, -qqq nothing
+    #[arg(short, long, action = ArgAction::Count)]
+    quiet: u8,
+}
+
+/// How the robot of the innermost command came about.
+fn robot_choice(matches: &ArgMatches) -> RobotChoice {
+    let mut innermost = matches;
+    while let Some((_, inner)) = innermost.subcommand() {
+        innermost = inner;
+    }
+    // A command without this option has no robot to choose.
+    let is_known = innermost.try_contains_id("robot").unwrap_or(false);
+    match is_known.then(|| innermost.value_source("robot")).flatten() {
+        Some(ValueSource::DefaultValue) => RobotChoice::Default,
+        _ => RobotChoice::Explicit,
+    }
+}
+
+/// The command line with the options that stand before the verb written behind it: before a `--`, or else at the end.
+///
+/// `command` says which options those are. What it does not know stays where it is, and so does everything when there is no verb.
+fn behind_the_verb(args: Vec<OsString>, command: &clap::Command) -> Vec<OsString> {
+    let mut rest = args.iter().skip(1).peekable();
+    let mut moved = Vec::new();
+    while let Some(option) = rest.next_if(|arg| takes_value(arg, command).is_some()) {
+        moved.push(option.clone());
+        if takes_value(option, command) == Some(true) {
+            moved.extend(rest.next().cloned());
+        }
+    }
+    if moved.is_empty() || rest.peek().is_none() {
+        return args;
+    }
+    let rest: Vec<OsString> = rest.cloned().collect();
+    let end = rest
+        .iter()
+        .position(|arg| arg == "--")
+        .unwrap_or(rest.len());
+    let (verb, behind) = rest.split_at(end);
+    [&args[..1], verb, &moved, behind].concat()
+}
+
+/// Whether an argument is an option of `command` of which the next argument is the value; `None` if it is none.
+fn takes_value(arg: &OsStr, command: &clap::Command) -> Option<bool> {
+    let text = arg.to_str()?;
+    let options = || {
+        command
+            .get_arguments()
+            .filter(|option| !option.is_positional())
+    };
+    if let Some(long) = text.strip_prefix("--") {
+        let name = long.split('=').next()?;
+        let option = options().find(|option| option.get_long() == Some(name))?;
+        return Some(option.get_action().takes_values() && !long.contains('='));
+    }
+    let shorts = text.strip_prefix('-').filter(|shorts| !shorts.is_empty())?;
+    let is_known = |short| options().any(|option| option.get_short() == Some(short));
+    shorts.chars().all(is_known).then_some(false)
+}
+
+/// The command line as clap can read it: a waypoint that begins with a minus sign would be taken for an option.
+///
+/// Such an argument gets a space in front, which the reader of waypoints drops. No option of ours begins with a digit, so
+/// nothing else is ever touched.
+fn protect_coordinates(args: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    let protect = |arg: OsString| match arg.to_str() {
+        Some(text) if is_negative_coordinate(text) => OsString::from(format!(" {text}")),
+        _ => arg,
+    };
+    args.into_iter().map(protect).collect()
+}
+
+/// A minus sign, a number, and a comma somewhere or a unit of length at the end.
+fn is_negative_coordinate(text: &str) -> bool {
+    text.strip_prefix('-')
+        .is_some_and(|rest| rest.starts_with(|c: char| c.is_ascii_digit() || c == '.'))
+        && (text.contains(',') || text.ends_with('m') || text.ends_with("ft"))
+}
+
+/// What to do.
+#[derive(Clone, Debug, Subcommand)]
+pub enum Command {
+    /// Fly a whole simulated mission, with nothing else running, and check it
+    Demo(demo::Args),
+    /// Run a process of the RIL in the foreground: bridge, status or sim
+    Run(RunArgs),
+    /// Run the bridge: short for `ril run bridge`
+    Bridge(ProcessArgs<bridge::cli::Args>),
+    /// Run the simulator: short for `ril run sim`
+    Sim(ProcessArgs<dsp_sim::cli::Args>),
+    /// Bring a robot to other machines, or show the links of the relay that does so (`ril relay status`)
+    Relay(RelayArgs),
+    /// Start the bridge's module, so that it takes movements; or another module
+    Start(ControlArgs),
+    /// Stop the bridge's module: the helicopter hovers, and everything that was planned is discarded; or another module
+    Stop(ControlArgs),
+    /// Take off and climb to a height above take-off
+    Takeoff(TakeoffArgs),
+    /// Land on the spot
+    Land(LandArgs),
+    /// Hover on the spot and stay started; replaces a path that is under way
+    Hold(RequestArgs),
+    /// Fly a path of one or more waypoints
+    Goto(GotoArgs),
+    /// Check, show or fly a plan of QGroundControl, Mission Planner, GeoJSON, KML or GPX
+    Plan(PlanArgs),
+    /// List, read or write the DSP's parameters (virtual ports)
+    Param(ParamArgs),
+    /// Manage the geofence
+    Fence(FenceArgs),
+    /// Show the state of the module, the link, the DSP, the safety rules and telemetry
+    #[command(visible_alias = "state")]
+    Status(StatusArgs),
+    /// Watch one or several robots on a terminal, and order hold, land and stop from it
+    Watch(WatchArgs),
+    /// Print samples as they come
+    Echo(EchoArgs),
+    /// Measure how often samples come and how often they are published, and count the lost ones
+    Hz(MeasureArgs),
+    /// Measure how old samples are when they come
+    Delay(MeasureArgs),
+    /// Measure how many bytes the samples make
+    Bw(MeasureArgs),
+    /// List, describe, print and measure topics, those of modules included
+    Topic(TopicArgs),
+    /// Find what is wrong with shared memory, configuration and serial port, and what to do
+    Doctor(DoctorArgs),
+    /// Check whether the robot is ready to take off: each check with its value, its limit and what to do
+    Preflight(PreflightArgs),
+    /// Wait until the robot is up, flies, hovers or has landed, or a value of its telemetry is reached
+    Wait(WaitArgs),
+    /// Record everything that a robot publishes, as MCAP files
+    Record(RecordArgs),
+    /// List, sum up, print, convert, check and recover the logs and records of flights
+    Log(LogArgs),
+    /// Play a recorded flight as if its robot were there
+    Replay(ReplayArgs),
+    /// List all robots of this user, with processes, link and phase
+    Robots(RobotsArgs),
+    /// Print the script that completes command lines of ril in a shell
+    Completions(CompletionsArgs),
+    /// Write the pages of the manual, for packages
+    #[command(hide = true)]
+    Man(ManualArgs),
+}
+
+/// `ril run`
+#[derive(Args, Clone, Debug)]
+pub struct RunArgs {
+    /// Which process.
+    #[command(subcommand)]
+    pub command: RunCommand,
+}
+
+/// A process of the RIL, with what `ril` adds.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct ProcessArgs<A: Args> {
+    /// The process's own arguments.
+    #[command(flatten)]
+    pub process: A,
+
+    /// Print a failure, or with --check-config the configuration, as one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl<A: Args> ProcessArgs<A> {
+    /// Whether only the configuration is to be printed, as JSON.
+    pub fn prints_config(&self, common: &CommonArgs) -> bool {
+        self.json && common.check_config
+    }
+}
+
+/// `ril run …`
+#[derive(Clone, Debug, Subcommand)]
+pub enum RunCommand {
+    /// Run the bridge between shared memory and the DSP's serial port, in the foreground
+    Bridge(ProcessArgs<bridge::cli::Args>),
+    /// Run the process that turns raw telemetry into SI units and writes logs, in the foreground
+    Status(ProcessArgs<status::cli::Args>),
+    /// Run the simulator of DSP and helicopter, in the foreground
+    Sim(ProcessArgs<dsp_sim::cli::Args>),
+}
+
+/// `ril completions`
+///
+/// Each press of the key then asks `ril` itself, so robots, topics, fields, modules and parameters are those that there are now.
+/// The package installs these scripts; without it: source <(ril completions bash) in ~/.bashrc, the same in ~/.zshrc after
+/// compinit, and `ril completions fish | source` in ~/.config/fish/config.fish.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct CompletionsArgs {
+    /// Which shell the script is for
+    #[arg(value_enum)]
+    pub shell: Shell,
+}
+
+/// Shells whose command lines can be completed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Shell {
+    /// bash 4.4 or later
+    Bash,
+    /// zsh
+    Zsh,
+    /// fish
+    Fish,
+}

@@ -1,0 +1,336 @@
+//! Which field of a sample depends on what, and which numbers are codes: the one place that knows.
+
+use ipc_types::code::{
+    DspPathState, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind,
+    PilotSwitch, SafetyAction, SafetyRule,
+};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
+use ipc_types::{TelemetryGroup, Topic};
+
+/// A field, plain or nested, and whether it means something in a sample.
+pub type Condition<T> = (&'static str, fn(&T) -> bool);
+
+/// A field whose number stands for something, and the name of the number; `None` when it is not in the contract.
+pub type Naming = (&'static str, fn(u32) -> Option<String>);
+
+/// A sample that can be shown field by field.
+pub trait Shown: Topic {
+    /// The fields that do not always mean something.
+    const CONDITIONS: &'static [Condition<Self>];
+
+    /// The fields that are codes.
+    const CODES: &'static [Naming];
+}
+
+/// What is known of a struct beyond its schema.
+#[derive(Clone, Copy)]
+pub struct Meaning {
+    void: fn(&[u8]) -> Vec<&'static str>,
+    codes: &'static [Naming],
+}
+
+impl Meaning {
+    /// Nothing: every field always means something, and no number has a name.
+    pub const NONE: Meaning = Meaning {
+        void: |_| Vec::new(),
+        codes: &[],
+    };
+
+    /// What is known of `T`.
+    pub const fn of<T: Shown>() -> Meaning {
+        Meaning {
+            void: void::<T>,
+            codes: T::CODES,
+        }
+    }
+
+    /// What is known of the struct with this type name, such as `hero.ModuleState.v3`.
+    pub fn of_type(type_name: &str) -> Meaning {
+        match type_name {
+            DspTelemetry::TYPE_NAME => Meaning::of::<DspTelemetry>(),
+            HeroTelemetry::TYPE_NAME => Meaning::of::<HeroTelemetry>(),
+            ModuleState::TYPE_NAME => Meaning::of::<ModuleState>(),
+            _ => Meaning::NONE,
+        }
+    }
+
+    /// Names of the fields that mean nothing in this sample.
+    pub(super) fn void(self, payload: &[u8]) -> Vec<&'static str> {
+        (self.void)(payload)
+    }
+
+    /// Name of the number `code` in the field `path`; `None` if it has none.
+    pub(super) fn name_of(self, path: &str, code: u32) -> Option<String> {
+        let (_, name_of) = self.codes.iter().find(|(name, _)| *name == path)?;
+        name_of(code)
+    }
+}
+
+fn void<T: Shown>(payload: &[u8]) -> Vec<&'static str> {
+    let Some(sample) = T::from_bytes(payload) else {
+        return Vec::new();
+    };
+    let conditions = T::CONDITIONS.iter();
+    conditions
+        .filter(|(_, means_something)| !means_something(&sample))
+        .map(|(name, _)| *name)
+        .collect()
+}
+
+/// Rows `"field" => Group` of [`Shown::CONDITIONS`].
+macro_rules! by_group {
+    ($($field:literal => $group:ident),+ $(; $other:literal if $condition:expr)* $(,)?) => {
+        &[
+            $(($field, |sample| sample.valid(TelemetryGroup::$group)),)+
+            $(($other, $condition),)*
+            ("last_dsp_error_code", |sample| sample.last_dsp_error().is_some()),
+        ]
+    };
+}
+
+impl Shown for DspTelemetry {
+    const CONDITIONS: &'static [Condition<Self>] = by_group! {
+        "dsp_time_ms" => Time,
+        "geographic" => Geographic,
+        "xy" => Xy,
+        "gps_velocity" => GpsVelocity,
+        "gps_quality" => GpsQuality,
+        "attitude" => Attitude,
+        "acceleration" => Acceleration,
+        "angular_rate" => AngularRate,
+        "pilot_pwm" => PilotPwm,
+        "sonar_adc" => Sonar,
+        "supply" => Supply,
+        "pan_tilt" => PanTilt,
+        "rotor_rpm" => RotorSpeed,
+        "barometer_adc" => Barometer,
+        "actuation" => Actuation,
+        "references" => References,
+    };
+
+    const CODES: &'static [Naming] = &[("last_dsp_error_code", dsp_error_name)];
+}
+
+impl Shown for HeroTelemetry {
+    const CONDITIONS: &'static [Condition<Self>] = by_group! {
+        "dsp_time_s" => Time,
+        "geodetic" => Geographic,
+        "local" => Xy,
+        "velocity" => GpsVelocity,
+        "gps_quality" => GpsQuality,
+        "attitude" => Attitude,
+        "acceleration" => Acceleration,
+        "angular_rate" => AngularRate,
+        "pilot" => PilotPwm,
+        "sonar_height_m" => Sonar,
+        "supply" => Supply,
+        "pan_rad" => PanTilt,
+        "tilt_rad" => PanTilt,
+        "rotor_radps" => RotorSpeed,
+        "barometer_altitude_m" => Barometer,
+        "actuation" => Actuation,
+        "references" => References;
+        "estimate" if |sample| sample.estimate.valid != 0
+    };
+
+    const CODES: &'static [Naming] = &[("last_dsp_error_code", dsp_error_name)];
+}
+
+impl Shown for ModuleState {
+    const CONDITIONS: &'static [Condition<Self>] = &[
+        ("movement", |state| state.movement.kind != 0),
+        ("movement.distance_to_go_m", |state| {
+            state.movement.distance_to_go().is_some()
+        }),
+        ("link.last_message_ns", |state| {
+            state.link.last_message().is_some()
+        }),
+        ("link.last_telemetry_ns", |state| {
+            state.link.telemetry_published > 0
+        }),
+        ("link.state_since_ns", |state| state.link.state_since_ns > 0),
+        ("dsp_errors.last_code", |state| state.dsp_errors.total > 0),
+        ("safety.rule", |state| state.safety.rule != 0),
+        ("safety.amount", |state| state.safety.rule != 0),
+        ("safety.action", |state| state.safety.action != 0),
+    ];
+
+    const CODES: &'static [Naming] = &[
+        ("module_id", |code| {
+            ModuleId::from_code(code).map(|id| id.to_string())
+        }),
+        ("status", |code| {
+            ModuleStatus::from_code(code).map(|status| status.to_string())
+        }),
+        ("imi_error", imi_name),
+        ("functionality", |code| {
+            Functionality::from_code(code).map(|doing| doing.to_string())
+        }),
+        ("movement.kind", |code| {
+            MovementKind::from_code(code).map(|kind| kind.to_string())
+        }),
+        ("link.state", |code| {
+            LinkState::from_code(code).map(|state| state.to_string())
+        }),
+        ("link.dsp_path", |code| {
+            DspPathState::from_code(code).map(|path| path.to_string())
+        }),
+        ("dsp_errors.last_code", dsp_error_name),
+        ("safety.rule", |code| {
+            SafetyRule::from_code(code).map(|rule| rule.to_string())
+        }),
+        ("safety.action", |code| {
+            SafetyAction::from_code(code).map(|action| action.to_string())
+        }),
+        ("safety.pilot_switch", |code| {
+            PilotSwitch::from_code(code).map(|switch| switch.to_string())
+        }),
+    ];
+}
+
+/// Every IMI code has a name.
+fn imi_name(code: u32) -> Option<String> {
+    Some(ImiCode(code).to_string())
+}
+
+/// Every DSP error has a name, of a known code or not.
+fn dsp_error_name(code: u32) -> Option<String> {
+    Some(format!("dsp-error-{code}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::fields::{Selection, Tree, field_names};
+    use ipc_types::Schema;
+
+    /// Fields of telemetry that mean something whatever was transmitted.
+    const ALWAYS: [&str; 11] = [
+        "sequence",
+        "epoch_ns",
+        "source_sequence",
+        "source_epoch_ns",
+        "received_ns",
+        "published_ns",
+        "valid_groups",
+        "flying",
+        "dsp_boots",
+        "dsp_errors",
+        "last_dsp_error_code",
+    ];
+
+    fn everything<T: Shown>(sample: &T) -> Tree {
+        Tree::of(sample, &Selection::default())
+    }
+
+    /// Names of the top-level fields of which something is shown.
+    fn visible<T: Shown>(sample: &T) -> Vec<String> {
+        let tree = everything(sample);
+        let mut names: Vec<String> = tree
+            .plain_fields()
+            .into_iter()
+            .filter(|(_, value)| !value.is_null())
+            .map(|(path, _)| path.split('.').next().unwrap().to_owned())
+            .filter(|name| !ALWAYS.contains(&name.as_str()))
+            .collect();
+        names.dedup();
+        names
+    }
+
+    /// Every field of the layout belongs to a group or is always there, and each group shows its own fields alone.
+    fn check_groups<T: Shown>(with_groups: impl Fn(u16) -> T) {
+        assert_eq!(visible(&with_groups(0)), [""; 0], "{}", T::NAME);
+        let mut seen = Vec::new();
+        for group in TelemetryGroup::ALL {
+            let names = visible(&with_groups(group.bit()));
+            assert!(!names.is_empty(), "{group}: nothing is shown");
+            assert!(
+                !names.iter().any(|name| seen.contains(name)),
+                "{group}: {names:?}"
+            );
+            seen.extend(names);
+        }
+        let all = T::FIELDS.iter().map(|field| field.name);
+        for name in all.filter(|name| !ALWAYS.contains(name) && *name != "estimate") {
+            assert!(
+                seen.iter().any(|seen| seen == name),
+                "{}: {name} is in no group",
+                T::NAME
+            );
+        }
+    }
+
+    #[test]
+    fn a_group_that_is_not_valid_never_looks_like_data() {
+        check_groups(|valid_groups| DspTelemetry {
+            valid_groups,
+            ..DspTelemetry::default()
+        });
+        check_groups(|valid_groups| HeroTelemetry {
+            valid_groups: u32::from(valid_groups),
+            ..HeroTelemetry::default()
+        });
+    }
+
+    #[test]
+    fn an_estimate_is_shown_when_status_makes_one() {
+        let mut sample = HeroTelemetry::default();
+        assert_eq!(visible(&sample), [""; 0]);
+        sample.estimate.valid = 1;
+        assert_eq!(visible(&sample), ["estimate"]);
+    }
+
+    #[test]
+    fn the_tables_name_fields_that_exist() {
+        fn check<T: Shown>() {
+            let known = field_names(Schema::of::<T>().root());
+            let named = T::CONDITIONS.iter().map(|(name, _)| name);
+            for name in named.chain(T::CODES.iter().map(|(name, _)| name)) {
+                assert!(
+                    known.iter().any(|known| known == name),
+                    "{}: {name}",
+                    T::NAME
+                );
+            }
+        }
+        check::<DspTelemetry>();
+        check::<HeroTelemetry>();
+        check::<ModuleState>();
+    }
+
+    #[test]
+    fn what_has_not_happened_is_nothing() {
+        let mut state = ModuleState::default();
+        let nothing = |state: &ModuleState| -> Vec<String> {
+            let tree = everything(state);
+            let fields = tree.plain_fields().into_iter();
+            fields
+                .filter(|(_, value)| value.is_null())
+                .map(|(path, _)| path)
+                .collect()
+        };
+        let before = nothing(&state);
+        for path in [
+            "movement.kind",
+            "link.last_message_ns",
+            "link.last_telemetry_ns",
+            "link.state_since_ns",
+            "dsp_errors.last_code",
+            "safety.rule",
+            "safety.amount",
+            "safety.action",
+        ] {
+            assert!(before.iter().any(|name| name == path), "{path}");
+        }
+        state.movement.kind = MovementKind::Land.code();
+        state.link.messages_received = 1;
+        state.link.telemetry_published = 1;
+        state.link.state_since_ns = 1;
+        state.dsp_errors.total = 1;
+        state.safety.rule = SafetyRule::Battery.code();
+        state.safety.action = SafetyAction::Warn.code();
+        assert_eq!(nothing(&state), ["movement.distance_to_go_m"]);
+        state.movement.distance_valid = 1;
+        assert_eq!(nothing(&state), [""; 0]);
+    }
+}

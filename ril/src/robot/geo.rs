@@ -1,0 +1,144 @@
+//! Places on the Earth and the metres between them: the one Earth of this tool, a sphere with the mean radius; and where a robot was.
+//!
+//! Distances are those on a flat map around the first place, good to 0.6 % over some kilometres. What the bridge judges with are its
+//! own: `bridge::geodesy` and the geofence.
+
+/// Metres of one degree of latitude, and of longitude at the equator: of the mean radius, 6 371 008.8 m.
+pub const METRES_PER_DEGREE: f64 = 6_371_008.8 * std::f64::consts::PI / 180.0;
+
+/// A place on the map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Degrees, north positive, −90 … 90.
+    pub latitude_deg: f64,
+    /// Degrees, east positive, −180 … 180.
+    pub longitude_deg: f64,
+}
+
+impl Place {
+    /// The place with these coordinates; `None` if there is none.
+    pub fn new(latitude_deg: f64, longitude_deg: f64) -> Option<Place> {
+        // A comparison with no number is false.
+        (latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 180.0).then_some(Place {
+            latitude_deg,
+            longitude_deg,
+        })
+    }
+}
+
+/// How far `to` lies from `from`: metres east, metres north, the shorter way round the Earth.
+pub fn offset_m(from: Place, to: Place) -> (f64, f64) {
+    let east_deg = (to.longitude_deg - from.longitude_deg + 540.0).rem_euclid(360.0) - 180.0;
+    let scale = from.latitude_deg.to_radians().cos();
+    (
+        east_deg * METRES_PER_DEGREE * scale,
+        (to.latitude_deg - from.latitude_deg) * METRES_PER_DEGREE,
+    )
+}
+
+/// Distance along the ground, m.
+pub fn distance_m(from: Place, to: Place) -> f64 {
+    let (east, north) = offset_m(from, to);
+    east.hypot(north)
+}
+
+/// Most points of a track. At the first spacing that is 256 m of flight, and twice as much after each thinning.
+pub const MAX_POINTS: usize = 512;
+
+/// Distance between points at first, m: half of what counts as reached at a waypoint.
+const FIRST_SPACING_M: f64 = 0.5;
+
+/// A jump farther than this begins another track, m: it is no flight, but another fix or another robot.
+const MAX_JUMP_M: f64 = 10_000.0;
+
+/// Where the robot was, bounded: when it is full, every other point goes and the points lie twice as far apart.
+#[derive(Clone, Debug)]
+pub struct Track {
+    points: Vec<Place>,
+    most: usize,
+    spacing_m: f64,
+}
+
+impl Default for Track {
+    fn default() -> Self {
+        Track::with_room(MAX_POINTS)
+    }
+}
+
+impl Track {
+    /// A track of at most `most` points, for more than a terminal shows.
+    pub fn with_room(most: usize) -> Track {
+        Track {
+            points: Vec::new(),
+            most: most.max(2),
+            spacing_m: FIRST_SPACING_M,
+        }
+    }
+
+    /// Takes the present place.
+    pub fn push(&mut self, place: Place) {
+        if let Some(last) = self.points.last() {
+            let distance_m = distance_m(*last, place);
+            if distance_m > MAX_JUMP_M {
+                *self = Track::with_room(self.most);
+            } else if distance_m < self.spacing_m {
+                return;
+            }
+        }
+        if self.points.len() == self.most {
+            let mut index = 0;
+            self.points.retain(|_| {
+                index += 1;
+                index % 2 == 1
+            });
+            self.spacing_m *= 2.0;
+        }
+        self.points.push(place);
+    }
+
+    /// The points, oldest first.
+    pub fn points(&self) -> &[Place] {
+        &self.points
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distances_are_right_across_the_date_line() {
+        let east = Place::new(0.0, 179.9999).unwrap();
+        let west = Place::new(0.0, -179.9999).unwrap();
+        let (east_m, north_m) = offset_m(east, west);
+        assert!((east_m - 22.3).abs() < 0.1 && north_m == 0.0, "{east_m}");
+    }
+
+    fn place(north_m: f64) -> Place {
+        Place::new(37.0 + north_m / METRES_PER_DEGREE, -6.0).unwrap()
+    }
+
+    #[test]
+    fn a_long_flight_stays_whole_and_bounded() {
+        let mut track = Track::default();
+        for tenth in 0..100_000 {
+            track.push(place(f64::from(tenth) * 0.1));
+        }
+        let points = track.points();
+        assert!(points.len() <= MAX_POINTS && points.len() > MAX_POINTS / 4);
+        assert_eq!(points[0], place(0.0), "its beginning is kept");
+        let last = *points.last().unwrap();
+        assert!(distance_m(last, place(9_999.9)) < 50.0);
+    }
+
+    #[test]
+    fn a_robot_that_hovers_adds_nothing_and_a_jump_begins_anew() {
+        let mut track = Track::default();
+        for _ in 0..10 {
+            track.push(place(0.0));
+        }
+        assert_eq!(track.points().len(), 1);
+        track.push(place(20_000.0));
+        assert_eq!(track.points(), [place(20_000.0)]);
+    }
+}

@@ -1,0 +1,413 @@
+//! How an operator's command begins: its configuration, the robot that it is for, its part in that robot's shared memory, and its one
+//! wait.
+//!
+//! A command that moves a helicopter does not guess which robot is meant when several are alive. A robot is alive when a process serves
+//! its movements, which is its bridge. The default stays robot 1 also when the only robot that is alive is another one: a robot that
+//! was not named is never commanded in place of the default.
+
+use std::collections::BTreeSet;
+use std::ffi::{OsStr, OsString};
+use std::io;
+use std::os::fd::AsFd;
+use std::path::Path;
+use std::time::Duration;
+
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, MovementData};
+use ipc_types::service::{ServiceId, own};
+use ipc_types::{
+    Descriptor, Domain, DomainError, Ipc, Module, MonotonicNs, Provider, RelayModule, Request,
+    RobotId, SchedulingRole, Source, Subscriber, Topic, Waiter, request_slice,
+};
+use runtime::args::CommonArgs;
+use runtime::config::resulting::{Origin, Resulting, given};
+use runtime::duration::{self, Shown};
+use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::signal::Termination;
+
+use crate::config::{Config, DEFAULT_FILE};
+use crate::options::{RobotChoice, wants_json};
+use crate::render::json_line;
+
+/// Most users that are named who have a domain.
+const MAX_NAMED: usize = 4;
+
+/// Begins logging and reads the configuration. Nothing comes out when it was only to be checked; it is printed then.
+pub(crate) fn configuration(common: &CommonArgs) -> Result<Option<Config>, Failure> {
+    runtime::logging::init(common.verbosity())?;
+    if common.check_config {
+        print_configuration("ril", &resulting(common)?)?;
+        return Ok(None);
+    }
+    let loaded =
+        runtime::config::load::<Config>(common.config.as_deref(), Path::new(DEFAULT_FILE))?;
+    tracing::debug!(file = ?loaded.file, config = ?loaded.value, "configuration");
+    Ok(Some(loaded.value))
+}
+
+/// What the operator's commands run with.
+fn resulting(common: &CommonArgs) -> Result<Resulting, Failure> {
+    let (file, default) = (common.config.as_deref(), Path::new(DEFAULT_FILE));
+    let resulting = Resulting::load::<Config>(file, default, include_str!("../ril.toml"))?;
+    let timeout = given("--timeout", "RIL_TIMEOUT");
+    let deadline = given("--deadline", "RIL_DEADLINE");
+    let timeout = in_unit(timeout, |time| time.as_secs_f64().into());
+    let deadline = in_unit(deadline, |time| (time.as_millis() as i64).into());
+    Ok(resulting
+        .with("request.timeout_s", timeout.clone())
+        .with("request.deadline_ms", deadline)
+        .with("observe.timeout_s", timeout))
+}
+
+/// A duration that was given, in the unit that the key of the configuration names.
+fn in_unit<V>(
+    given: Option<(OsString, Origin)>,
+    unit: impl FnOnce(Duration) -> V,
+) -> Option<(V, Origin)> {
+    let (text, origin) = given?;
+    let read = |text: &OsStr| duration::parse(text.to_str()?).ok();
+    Some((unit(read(&text)?), origin))
+}
+
+/// Prints the configuration of a process, or of the operator's commands, as text or as JSON.
+pub(crate) fn print_configuration(of: &str, resulting: &Resulting) -> Result<(), Failure> {
+    let args: Vec<OsString> = std::env::args_os().collect();
+    match wants_json(&args) {
+        true => json_line(&mut io::stdout().lock(), &resulting.object(of)),
+        false => resulting.print(),
+    }
+}
+
+/// The command's part in the robot's shared memory, and its one wait.
+pub(crate) struct Session {
+    pub(crate) ipc: Ipc,
+    waiter: Waiter,
+    pub(crate) termination: Termination,
+}
+
+impl Session {
+    /// Takes part. Signals no longer end the process by themselves from here on.
+    pub(crate) fn join(common: &CommonArgs) -> Result<Session, Failure> {
+        let termination = Termination::install().or_fail(ExitCode::Internal)?;
+        let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
+        let ipc =
+            Ipc::join(&domain, RobotId::from(common.robot), "ril").or_fail(ExitCode::Internal)?;
+        request_slice(SchedulingRole::Consumer);
+        Ok(Session {
+            ipc,
+            waiter: Waiter::new(),
+            termination,
+        })
+    }
+
+    /// Sleeps until a source has something, a signal comes or it is `until`; `None` is no limit.
+    pub(crate) fn wait<'a>(
+        &self,
+        others: impl IntoIterator<Item = &'a mut dyn Source>,
+        until: Option<MonotonicNs>,
+    ) -> Result<(), Failure> {
+        let mut signals = Descriptor::new(self.termination.as_fd());
+        let mut sources: Vec<((), &mut dyn Source)> = vec![((), &mut signals)];
+        for other in others {
+            sources.push(((), other));
+        }
+        let timeout = until.map(|until| until.since(MonotonicNs::now()));
+        self.waiter
+            .wait(&mut sources, timeout)
+            .or_fail(ExitCode::Internal)?;
+        Ok(())
+    }
+
+    /// The live process that provides the service `key`.
+    pub(crate) fn provider(&self, key: &str) -> Result<Option<Provider>, Failure> {
+        self.ipc.provider(key).or_fail(ExitCode::Internal)
+    }
+
+    /// Whether a live process provides the service `key`.
+    pub(crate) fn is_provided(&self, key: &str) -> Result<bool, Failure> {
+        Ok(self.provider(key)?.is_some())
+    }
+
+    /// The failure that nothing of the topic `key` came in time: no process provides it, or its provider publishes nothing.
+    pub(crate) fn nothing_came(&self, key: &str, timeout: Duration) -> Result<Failure, Failure> {
+        let robot = self.ipc.robot();
+        let timeout = Shown(timeout);
+        let Some(provider) = self.provider(key)? else {
+            return Ok(absent(key, robot));
+        };
+        let (running, next_step) = match process_of(key) {
+            _ if is_relayed(key, &provider) => (
+                "the relay".to_owned(),
+                format!("`ril relay status --robot {robot}` shows its link to the robot"),
+            ),
+            Some(process) => (
+                format!("`ril run {process}`"),
+                format!("`ril status --robot {robot}` shows the link to the DSP"),
+            ),
+            None => (
+                "its module".to_owned(),
+                "wait longer with --timeout".to_owned(),
+            ),
+        };
+        let text = format!(
+            "nothing came from {key} of robot {robot} in {timeout}, although {running} is running"
+        );
+        Ok(Failure::new(ExitCode::Timeout, text).with_next_step(next_step))
+    }
+}
+
+/// The failure that no process provides the service `key`; other robots that are alive are named.
+pub(crate) fn absent(key: &str, robot: RobotId) -> Failure {
+    let start = match process_of(key) {
+        Some(process) => format!("start `ril run {process} --robot {robot}`"),
+        None => "start the module that provides it".to_owned(),
+    };
+    let text = format!(
+        "no process provides {key} of robot {robot}{}{}",
+        others_alive(robot),
+        other_domains()
+    );
+    Failure::new(ExitCode::ServiceAbsent, text).with_next_step(format!("{start} and try again"))
+}
+
+/// Whether the service `key`, which `provider` provides, comes from another machine. The relay's own topics do not.
+pub(crate) fn is_relayed(key: &str, provider: &Provider) -> bool {
+    let is_own = key.split('/').next() == Some(RelayModule::NAME);
+    provider.process == RelayModule::NAME && !is_own
+}
+
+/// The process that provides the service `key`; `None` if that is a module outside the RIL.
+pub(crate) fn process_of(key: &str) -> Option<&'static str> {
+    own(key).map(ServiceId::provider)
+}
+
+/// The newest sample of a topic, and the port it comes from.
+pub(crate) struct Latest<T: Topic> {
+    /// What to wait for.
+    pub port: Subscriber<T>,
+    /// `None` before the first one.
+    pub sample: Option<T>,
+}
+
+impl<T: Topic> Latest<T> {
+    /// Subscribes to the topic.
+    pub fn open(ipc: &Ipc) -> Result<Latest<T>, Failure> {
+        Ok(Latest {
+            port: ipc.subscriber().or_fail(ExitCode::Internal)?,
+            sample: None,
+        })
+    }
+
+    /// The same, or `None` if no process provides the topic.
+    pub fn open_if_provided(session: &Session) -> Result<Option<Latest<T>>, Failure> {
+        match session.is_provided(T::KEY)? {
+            true => Latest::open(&session.ipc).map(Some),
+            false => Ok(None),
+        }
+    }
+
+    /// Takes what came, and says whether something did.
+    pub fn drain(&mut self) -> bool {
+        match self.port.latest() {
+            Ok(Some(sample)) => {
+                self.sample = Some(sample);
+                true
+            }
+            Ok(None) => false,
+            Err(error) => {
+                tracing::warn!(%error, "samples could not be received");
+                false
+            }
+        }
+    }
+}
+
+/// The robots of which a bridge, a status or a relay lives, in ascending order.
+///
+/// # Errors
+///
+/// When the domain's folder cannot be read.
+pub fn alive(domain: &Domain) -> Result<Vec<RobotId>, DomainError> {
+    let mut robots = BTreeSet::new();
+    for key in [
+        MovementData::KEY,
+        ModuleState::KEY,
+        DspTelemetry::KEY,
+        HeroTelemetry::KEY,
+    ] {
+        robots.extend(domain.robots(key)?);
+    }
+    Ok(robots.into_iter().collect())
+}
+
+/// The robots that take movements, in ascending order: a bridge of theirs lives, here or beyond a relay.
+///
+/// # Errors
+///
+/// When the domain's folder cannot be read.
+pub fn commandable(domain: &Domain) -> Result<Vec<RobotId>, DomainError> {
+    domain.robots(MovementData::KEY)
+}
+
+/// Refuses a default robot when several are alive.
+///
+/// # Errors
+///
+/// Code 2 with the robots that are alive; code 1 or 78 when the domain cannot be read.
+pub(crate) fn refuse_to_guess(choice: RobotChoice) -> Result<(), Failure> {
+    if choice == RobotChoice::Explicit {
+        return Ok(());
+    }
+    match ambiguity(&commandable_here()?) {
+        Some(text) => {
+            Err(Failure::usage(text).with_next_step("say which one with --robot N or RIL_ROBOT"))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Which other robots could be meant when the one that was asked for does not answer; empty when there is none.
+pub(crate) fn others_alive(robot: RobotId) -> String {
+    let mut others = commandable_here().unwrap_or_default();
+    others.retain(|other| *other != robot);
+    match others.as_slice() {
+        [] => String::new(),
+        [one] => format!("; robot {one} is alive: name it with --robot {one} if it is meant"),
+        several => format!(
+            "; robots {} are alive: name one with --robot if it is meant",
+            list(several)
+        ),
+    }
+}
+
+/// Which domain was looked at, when no robot is alive there, and which others there are; empty when a robot is alive there.
+pub(crate) fn other_domains() -> String {
+    let Ok(domain) = Domain::from_environment() else {
+        return String::new();
+    };
+    let has_robots = |domain: &Domain| !commandable(domain).unwrap_or_default().is_empty();
+    if has_robots(&domain) {
+        return String::new();
+    }
+    let own = Some(Domain::of_user()).filter(|own| *own != domain && has_robots(own));
+    let others = Domain::others();
+    let others = others.iter().filter(|one| one.path != domain.root());
+    let others: Vec<(u32, &Path)> = others.map(|one| (one.uid, one.path.as_path())).collect();
+    elsewhere(domain.root(), own.as_ref().map(Domain::root), &others)
+}
+
+/// Where robots may be that are not in the domain at `root`: in the user's `own`, and in those of other users.
+fn elsewhere(root: &Path, own: Option<&Path>, others: &[(u32, &Path)]) -> String {
+    let mut text = format!("; no robot is alive in {}", root.display());
+    if let Some(own) = own {
+        text += &format!(
+            "; robots are alive in {}: unset RIL_IPC_ROOT if they are meant",
+            own.display()
+        );
+    }
+    for (uid, path) in others.iter().take(MAX_NAMED) {
+        text += &format!(
+            "; user {uid} has a domain at {}: {}",
+            path.display(),
+            as_user(*uid)
+        );
+    }
+    text
+}
+
+/// The way to the robots of another user. RIL_IPC_ROOT does not lead there: no process enters the folder of another user.
+pub(crate) fn as_user(uid: u32) -> String {
+    format!("if its robots are meant, run as that user: `sudo -u '#{uid}' ril ...`")
+}
+
+fn commandable_here() -> Result<Vec<RobotId>, Failure> {
+    let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
+    commandable(&domain).or_fail(ExitCode::Internal)
+}
+
+/// Why a default robot is refused; `None` if it is unambiguous.
+fn ambiguity(alive: &[RobotId]) -> Option<String> {
+    (alive.len() > 1).then(|| {
+        format!(
+            "several robots are alive ({}) and none was named",
+            list(alive)
+        )
+    })
+}
+
+fn list(robots: &[RobotId]) -> String {
+    let numbers: Vec<String> = robots.iter().map(RobotId::to_string).collect();
+    numbers.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_relay_provides_comes_from_another_machine_but_for_its_own_topics() {
+        let provider = |process: &str| Provider {
+            pid: 7,
+            process: process.to_owned(),
+            since_ns: 1,
+            pid_namespace: 4,
+            time_namespace: 5,
+        };
+        for (key, process, expected) in [
+            ("hero_telemetry", "relay", true),
+            ("battery_watch/state", "relay", true),
+            ("hero_telemetry", "status", false),
+            ("relay/link", "relay", false),
+            ("relay/state", "relay", false),
+        ] {
+            assert_eq!(
+                is_relayed(key, &provider(process)),
+                expected,
+                "{key} of {process}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_missing_process_is_named_with_how_to_start_it() {
+        for (key, process) in [
+            ("hero_telemetry", "ril run status --robot 7"),
+            ("dsp_telemetry", "ril run bridge --robot 7"),
+            ("movement", "ril run bridge --robot 7"),
+        ] {
+            let failure = absent(key, RobotId::new(7).unwrap());
+            assert_eq!(failure.code(), ExitCode::ServiceAbsent);
+            assert!(failure.next_step().contains(process), "{failure:?}");
+        }
+    }
+
+    #[test]
+    fn the_domains_where_robots_may_be_are_named_with_the_way_there() {
+        let root = Path::new("/dev/shm/hero0");
+        let text = elsewhere(root, None, &[]);
+        assert_eq!(text, "; no robot is alive in /dev/shm/hero0");
+        let own = Path::new("/dev/shm/hero1000");
+        let text = elsewhere(Path::new("/dev/shm/test"), Some(own), &[]);
+        assert!(
+            text.ends_with(
+                "; robots are alive in /dev/shm/hero1000: unset RIL_IPC_ROOT if they are meant"
+            ),
+            "{text}"
+        );
+        let others: Vec<(u32, &Path)> = (0..20).map(|_| (1000, own)).collect();
+        let text = elsewhere(root, None, &others);
+        let way = "user 1000 has a domain at /dev/shm/hero1000: if its robots are meant, run as that user: `sudo -u '#1000' ril ...`";
+        assert_eq!(text.matches(way).count(), MAX_NAMED);
+    }
+
+    #[test]
+    fn only_several_robots_are_ambiguous() {
+        let robots = |ids: &[u32]| -> Vec<RobotId> {
+            ids.iter().map(|id| RobotId::new(*id).unwrap()).collect()
+        };
+        for unambiguous in [&[][..], &[1], &[7]] {
+            assert_eq!(ambiguity(&robots(unambiguous)), None, "{unambiguous:?}");
+        }
+        let text = ambiguity(&robots(&[2, 7])).unwrap();
+        assert!(text.contains("(2, 7)"), "{text}");
+    }
+}

@@ -1,0 +1,364 @@
+//! `ril plan fly`: checks a plan, then does its steps one after the other, each followed to its final report.
+
+use std::io::{self, Write};
+use std::time::Duration;
+
+use dsp_protocol::port;
+use ipc_types::payload::{
+    ModuleState, MovementData, ParameterRequest, RequestReport, WaypointPosition,
+};
+use ipc_types::{MonotonicNs, Source, Subscriber, fresh_request_id};
+use plans::flight::{PathPoint, Step};
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use super::fence;
+use super::gather::{Known, gather, read};
+use super::journal::Journal;
+use super::options::PlanFlyArgs;
+use super::report::Report;
+use crate::options::RobotChoice;
+use crate::render::json_line;
+use crate::render::messages::Verb;
+use crate::render::words::{columns, distance, duration};
+use crate::request::exchange::Until;
+use crate::request::{Companion, Conversation, Format, begin_by_ns, complete};
+use crate::session::{Session, configuration, refuse_to_guess};
+
+/// `ril plan fly`
+///
+/// # Errors
+///
+/// Code 8 when a finding forbids the flight; otherwise that of the request that ended it early.
+pub fn fly(args: &PlanFlyArgs, choice: RobotChoice) -> Result<(), Failure> {
+    let ask = &args.ask;
+    let Some(config) = configuration(&ask.common)? else {
+        return Ok(());
+    };
+    refuse_to_guess(choice)?;
+    let plan = read(&args.plan)?;
+    let session = Session::join(&ask.common)?;
+    let timeout = ask.timeout.unwrap_or_else(|| config.request.timeout());
+    let known = gather(
+        plan,
+        &args.plan,
+        &config.plan,
+        Some(&session),
+        timeout,
+        true,
+    )?;
+    let report = Report::new(&args.plan.file, &known);
+    if ask.json {
+        report.write_json(&mut io::stdout().lock())?;
+    } else {
+        eprint!("{}", report.findings(columns()));
+    }
+    report.verdict()?;
+    if args.fence {
+        put_fence(args, &known, &session, timeout)?;
+    }
+    let mut flyer = Flyer {
+        session: &session,
+        known: &known,
+        journal: Journal::new(known.flight.steps.clone(), args.plan.from),
+        timeout,
+        deadline_ms: ask.deadline.unwrap_or(config.request.deadline_ms),
+        json: ask.json,
+        is_speed_changed: false,
+    };
+    let result = flyer.fly();
+    flyer.restore_speed();
+    result.map_err(explain_closed_output).map_err(|failure| {
+        let journal = &flyer.journal;
+        match journal.next_item().zip(journal.resume(args, &known.site.home)) {
+            Some((item, command)) => failure.context(format!(
+                "the plan ended early, before the end of item {item}; the helicopter is where that left it. Once the cause is gone, go \
+                 on with `{command}`"
+            )),
+            None => failure,
+        }
+    })
+}
+
+/// Where output is all that a command is for, it ends quietly when its reader has gone. This one is for more.
+fn explain_closed_output(failure: Failure) -> Failure {
+    match failure.chain().is_empty() {
+        false => failure,
+        true => Failure::new(
+            ExitCode::OutcomeUnknown,
+            "standard output was closed: what was sent is flown to its end, and nothing else; `ril hold` makes the helicopter hover",
+        ),
+    }
+}
+
+fn put_fence(
+    args: &PlanFlyArgs,
+    known: &Known,
+    session: &Session,
+    timeout: Duration,
+) -> Result<(), Failure> {
+    let Some((_, file)) = &known.rules else {
+        return Err(Failure::usage(
+            "--fence: the bridge's configuration is not known; name it with `--bridge FILE`",
+        ));
+    };
+    fence::put(
+        &known.plan.fence,
+        file,
+        session,
+        timeout,
+        Format::of(args.ask.json),
+    )
+}
+
+struct Flyer<'a> {
+    session: &'a Session,
+    known: &'a Known,
+    journal: Journal,
+    timeout: Duration,
+    deadline_ms: u32,
+    json: bool,
+    is_speed_changed: bool,
+}
+
+impl Flyer<'_> {
+    /// Does one step after the other.
+    fn fly(&mut self) -> Result<(), Failure> {
+        while let Some(step) = self.journal.step().cloned() {
+            self.announce("begin", &describe(&step))?;
+            match &step {
+                Step::TakeOff { height_m, .. } => {
+                    let request = MovementData::take_off(fresh_request_id(), *height_m);
+                    let report = self.movement(Verb::TakeOff, vec![request])?;
+                    let height_m = report.and_then(|report| report.value());
+                    if let Some(height_m) = height_m.filter(|height_m| height_m.is_finite()) {
+                        self.print(&format!("{height_m:.1} m above take-off"))?;
+                    }
+                }
+                Step::Path(points) => self.path(points)?,
+                Step::Wait { duration_s, .. } => self.hover(*duration_s)?,
+                Step::Speed { speed_mps, .. } => {
+                    self.is_speed_changed = true;
+                    self.set_speed(*speed_mps)?;
+                }
+                Step::Land { .. } => {
+                    let request = MovementData::land(fresh_request_id());
+                    self.movement(Verb::Land, vec![request])?;
+                }
+            }
+            self.journal.step_done();
+        }
+        let is_down = matches!(self.known.flight.steps.last(), Some(Step::Land { .. }));
+        self.announce(
+            "done",
+            match is_down {
+                true => "done; the helicopter has landed",
+                false => "done; the helicopter hovers",
+            },
+        )
+    }
+
+    fn movement(
+        &mut self,
+        verb: Verb,
+        requests: Vec<MovementData>,
+    ) -> Result<Option<RequestReport>, Failure> {
+        let requests = self.with_deadline(requests);
+        Conversation::<MovementData>::open(self.session, verb, self.timeout)?.hold(
+            &requests,
+            Until::Final,
+            self.format(),
+        )
+    }
+
+    fn path(&mut self, points: &[PathPoint]) -> Result<(), Failure> {
+        let waypoints: Vec<WaypointPosition> = points
+            .iter()
+            .map(|point| WaypointPosition {
+                latitude_deg: point.waypoint.latitude_deg,
+                longitude_deg: point.waypoint.longitude_deg,
+                altitude_m: point.waypoint.altitude_m,
+            })
+            .collect();
+        let path_id = fresh_request_id();
+        let requests = MovementData::path(path_id, &waypoints, fresh_request_id).collect();
+        let requests = self.with_deadline(requests);
+        let format = self.format();
+        let mut bridge =
+            Conversation::<MovementData>::open(self.session, Verb::GoTo, self.timeout)?;
+        let mut watch = PathWatch::open(self.session, path_id, &mut self.journal, self.json)?;
+        let report = bridge.hold_beside(&requests, Until::Final, format, Some(&mut watch))?;
+        let reached = report.map_or(0, |report| report.waypoints_reached);
+        watch.reached(reached as usize, None)?;
+        Ok(())
+    }
+
+    /// Hovering is what the helicopter does between two movements.
+    fn hover(&mut self, duration_s: f64) -> Result<(), Failure> {
+        // A day at most: longer ones are surely a mistake of units, and are cut off.
+        let end = MonotonicNs::now() + Duration::from_secs_f64(duration_s.clamp(0.0, 86_400.0));
+        while MonotonicNs::now() < end {
+            if self.session.termination.requested() {
+                let text = "interrupted while the helicopter hovers, which it goes on doing";
+                return Err(Failure::new(ExitCode::OutcomeUnknown, text));
+            }
+            self.session.wait([], Some(end))?;
+        }
+        Ok(())
+    }
+
+    fn set_speed(&self, speed_mps: f64) -> Result<(), Failure> {
+        let request =
+            ParameterRequest::write(fresh_request_id(), port::CRUISE_SPEED_MPS, speed_mps);
+        let request = ParameterRequest {
+            begin_by_ns: begin_by_ns(request.issued_ns, self.deadline_ms),
+            ..request
+        };
+        Conversation::<ParameterRequest>::open(self.session, Verb::SetParameter, self.timeout)?
+            .hold(&[request], Until::Final, self.format())
+            .map(drop)
+    }
+
+    /// The cruise speed from before the plan, which would otherwise hold until the bridge ends. After a signal the path goes on, and
+    /// so does its speed.
+    fn restore_speed(&self) {
+        if !self.is_speed_changed {
+            return;
+        }
+        let before = self
+            .known
+            .robot
+            .as_ref()
+            .and_then(|robot| robot.cruise_speed_mps);
+        let restored = match before {
+            Some(speed_mps) if !self.session.termination.requested() => self
+                .set_speed(speed_mps)
+                .map_err(|failure| failure.chain().join(": ")),
+            Some(_) => Err("the command was interrupted".to_owned()),
+            None => Err("the speed before the plan is not known".to_owned()),
+        };
+        if let Err(why) = restored {
+            eprintln!(
+                "warning: the cruise speed stays as the plan has set it: {why}. `ril param set cruise_speed_mps` changes it"
+            );
+        }
+    }
+
+    fn with_deadline(&self, requests: Vec<MovementData>) -> Vec<MovementData> {
+        let deadline_ms = self.deadline_ms;
+        let requests = requests.into_iter();
+        requests
+            .map(|request| complete(request, false, deadline_ms))
+            .collect()
+    }
+
+    /// In text the steps are printed, not the reports about each waypoint.
+    fn format(&self) -> Format {
+        match self.json {
+            true => Format::Json,
+            false => Format::Silent,
+        }
+    }
+
+    fn announce(&self, event: &'static str, text: &str) -> Result<(), Failure> {
+        match self.json {
+            true => json_line(&mut io::stdout().lock(), &self.journal.event(event)),
+            false => self.print(text),
+        }
+    }
+
+    fn print(&self, text: &str) -> Result<(), Failure> {
+        match self.json {
+            true => Ok(()),
+            false => writeln!(io::stdout().lock(), "plan: {text}").map_err(Failure::output),
+        }
+    }
+}
+
+fn describe(step: &Step) -> String {
+    match step {
+        Step::TakeOff { height_m, .. } => format!("take-off to {height_m:.1} m"),
+        Step::Path(points) => match (points.first(), points.last()) {
+            (Some(first), Some(last)) if points.len() > 1 => format!(
+                "path of {} waypoints, items {} to {}",
+                points.len(),
+                first.item,
+                last.item
+            ),
+            (Some(first), _) => format!("path to item {}", first.item),
+            (None, _) => "path".to_owned(),
+        },
+        Step::Wait { item, duration_s } => {
+            format!("hover for {}, item {item}", duration(*duration_s))
+        }
+        Step::Speed { item, speed_mps } => format!("cruise at {speed_mps} m/s, item {item}"),
+        Step::Land { item } => format!("landing, item {item}"),
+    }
+}
+
+/// Watches which waypoints of a path have been reached, in the bridge's published state, while it is flown.
+struct PathWatch<'a> {
+    states: Subscriber<ModuleState>,
+    path_id: u64,
+    journal: &'a mut Journal,
+    json: bool,
+}
+
+impl<'a> PathWatch<'a> {
+    /// Watches the path with this id.
+    fn open(
+        session: &Session,
+        path_id: u64,
+        journal: &'a mut Journal,
+        json: bool,
+    ) -> Result<PathWatch<'a>, Failure> {
+        Ok(PathWatch {
+            states: session.ipc.subscriber().or_fail(ExitCode::Internal)?,
+            path_id,
+            journal,
+            json,
+        })
+    }
+
+    /// So many waypoints were reached; the rest is so long.
+    fn reached(&mut self, count: usize, to_go_m: Option<f64>) -> Result<(), Failure> {
+        let items = self.journal.reached(count);
+        let mut out = io::stdout().lock();
+        if self.json {
+            return match items.is_empty() {
+                true => Ok(()),
+                false => json_line(&mut out, &self.journal.event("reached")),
+            };
+        }
+        for item in items {
+            let to_go = to_go_m.map_or(String::new(), |metres| {
+                format!(", {} to go", distance(metres))
+            });
+            writeln!(out, "plan: item {item} reached{to_go}").map_err(Failure::output)?;
+        }
+        Ok(())
+    }
+}
+
+impl Companion for PathWatch<'_> {
+    fn source(&mut self) -> &mut dyn Source {
+        &mut self.states
+    }
+
+    fn look(&mut self) -> Result<(), Failure> {
+        let mut newest = None;
+        let path_id = self.path_id;
+        self.states
+            .drain(|state| {
+                if state.movement.path_id == path_id {
+                    newest = Some(state.movement);
+                }
+            })
+            .or_fail(ExitCode::Internal)?;
+        let Some(movement) = newest else {
+            return Ok(());
+        };
+        let to_go_m =
+            (movement.distance_valid == 1).then_some(f64::from(movement.distance_to_go_m));
+        self.reached(movement.waypoints_reached as usize, to_go_m)
+    }
+}

@@ -1,0 +1,298 @@
+//! What is known when a plan is checked: the robot if it runs, the configurations, and what the operator says.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use bridge::BridgeConfig;
+use dsp_protocol::{Waypoint, port};
+use ipc_types::code::{LinkState, SafetyAction};
+use ipc_types::payload::{ModuleState, ParameterRequest};
+use ipc_types::{Topic, fresh_request_id};
+use plans::Plan;
+use plans::check::{check, configured};
+use plans::finding::sort;
+use plans::flight::Flight;
+use plans::model::StatedAltitudes;
+use plans::site::{Endurance, HomeSource, Site, Start};
+use runtime::exit::Failure;
+use runtime::finding::{Finding, Severity};
+
+use super::options::{HomeArg, PlanFileArgs};
+use crate::config::PlanConfig;
+use crate::render::messages::Verb;
+use crate::request::exchange::Until;
+use crate::request::{Conversation, Format};
+use crate::robot::chart::read_plan;
+use crate::robot::position::{Present, newest_state, present_position};
+use crate::session::Session;
+
+/// The file that is read when none is named; it may be absent.
+const BRIDGE_FILE: &str = "bridge.toml";
+
+/// A plan with all that is known about it.
+pub struct Known {
+    /// As its file has it, and as the operator says.
+    pub plan: Plan,
+    /// What it is flown from.
+    pub site: Site,
+    /// What the helicopter does.
+    pub flight: Flight,
+    /// Speed and endurance.
+    pub endurance: Endurance,
+    /// The configuration of the bridge, and its file.
+    pub rules: Option<(BridgeConfig, PathBuf)>,
+    /// What the robot says, if it runs.
+    pub robot: Option<Robot>,
+    /// All findings, the most severe first.
+    pub findings: Vec<Finding>,
+}
+
+/// What a robot says of itself.
+pub struct Robot {
+    /// The bridge's state.
+    pub state: ModuleState,
+    /// Where it is, if telemetry says so.
+    pub present: Option<Present>,
+    /// The DSP's cruise speed, m/s.
+    pub cruise_speed_mps: Option<f64>,
+}
+
+/// Gathers it. Without a session no robot is asked. `is_for_flight` makes a robot necessary.
+///
+/// # Errors
+///
+/// Code 78 when `bridge.toml` is wrong; for a flight 3 and 4 when the robot says nothing.
+pub fn gather(
+    plan: Plan,
+    args: &PlanFileArgs,
+    config: &PlanConfig,
+    session: Option<&Session>,
+    timeout: Duration,
+    is_for_flight: bool,
+) -> Result<Known, Failure> {
+    let loaded =
+        runtime::config::load::<BridgeConfig>(args.bridge.as_deref(), Path::new(BRIDGE_FILE))?;
+    let rules = loaded.file.map(|file| (loaded.value, file));
+    let robot = match session {
+        Some(session) => robot(session, timeout, is_for_flight)?,
+        None => None,
+    };
+    let site = site(&plan, args, config, robot.as_ref(), is_for_flight);
+    let endurance = endurance(
+        config,
+        robot.as_ref(),
+        rules.as_ref().map(|(rules, _)| rules),
+    );
+    let flight = Flight::new(&plan, &site);
+    let rules_in_force = rules.as_ref().map(|(rules, _)| rules);
+    let mut findings = check(&plan, &flight, &site, rules_in_force, &endurance);
+    if let Some(robot) = &robot {
+        findings.extend(of_robot(robot, rules_in_force, is_for_flight));
+    }
+    sort(&mut findings);
+    Ok(Known {
+        plan,
+        site,
+        flight,
+        endurance,
+        rules,
+        robot,
+        findings,
+    })
+}
+
+/// Reads a plan, and says of it what the command line says.
+pub fn read(args: &PlanFileArgs) -> Result<Plan, Failure> {
+    let name = args.file.display();
+    let mut plan = read_plan(&args.file)?;
+    if args.from as usize > plan.items.len().max(1) {
+        return Err(Failure::usage(format!(
+            "--from {}: {name} has {} items; `ril plan show {name}` lists them",
+            args.from,
+            plan.items.len()
+        )));
+    }
+    plan.state_altitudes(&StatedAltitudes {
+        reference: args.altitude_is.map(|name| name.reference()),
+        missing: args.altitude,
+    });
+    Ok(plan)
+}
+
+/// What the robot says; `None` if none runs and none is needed.
+fn robot(session: &Session, timeout: Duration, is_needed: bool) -> Result<Option<Robot>, Failure> {
+    if !is_needed && !session.is_provided(ModuleState::KEY)? {
+        return Ok(None);
+    }
+    let Some(state) = newest_state(session, timeout)? else {
+        let failure = session.nothing_came(ModuleState::KEY, timeout)?;
+        return if is_needed { Err(failure) } else { Ok(None) };
+    };
+    let is_up = state.link.state() == Some(LinkState::Up);
+    let present = match present_position(session, timeout) {
+        Ok(present) => Some(present),
+        // A movement would be refused, with the reason.
+        Err(failure) if is_needed && is_up => return Err(failure),
+        Err(_) => None,
+    };
+    let cruise_speed_mps = match is_up {
+        true => cruise_speed(session, timeout),
+        false => None,
+    };
+    Ok(Some(Robot {
+        state,
+        present,
+        cruise_speed_mps,
+    }))
+}
+
+/// What the DSP's port has; `None` if it cannot be read now, which changes no more than the times that are shown.
+fn cruise_speed(session: &Session, timeout: Duration) -> Option<f64> {
+    let request = ParameterRequest::read(fresh_request_id(), port::CRUISE_SPEED_MPS);
+    let report = Conversation::open(session, Verb::GetParameter, timeout)
+        .and_then(|mut bridge| bridge.hold(&[request], Until::Final, Format::Silent));
+    match report {
+        Ok(report) => report?.value().filter(|speed| *speed > 0.0),
+        Err(failure) => {
+            tracing::debug!(chain = ?failure.chain(), "the cruise speed cannot be read");
+            None
+        }
+    }
+}
+
+fn site(
+    plan: &Plan,
+    args: &PlanFileArgs,
+    config: &PlanConfig,
+    robot: Option<&Robot>,
+    is_for_flight: bool,
+) -> Site {
+    let present = robot.and_then(|robot| robot.present);
+    let zero_above_sea_m = config.zero_above_sea_m;
+    let (home, home_source) = home(plan, args.home, present, zero_above_sea_m, is_for_flight);
+    let is_home_altitude_known = home.altitude_m.is_some();
+    let home = Waypoint {
+        latitude_deg: home.latitude_deg,
+        longitude_deg: home.longitude_deg,
+        altitude_m: home.altitude_m.unwrap_or(0.0),
+    };
+    Site {
+        home,
+        is_home_altitude_known,
+        home_source,
+        start: match present {
+            Some(present) if present.is_flying => Start::Flying(present.at),
+            Some(present) => Start::Ground(present.at),
+            None => Start::Ground(home),
+        },
+        zero_above_sea_m,
+        take_off_m: args.takeoff,
+        from: args.from,
+        is_for_flight,
+    }
+}
+
+/// The point of take-off: what the operator says, where the robot stands, what the plan's author expected. Its altitude is
+/// telemetry's, if that is known.
+fn home(
+    plan: &Plan,
+    asked: Option<HomeArg>,
+    present: Option<Present>,
+    zero_above_sea_m: Option<f64>,
+    is_for_flight: bool,
+) -> (HomeArg, HomeSource) {
+    let on_ground = present.filter(|present| !present.is_flying);
+    let on_ground = on_ground.map(|present| HomeArg {
+        latitude_deg: present.at.latitude_deg,
+        longitude_deg: present.at.longitude_deg,
+        altitude_m: Some(present.at.altitude_m),
+    });
+    let planned = plan.planned_home.map(|home| HomeArg {
+        latitude_deg: home.position.latitude_deg,
+        longitude_deg: home.position.longitude_deg,
+        altitude_m: home
+            .above_sea_m
+            .zip(zero_above_sea_m)
+            .map(|(above_sea_m, zero_m)| above_sea_m - zero_m),
+    });
+    if let Some(asked) = asked {
+        let known = on_ground.or(planned);
+        let altitude_m = asked.altitude_m.or(known.and_then(|home| home.altitude_m));
+        let home = HomeArg {
+            altitude_m,
+            ..asked
+        };
+        return (home, HomeSource::Operator);
+    }
+    if let Some(on_ground) = on_ground {
+        return (on_ground, HomeSource::Robot);
+    }
+    // A robot in the air has taken off somewhere, and the plan does not know where.
+    if let Some(planned) = planned.filter(|_| present.is_none() || !is_for_flight) {
+        return (planned, HomeSource::Plan);
+    }
+    let first = plan.items.iter().find_map(|item| item.action.position());
+    let below_first = HomeArg {
+        latitude_deg: first.map_or(0.0, |first| first.latitude_deg),
+        longitude_deg: first.map_or(0.0, |first| first.longitude_deg),
+        altitude_m: None,
+    };
+    (below_first, HomeSource::Assumed)
+}
+
+fn endurance(
+    config: &PlanConfig,
+    robot: Option<&Robot>,
+    rules: Option<&BridgeConfig>,
+) -> Endurance {
+    let of_rules = |port| rules.and_then(|rules| configured(rules, port));
+    Endurance {
+        cruise_speed_mps: config
+            .cruise_speed_mps
+            .or(robot.and_then(|robot| robot.cruise_speed_mps))
+            .or_else(|| of_rules(port::CRUISE_SPEED_MPS)),
+        climb_speed_mps: of_rules(port::CLIMB_SPEED_MPS),
+        endurance_s: config.endurance_s,
+        reserve_s: config.reserve_s,
+    }
+}
+
+/// What the robot says against the flight: a rule that is broken now, and a fence that is not the one of the file.
+fn of_robot(robot: &Robot, rules: Option<&BridgeConfig>, is_for_flight: bool) -> Vec<Finding> {
+    let mut findings = Vec::new();
+    let safety = &robot.state.safety;
+    let is_severe = safety
+        .action()
+        .is_some_and(|action| action != SafetyAction::Warn);
+    if let Some(rule) = safety.rule().filter(|_| is_severe) {
+        let severity = match is_for_flight {
+            true => Severity::Error,
+            false => Severity::Warning,
+        };
+        let text = format!("the robot breaks the safety rule {rule} now");
+        findings.push(
+            Finding::new(severity, "robot-safety", text).with_next_step("`ril status` shows it"),
+        );
+    }
+    let areas = rules.map(|rules| rules.fence.areas() as u32);
+    if areas.is_some_and(|areas| areas != safety.fence_areas) {
+        let text = format!(
+            "the robot's fence has {} areas in force, and the file that was read has {}",
+            safety.fence_areas,
+            areas.unwrap_or_default()
+        );
+        let remedy =
+            "name the file that the robot's bridge reads (`--bridge FILE`), or `ril fence reload`";
+        findings.push(Finding::unchecked("robot-fence", text).with_next_step(remedy));
+    }
+    if robot.present.is_none() {
+        findings.push(
+            Finding::unchecked(
+                "robot-position",
+                "the robot runs, but does not say where it is",
+            )
+            .with_next_step("`ril status` shows its link and its telemetry"),
+        );
+    }
+    findings
+}

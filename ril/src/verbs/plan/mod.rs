@@ -1,0 +1,109 @@
+//! `ril plan check | show | fly`: plans of other programs.
+//!
+//! The crate `plans` reads and checks them. Here is what it is given: the file, the configurations, and what the robot says of
+//! itself (`gather`); how the results are shown (`report`, `table`); and how a plan is flown, step by step (`fly`).
+
+mod fence;
+mod fly;
+mod gather;
+mod journal;
+pub mod options;
+mod report;
+mod table;
+
+use std::fs::OpenOptions;
+use std::io::{self, Write};
+use std::path::Path;
+
+use plans::Plan;
+use plans::write::to_qgc_plan;
+use runtime::exit::{ExitCode, Failure};
+
+use crate::options::RobotChoice;
+use crate::render::json_line;
+use crate::render::words::columns;
+use crate::session::{Session, configuration};
+use gather::{Known, gather, read};
+use options::{PlanCheckArgs, PlanCommand, PlanFileArgs, PlanLookArgs, PlanShowArgs};
+use report::Report;
+
+/// `ril plan …`
+///
+/// # Errors
+///
+/// Code 2 when the file is no plan, 8 when a finding forbids the flight; `fly` as all requests, and 3 when there is no bridge.
+pub fn plan(command: &PlanCommand, choice: RobotChoice) -> Result<(), Failure> {
+    match command {
+        PlanCommand::Check(args) => check(args),
+        PlanCommand::Show(args) => show(args),
+        PlanCommand::Fly(args) => fly::fly(args, choice),
+    }
+}
+
+fn check(args: &PlanCheckArgs) -> Result<(), Failure> {
+    let Some(known) = look(&args.plan, &args.look)? else {
+        return Ok(());
+    };
+    let report = Report::new(&args.plan.file, &known);
+    let mut out = io::stdout().lock();
+    if args.look.json {
+        report.write_json(&mut out)?;
+    } else {
+        write!(out, "{}", report.text(columns())).map_err(Failure::output)?;
+    }
+    report.verdict()
+}
+
+fn show(args: &PlanShowArgs) -> Result<(), Failure> {
+    let Some(known) = look(&args.plan, &args.look)? else {
+        return Ok(());
+    };
+    let rows = table::rows(&known);
+    let mut out = io::stdout().lock();
+    if args.look.json {
+        for row in &rows {
+            json_line(&mut out, row)?;
+        }
+        json_line(&mut out, &Report::new(&args.plan.file, &known).summary())?;
+    } else {
+        write!(out, "{}", table::text(&rows)).map_err(Failure::output)?;
+    }
+    match &args.to {
+        Some(to) => write_plan(&known.plan, to),
+        None => Ok(()),
+    }
+}
+
+/// What `check` and `show` know of the plan; `None` if only the configuration was to be checked.
+fn look(plan: &PlanFileArgs, look: &PlanLookArgs) -> Result<Option<Known>, Failure> {
+    let Some(config) = configuration(&look.common)? else {
+        return Ok(None);
+    };
+    let file = read(plan)?;
+    let timeout = look.timeout.unwrap_or_else(|| config.observe.timeout());
+    let session = match look.offline {
+        true => None,
+        false => Some(Session::join(&look.common)?),
+    };
+    let known = gather(file, plan, &config.plan, session.as_ref(), timeout, false)?;
+    Ok(Some(known))
+}
+
+/// Writes a plan into a file that does not exist yet.
+fn write_plan(plan: &Plan, to: &Path) -> Result<(), Failure> {
+    let name = to.display();
+    let text = to_qgc_plan(plan).map_err(|error| {
+        Failure::new(
+            ExitCode::NotInOrder,
+            format!("{name} was not written: {error}"),
+        )
+    })?;
+    OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(to)
+        .and_then(|mut file| file.write_all(text.as_bytes()))
+        .map_err(|error| {
+            Failure::usage(format!("{name} was not written: {error}; name a new file"))
+        })
+}

@@ -1,0 +1,258 @@
+//! The result of the checks, as text and as JSON.
+
+use std::io::Write;
+use std::path::Path;
+
+use plans::finding::effect;
+use plans::flight::ground_m;
+use plans::site::HomeSource;
+use plans::timeline::timeline;
+use runtime::exit::{ExitCode, Failure};
+use serde::Serialize;
+
+use super::gather::Known;
+use crate::render::finding;
+use crate::render::json_line;
+use crate::render::words::{count, distance, duration, wrap};
+
+/// How wide the headings are.
+const HEADING: usize = 13;
+
+/// A checked plan.
+pub struct Report<'a> {
+    file: &'a Path,
+    known: &'a Known,
+    length_m: f64,
+    time_s: Option<f64>,
+    highest_m: Option<f64>,
+    farthest_m: Option<f64>,
+}
+
+/// One finding for programs.
+#[derive(Serialize)]
+struct FindingObject<'a> {
+    schema: &'static str,
+    severity: &'static str,
+    rule: &'a str,
+    items: &'a [u32],
+    leg: Option<u32>,
+    amount_m: Option<f64>,
+    text: &'a str,
+    next_step: &'a str,
+}
+
+/// The whole for programs.
+#[derive(Serialize)]
+pub struct Summary {
+    schema: &'static str,
+    file: String,
+    format: &'static str,
+    items: usize,
+    home_latitude_deg: f64,
+    home_longitude_deg: f64,
+    home_altitude_m: Option<f64>,
+    home_source: &'static str,
+    length_m: f64,
+    time_s: Option<f64>,
+    cruise_speed_mps: Option<f64>,
+    highest_over_home_m: Option<f64>,
+    farthest_from_home_m: Option<f64>,
+    forbids: usize,
+    warns: usize,
+    not_checked: usize,
+}
+
+impl<'a> Report<'a> {
+    /// The report about the plan of `file`.
+    pub fn new(file: &'a Path, known: &'a Known) -> Report<'a> {
+        let marks = timeline(&known.flight, &known.endurance);
+        let home = &known.site.home;
+        let most = |values: &mut dyn Iterator<Item = f64>| values.reduce(f64::max);
+        let legs = || known.flight.legs.iter();
+        Report {
+            file,
+            known,
+            length_m: marks.last().map_or(0.0, |mark| mark.distance_m),
+            time_s: marks.last().and_then(|mark| mark.time_s),
+            highest_m: most(&mut legs().map(|leg| leg.to.altitude_m - home.altitude_m)),
+            farthest_m: most(&mut legs().map(|leg| ground_m(home, &leg.to))),
+        }
+    }
+
+    /// Success unless a finding forbids the flight.
+    ///
+    /// # Errors
+    ///
+    /// Code 8.
+    pub fn verdict(&self) -> Result<(), Failure> {
+        match self.count("forbids") {
+            0 => Ok(()),
+            count => {
+                let which = match count {
+                    1 => "1 finding forbids it".to_owned(),
+                    count => format!("{count} findings forbid it"),
+                };
+                let text = format!("{} cannot be flown as it is: {which}", self.file.display());
+                Err(Failure::new(ExitCode::NotInOrder, text))
+            }
+        }
+    }
+
+    /// All of it for people.
+    pub fn text(&self, columns: usize) -> String {
+        let mut text = self.heading(columns);
+        text += &self.findings(columns);
+        let count = |effect| self.count(effect);
+        text += &format!(
+            "\n{} the flight, {} warn, {} not checked\n",
+            match count("forbids") {
+                1 => "1 finding forbids".to_owned(),
+                count => format!("{count} findings forbid"),
+            },
+            count("warns"),
+            count("not-checked")
+        );
+        text
+    }
+
+    /// The findings for people, an empty line before each.
+    pub fn findings(&self, columns: usize) -> String {
+        let texts = self
+            .known
+            .findings
+            .iter()
+            .map(|finding| finding::of_plan(finding, HEADING, columns));
+        texts.map(|text| format!("\n{text}")).collect()
+    }
+
+    fn heading(&self, columns: usize) -> String {
+        let Known {
+            plan, site, rules, ..
+        } = self.known;
+        let line = |name: &str, text: &str| wrap(&format!("{name:<HEADING$}"), text, columns);
+        let home = &site.home;
+        let source = match site.home_source {
+            HomeSource::Robot => "where the robot stands",
+            HomeSource::Operator => "as --home says",
+            HomeSource::Plan => "as the plan has it",
+            HomeSource::Assumed => "assumed: below the first place of the plan",
+        };
+        let rules = match rules {
+            Some((rules, file)) => {
+                format!(
+                    "{} with {}",
+                    file.display(),
+                    count(rules.fence.areas() as u64, "area")
+                )
+            }
+            None => "not known".to_owned(),
+        };
+        let mut text = line(
+            "plan",
+            &format!(
+                "{}: {}, {} items",
+                self.file.display(),
+                plan.format,
+                plan.items.len()
+            ),
+        );
+        let altitude = match site.is_home_altitude_known {
+            true => format!("{:.1} m", home.altitude_m),
+            false => "altitude not known".to_owned(),
+        };
+        text += &line(
+            "home",
+            &format!(
+                "{:.7}, {:.7}, {altitude}: {source}",
+                home.latitude_deg, home.longitude_deg
+            ),
+        );
+        text += &line(
+            "rules",
+            &format!(
+                "of the robot: {rules}; the plan's own fence has {}",
+                count(plan.fence.len() as u64, "area")
+            ),
+        );
+        text + &line("flight", &self.flight())
+    }
+
+    fn flight(&self) -> String {
+        let speed = self.known.endurance.cruise_speed_mps;
+        let time = match (self.time_s, speed) {
+            (Some(time_s), Some(speed)) => {
+                format!("about {} at {speed:.1} m/s", duration(time_s))
+            }
+            (Some(time_s), None) => format!("about {}", duration(time_s)),
+            (None, _) => "time not known".to_owned(),
+        };
+        let mut text = format!("{}, {time}", distance(self.length_m));
+        if let (Some(highest_m), Some(farthest_m)) = (self.highest_m, self.farthest_m) {
+            text += &format!(
+                "; at most {highest_m:.1} m above take-off and {} away from it",
+                distance(farthest_m)
+            );
+        }
+        text
+    }
+
+    /// Findings and summary for programs.
+    ///
+    /// # Errors
+    ///
+    /// When `out` cannot be written.
+    pub fn write_json(&self, out: &mut impl Write) -> Result<(), Failure> {
+        for finding in &self.known.findings {
+            let object = FindingObject {
+                schema: "ril.PlanFinding.v1",
+                severity: effect(finding),
+                rule: finding.id,
+                items: &finding.items,
+                leg: finding.leg,
+                amount_m: finding.amount_m,
+                text: &finding.text,
+                next_step: finding.next_step.as_deref().unwrap_or_default(),
+            };
+            json_line(out, &object)?;
+        }
+        json_line(out, &self.summary())
+    }
+
+    /// The whole for programs.
+    pub fn summary(&self) -> Summary {
+        let Known {
+            plan,
+            site,
+            endurance,
+            ..
+        } = self.known;
+        Summary {
+            schema: "ril.PlanSummary.v1",
+            file: self.file.display().to_string(),
+            format: plan.format.name(),
+            items: plan.items.len(),
+            home_latitude_deg: site.home.latitude_deg,
+            home_longitude_deg: site.home.longitude_deg,
+            home_altitude_m: site.is_home_altitude_known.then_some(site.home.altitude_m),
+            home_source: match site.home_source {
+                HomeSource::Robot => "robot",
+                HomeSource::Operator => "operator",
+                HomeSource::Plan => "plan",
+                HomeSource::Assumed => "assumed",
+            },
+            length_m: self.length_m,
+            time_s: self.time_s,
+            cruise_speed_mps: endurance.cruise_speed_mps,
+            highest_over_home_m: self.highest_m,
+            farthest_from_home_m: self.farthest_m,
+            forbids: self.count("forbids"),
+            warns: self.count("warns"),
+            not_checked: self.count("not-checked"),
+        }
+    }
+
+    fn count(&self, wanted: &str) -> usize {
+        let findings = self.known.findings.iter();
+        findings.filter(|finding| effect(finding) == wanted).count()
+    }
+}

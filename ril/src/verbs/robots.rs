@@ -1,0 +1,316 @@
+//! `ril robots`: all robots of this user, and how each of them is.
+//!
+//! What lives comes from the doctor's look at the domain; how a robot is, from its newest samples. A robot in which no process is
+//! is not joined.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::io::{self, Write};
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use clap::Args;
+use ipc_types::code::{Functionality, LinkState, ModuleStatus};
+use ipc_types::payload::{HeroTelemetry, ModuleState};
+use ipc_types::{
+    Descriptor, Domain, Ipc, Module, MonotonicNs, RelayModule, RobotId, Source, Topic, Waiter,
+};
+use runtime::args::CommonArgs;
+use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::signal::Termination;
+use serde::Serialize;
+
+use crate::options::{EXIT_CODES, duration};
+use crate::render::json_line;
+use crate::robot::domain::{DomainFacts, Provided};
+use crate::robot::sample_age::{STALE_AFTER, age_ms, named};
+use crate::session::{Latest, as_user, configuration, other_domains};
+
+/// `ril robots`
+///
+/// A robot is live when a process of it lives. It lists all robots, whatever --robot says.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct RobotsArgs {
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// How long to wait for the state of each robot, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
+    pub timeout: Option<Duration>,
+
+    /// Print each robot as a JSON object on a line
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ril robots`
+///
+/// # Errors
+///
+/// Code 1 when the shared memory cannot be read, that of another user included.
+pub fn robots(args: &RobotsArgs) -> Result<(), Failure> {
+    let Some(config) = configuration(&args.common)? else {
+        return Ok(());
+    };
+    let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
+    let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
+    let facts = DomainFacts::look(&domain);
+    let unreadable = |trouble| {
+        let text = format!(
+            "looking at {} {trouble}; `ril doctor` says more",
+            domain.root().display()
+        );
+        Failure::internal(text)
+    };
+    let inspection = facts.inspection.as_ref().map_err(unreadable)?;
+    if let Some(root) = inspection.root.as_ref().filter(|root| !root.is_ours()) {
+        let text = format!(
+            "{} belongs to user {}: this user cannot see whether its robots live",
+            root.path.display(),
+            root.uid
+        );
+        return Err(Failure::internal(text).with_next_step(as_user(root.uid)));
+    }
+    let providers = facts.providers.as_ref().map_err(unreadable)?;
+    let mut found: BTreeSet<RobotId> = providers.iter().map(|one| one.robot).collect();
+    found.extend(inspection.robots.iter().map(|one| one.robot));
+    let mut live: Vec<Watched> = Vec::new();
+    for id in providers
+        .iter()
+        .map(|one| one.robot)
+        .collect::<BTreeSet<_>>()
+    {
+        live.push(Watched::open(&domain, id)?);
+    }
+    wait(&mut live, providers, timeout)?;
+    let now = MonotonicNs::now();
+    let robots: Vec<Robot> = found
+        .into_iter()
+        .map(|id| {
+            let watched = live.iter().find(|one| one.ipc.robot() == id);
+            describe(id, watched, &facts, providers, now)
+        })
+        .collect();
+    let mut out = io::stdout().lock();
+    if robots.is_empty() {
+        // Standard error may be closed; that does no harm.
+        let _ = writeln!(
+            io::stderr(),
+            "no robot: `ril run bridge` and `ril run status` start the processes of one{}",
+            other_domains()
+        );
+    } else if !args.json {
+        return write!(out, "{}", Table(&robots)).map_err(Failure::output);
+    }
+    robots
+        .iter()
+        .try_for_each(|robot| json_line(&mut out, robot))
+}
+
+/// A live robot whose samples are waited for.
+struct Watched {
+    ipc: Ipc,
+    state: Latest<ModuleState>,
+    hero: Latest<HeroTelemetry>,
+}
+
+impl Watched {
+    fn open(domain: &Domain, id: RobotId) -> Result<Watched, Failure> {
+        let ipc = Ipc::join(domain, id, "ril").or_fail(ExitCode::Internal)?;
+        Ok(Watched {
+            state: Latest::open(&ipc)?,
+            hero: Latest::open(&ipc)?,
+            ipc,
+        })
+    }
+
+    fn drain(&mut self) {
+        self.state.drain();
+        self.hero.drain();
+    }
+
+    /// Whether everything is there that can be expected.
+    fn is_complete(&self, providers: &[Provided]) -> bool {
+        let provides = |key: &str| {
+            let mut providers = providers.iter();
+            providers.any(|one| one.robot == self.ipc.robot() && one.service.key() == key)
+        };
+        // A status whose DSP never sent anything publishes nothing.
+        let is_silent = self.state.sample.as_ref();
+        let is_silent = is_silent.is_some_and(|state| state.link.telemetry_published == 0);
+        (self.state.sample.is_some() || !provides(ModuleState::KEY))
+            && (self.hero.sample.is_some() || is_silent || !provides(HeroTelemetry::KEY))
+    }
+}
+
+/// Waits for the newest samples of all robots, at most for `timeout`.
+fn wait(live: &mut [Watched], providers: &[Provided], timeout: Duration) -> Result<(), Failure> {
+    let termination = Termination::install().or_fail(ExitCode::Internal)?;
+    let waiter = Waiter::new();
+    let give_up = MonotonicNs::now() + timeout;
+    while !termination.requested() && !live.iter().all(|one| one.is_complete(providers)) {
+        let left = give_up.since(MonotonicNs::now());
+        if left.is_zero() {
+            break;
+        }
+        let mut signals = Descriptor::new(termination.as_fd());
+        let mut sources: Vec<((), &mut dyn Source)> = vec![((), &mut signals)];
+        for one in live.iter_mut() {
+            sources.push(((), &mut one.state.port));
+            sources.push(((), &mut one.hero.port));
+        }
+        waiter
+            .wait(&mut sources, Some(left))
+            .or_fail(ExitCode::Internal)?;
+        drop(sources);
+        live.iter_mut().for_each(Watched::drain);
+    }
+    Ok(())
+}
+
+fn describe(
+    id: RobotId,
+    watched: Option<&Watched>,
+    facts: &DomainFacts,
+    providers: &[Provided],
+    now: MonotonicNs,
+) -> Robot {
+    let of_robot = providers.iter().filter(|one| one.robot == id);
+    let processes: BTreeSet<&str> = of_robot.map(|one| one.by.process.as_str()).collect();
+    let inspection = facts.inspection.as_ref().ok();
+    let inspected = inspection.and_then(|all| all.robots.iter().find(|one| one.robot == id));
+    let state = watched.and_then(|one| one.state.sample.as_ref());
+    let hero = watched.and_then(|one| one.hero.sample.as_ref());
+    let is_present = |time_ns: u64| {
+        let time = MonotonicNs(time_ns);
+        time <= now && now.since(time) <= STALE_AFTER
+    };
+    let phase = |state: &ModuleState| {
+        let status = named(ModuleStatus::from_code(state.status), state.status);
+        match Functionality::from_code(state.functionality) {
+            Some(Functionality::AtRest) => status,
+            doing => format!("{status}, {}", named(doing, state.functionality)),
+        }
+    };
+    Robot {
+        schema: SCHEMA,
+        robot: id.get(),
+        live: !processes.is_empty() || inspected.is_some_and(|one| one.is_live),
+        relayed: processes.contains(RelayModule::NAME),
+        // Names that other processes chose: they must not command the terminal.
+        processes: processes
+            .into_iter()
+            .map(|name| name.escape_debug().to_string())
+            .collect(),
+        link: state
+            .filter(|state| is_present(state.published_ns))
+            .map(|state| named(LinkState::from_code(state.link.state), state.link.state)),
+        phase: state
+            .filter(|state| is_present(state.published_ns))
+            .map(phase),
+        flying: hero
+            .filter(|hero| is_present(hero.received_ns))
+            .map(|hero| hero.flying == 1),
+        age_ms: state.and_then(|state| age_ms(MonotonicNs(state.published_ns), now)),
+    }
+}
+
+/// Name of the JSON object's layout.
+pub const SCHEMA: &str = "ril.Robot.v1";
+
+/// A robot.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Robot {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Its number.
+    pub robot: u32,
+    /// Whether a process of it lives.
+    pub live: bool,
+    /// The live processes that provide its services, by name, such as `bridge`.
+    pub processes: Vec<String>,
+    /// Whether it is on another machine.
+    pub relayed: bool,
+    /// State of the link to its DSP; `None` if that is not known.
+    pub link: Option<String>,
+    /// What its module does: status and functionality; `None` if that is not known.
+    pub phase: Option<String>,
+    /// Whether it flies; `None` if no telemetry of the present came.
+    pub flying: Option<bool>,
+    /// How old its state is, ms; `None` if none came.
+    pub age_ms: Option<u64>,
+}
+
+/// Robots as a table.
+pub struct Table<'a>(pub &'a [Robot]);
+
+impl fmt::Display for Table<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "{:<6} {:<5} {:<10} {:<8} {:<22} PROCESSES",
+            "ROBOT", "LIVE", "LINK", "FLYING", "PHASE"
+        )?;
+        for robot in self.0 {
+            let or_dash = |text: &Option<String>| text.clone().unwrap_or_else(|| "-".to_owned());
+            let live = if robot.live { "yes" } else { "no" };
+            let flying = match robot.flying {
+                Some(true) => "yes",
+                Some(false) => "no",
+                None => "-",
+            };
+            let mut processes = robot.processes.join(", ");
+            if processes.is_empty() {
+                processes = "-".to_owned();
+            }
+            writeln!(
+                f,
+                "{:<6} {live:<5} {:<10} {flying:<8} {:<22} {processes}",
+                robot.robot,
+                or_dash(&robot.link),
+                or_dash(&robot.phase),
+            )?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_robot_is_a_line_that_fits_the_terminal() {
+        let live = Robot {
+            schema: SCHEMA,
+            robot: 1,
+            live: true,
+            processes: vec!["bridge".to_owned(), "status".to_owned()],
+            relayed: false,
+            link: Some("up".to_owned()),
+            phase: Some("running, taking-off".to_owned()),
+            flying: Some(true),
+            age_ms: Some(100),
+        };
+        let dead = Robot {
+            robot: 12,
+            live: false,
+            processes: Vec::new(),
+            link: None,
+            phase: None,
+            flying: None,
+            age_ms: None,
+            ..live.clone()
+        };
+        let text = Table(&[live, dead]).to_string();
+        let expected = "\
+ROBOT  LIVE  LINK       FLYING   PHASE                  PROCESSES
+1      yes   up         yes      running, taking-off    bridge, status
+12     no    -          -        -                      -
+";
+        assert_eq!(text, expected);
+        assert!(text.lines().all(|line| line.len() <= 80));
+    }
+}

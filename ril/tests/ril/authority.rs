@@ -1,0 +1,261 @@
+//! Who commands what: hold and pre-emption, refusals with their details, the geofence, and long paths.
+//!
+//! Most tests run against a stand-in for the bridge. Those whose name begins with `the_real_bridge` run the real processes.
+
+use std::fmt::Write as _;
+
+use crate::common::flight::Flight;
+use crate::common::{Rig, json, movement, says};
+use ipc_types::code::{ControlCommand, MovementKind, Reason, SafetyRule, Stage};
+use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
+use ril_tests::{Answer, Process, Received, StandInBridge};
+
+#[test]
+fn hold_always_pre_empts_and_the_others_when_they_are_told_to() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    for (args, kind, flags) in [
+        ("hold", MovementKind::Hold, &[1][..]),
+        ("land", MovementKind::Land, &[0]),
+        ("land --preempt", MovementKind::Land, &[1]),
+        (
+            "goto 37,-6,20 37,-6,21",
+            MovementKind::GoToWaypoint,
+            &[0, 0],
+        ),
+        (
+            "goto 37,-6,20 37,-6,21 --preempt",
+            MovementKind::GoToWaypoint,
+            &[1, 1],
+        ),
+        ("takeoff --altitude 5", MovementKind::TakeOff, &[0]),
+    ] {
+        rig.run(args, 0);
+        for flag in flags {
+            let request = movement(bridge.next_request());
+            assert_eq!(
+                (request.kind(), request.preempt),
+                (Some(kind), *flag),
+                "{args}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_path_that_was_replaced_ended_early() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    for next in ["hold", "land --preempt", "goto 37,-6,30 --preempt"] {
+        bridge.answer_next(Answer::under_way());
+        let mut path = rig.start("goto 37,-6,20");
+        path.wait_for_text("the path is complete");
+        let busy = rig.run("land", 5);
+        assert!(
+            says(&busy.stderr, "replace a path with --preempt"),
+            "{busy:#?}"
+        );
+        rig.run(next, 0);
+        let finished = path.wait_exit();
+        assert_eq!(finished.code(), Some(5), "{next}: {finished:#?}");
+        assert!(
+            says(
+                &finished.stderr,
+                "goto was begun and ended early (replaced)"
+            ),
+            "{next}: {finished:#?}"
+        );
+        assert!(
+            says(&finished.stderr, "took its place"),
+            "{next}: {finished:#?}"
+        );
+    }
+}
+
+#[test]
+fn a_refusal_says_rule_leg_and_amount_and_one_by_the_dsp_its_error() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    bridge.answer_next(Answer::Reports(vec![RequestReport {
+        rule: SafetyRule::FenceCeiling.code(),
+        waypoint: 3,
+        value: 4.2,
+        value_valid: 1,
+        ..RequestReport::new(Stage::Refused, Reason::FenceBreach)
+    }]));
+    let finished = rig.run("goto 37,-6,200", 5);
+    let expected = "(fence-breach: fence-ceiling, leg 3, by 4.2 m)";
+    // A refusal is said once.
+    assert!(!says(&finished.stdout, expected), "{finished:#?}");
+    assert!(says(&finished.stderr, expected), "{finished:#?}");
+
+    let refused = RequestReport {
+        waypoint: 2,
+        dsp_error_code: 30,
+        dsp_error_valid: 1,
+        ..RequestReport::new(Stage::Aborted, Reason::RefusedByDsp)
+    };
+    bridge.answer_next(Answer::Reports(vec![refused]));
+    let finished = rig.run("goto 37,-6,200", 5);
+    let expected = "(refused-by-dsp: waypoint 2, dsp-error-30 (invalid command))";
+    assert!(says(&finished.stderr, expected), "{finished:#?}");
+
+    bridge.answer_next(Answer::Reports(vec![refused]));
+    let finished = rig.run("goto 37,-6,200 --json", 5);
+    let report = json(&finished.stdout[0]);
+    assert_eq!(
+        (&report["waypoint"], &report["dsp_error_code"]),
+        (&2.into(), &30.into())
+    );
+}
+
+#[test]
+fn a_take_off_prints_the_height_that_was_reached() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    bridge.answer_next(Answer::Reports(vec![RequestReport {
+        value: 9.84,
+        value_valid: 1,
+        ..RequestReport::new(Stage::Done, Reason::None)
+    }]));
+    let finished = rig.run("takeoff --altitude 10", 0);
+    let expected = "takeoff: done, 9.8 m above take-off";
+    assert_eq!(finished.stdout, [expected]);
+}
+
+#[test]
+fn the_geofence_is_read_again() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    rig.run("fence reload --deadline 70ms", 0);
+    let Received::Control(request) = bridge.next_request() else {
+        panic!("no control");
+    };
+    let expected = ModuleControl::new(request.request_id, ControlCommand::ReloadFence);
+    assert_eq!(
+        request,
+        ModuleControl {
+            issued_ns: request.issued_ns,
+            begin_by_ns: request.issued_ns + 70_000_000,
+            ..expected
+        }
+    );
+    bridge.answer_next(Answer::refuse(Reason::InvalidFence));
+    let finished = rig.run("fence reload", 5);
+    let expected = "fence reload was refused (invalid-fence): ";
+    assert!(says(&finished.stderr, expected), "{finished:#?}");
+}
+
+#[test]
+fn a_path_of_1024_waypoints_comes_from_a_file() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    let mut text = String::from("# a survey\n");
+    for index in 0..1024 {
+        writeln!(text, "37.{index:04},-6,20 # {index}").unwrap();
+    }
+    rig.write("survey.path", &text);
+    let finished = rig.run("goto --file survey.path", 0);
+    assert!(
+        says(
+            &finished.stdout,
+            "waypoint 1024 of 1024 accepted, the path is complete"
+        ),
+        "{finished:#?}"
+    );
+    let sent: Vec<MovementData> = (0..1024).map(|_| movement(bridge.next_request())).collect();
+    assert_eq!((sent[0].first, sent[0].last), (1, 0));
+    assert_eq!((sent[1023].first, sent[1023].last), (0, 1));
+    assert_eq!(sent[1023].latitude_deg, 37.1023);
+
+    for (file, text, expected) in [
+        (
+            "wrong.path",
+            "37,-6,20\n37,-6\n",
+            "wrong.path: line 2: 2 numbers",
+        ),
+        (
+            "empty.path",
+            "# nothing\n",
+            "empty.path: there is no waypoint",
+        ),
+    ] {
+        rig.write(file, text);
+        let finished = rig.run(&format!("goto --file {file}"), 2);
+        assert!(says(&finished.stderr, expected), "{finished:#?}");
+    }
+    let finished = rig.run("goto --file absent.path", 2);
+    assert!(
+        says(&finished.stderr, "absent.path: cannot be read"),
+        "{finished:#?}"
+    );
+}
+
+#[test]
+fn standard_input_is_a_file_of_waypoints() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    rig.write("path", "-37,-6,20\n");
+    let command = rig.shell("exec \"$0\" goto --file - < path");
+    let finished = Process::spawn(&rig.domain, command).wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    assert_eq!(movement(bridge.next_request()).latitude_deg, -37.0);
+}
+
+fn was_replaced(mut path: Process) {
+    let finished = path.wait_exit();
+    assert_eq!(finished.code(), Some(5), "{finished:#?}");
+    assert!(
+        says(
+            &finished.stderr,
+            "goto was begun and ended early (replaced)"
+        ),
+        "{finished:#?}"
+    );
+}
+
+#[test]
+fn the_real_bridge_holds_replaces_and_lands_in_the_middle_of_a_path() {
+    let rig = Rig::new();
+    let flight = Flight::begin(&rig);
+    let (latitude, longitude, altitude) = flight.place;
+    let path = flight.far_away(&rig);
+    rig.run("land", 5);
+    rig.run("hold", 0);
+    was_replaced(path);
+    let state = rig.state(1);
+    assert_eq!(state["link"]["dsp_path"], "empty");
+
+    let path = flight.far_away(&rig);
+    rig.run(
+        &format!("goto {latitude},{longitude},{altitude} --preempt"),
+        0,
+    );
+    was_replaced(path);
+
+    let path = flight.far_away(&rig);
+    rig.run("land --preempt", 0);
+    was_replaced(path);
+    let state = rig.state(1);
+    assert_eq!(state["movement"]["kind"], "land");
+    assert_eq!(state["link"]["dsp_path"], "empty");
+    flight.end();
+}
+
+#[test]
+fn the_real_bridge_takes_a_path_of_1024_waypoints() {
+    let rig = Rig::new();
+    let flight = Flight::begin(&rig);
+    let (latitude, longitude, altitude) = flight.place;
+    let mut text = String::new();
+    for index in 0..1024 {
+        let north = latitude + f64::from(index + 1) * 2e-5;
+        writeln!(text, "{north},{longitude},{altitude}").unwrap();
+    }
+    rig.write("survey.path", &text);
+    let mut path = rig.start("goto --file survey.path");
+    path.wait_for_text("waypoint 1024 of 1024 accepted, the path is complete");
+    rig.run("hold", 0);
+    was_replaced(path);
+    flight.end();
+}

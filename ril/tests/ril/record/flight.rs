@@ -1,0 +1,160 @@
+//! A flight with the real processes: the record has every topic, as a consumer saw it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::path::Path;
+
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::{RobotId, Subscriber, Topic};
+use recording::read::summary_of;
+use ril_tests::process::Signal;
+
+use super::feed::{check, files, only_file, samples, words};
+use crate::common::{Rig, end, json};
+
+/// A consumer that keeps all that it gets.
+struct Consumer<T: Topic> {
+    subscriber: Subscriber<T>,
+    seen: Vec<(u64, Vec<u8>)>,
+}
+
+impl<T: Topic> Consumer<T> {
+    fn new(rig: &Rig) -> Consumer<T> {
+        let ipc = rig.domain.join_as(RobotId::DEFAULT, "consumer");
+        Consumer {
+            subscriber: ipc.subscriber().unwrap(),
+            seen: Vec::new(),
+        }
+    }
+
+    fn drain(&mut self) {
+        let seen = &mut self.seen;
+        let keep = |sample: &T| seen.push((sample.sequence(), sample.bytes().to_vec()));
+        self.subscriber.drain(keep).unwrap();
+    }
+
+    /// Each sample that came is in the record as it was.
+    #[track_caller]
+    fn compare(&mut self, recorded: &[(u64, Vec<u8>)]) {
+        self.drain();
+        assert!(!self.seen.is_empty());
+        // The consumer may have come earlier than the recorder, which may have missed what it says that it has.
+        let recorded: BTreeMap<u64, &Vec<u8>> = recorded
+            .iter()
+            .map(|(sequence, bytes)| (*sequence, bytes))
+            .collect();
+        let (first, _) = recorded.first_key_value().unwrap();
+        let mut compared = 0;
+        for (sequence, bytes) in self.seen.iter().filter(|(sequence, _)| sequence >= first) {
+            if let Some(found) = recorded.get(sequence) {
+                assert_eq!(*found, bytes, "{sequence}");
+                compared += 1;
+            }
+        }
+        assert!(compared > 0);
+    }
+}
+
+/// The processes began after the recorder: the file says which they were, and what they were configured with.
+fn assert_processes_are_known(file: &Path, pids: [(&str, u32); 2]) {
+    let summary = summary_of(&mut File::open(file).unwrap()).unwrap();
+    // The last one of a name holds.
+    let metadata: BTreeMap<_, _> = summary.metadata.iter().cloned().collect();
+    let flight = &metadata["ril.flight"];
+    for (process, pid) in pids {
+        let key = format!("pid.{process}");
+        assert_eq!(flight.get(&key), Some(&pid.to_string()), "{flight:#?}");
+    }
+    assert!(metadata["ril.layouts"].contains_key("/robot1/hero/telemetry"));
+    let bridge = summary
+        .attachments
+        .iter()
+        .find(|file| file.name == "bridge.toml");
+    let text = String::from_utf8_lossy(&bridge.unwrap().data);
+    assert!(text.contains("pc_timeout_ms = 60000"), "{text}");
+}
+
+#[test]
+fn a_flight_is_recorded_as_a_consumer_saw_it() {
+    let rig = Rig::new();
+    let mut recorder = rig.start(&words("--flights --json"));
+    recorder.wait_for_text("recording file=");
+    let mut dsp = Consumer::<DspTelemetry>::new(&rig);
+    let mut hero = Consumer::<HeroTelemetry>::new(&rig);
+    let mut state = Consumer::<ModuleState>::new(&rig);
+    let sim = rig.sim(1, "--speed 5");
+    let status = rig.status(1);
+    let bridge = rig.bridge(1);
+    let pids = [("bridge", bridge.id()), ("status", status.id())];
+    rig.watch(1).until_ready();
+    // What was ordered before is not in the record.
+    recorder.wait_for_text("recorded topic=\"/robot1/bridge/journal\"");
+    for order in ["start", "takeoff --altitude 5", "land", "stop"] {
+        rig.run(order, 0);
+        dsp.drain();
+        hero.drain();
+        state.drain();
+    }
+    end(bridge, Signal::TERM);
+    end(status, Signal::TERM);
+    end(sim, Signal::TERM);
+    recorder.signal(Signal::TERM);
+    let finished = recorder.wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    let objects: Vec<_> = finished.stdout.iter().map(|line| json(line)).collect();
+    let (last, closed) = objects.split_last().unwrap();
+    assert_eq!(last["schema"], "ril.Record.v1");
+    assert_eq!(last["dropped"], 0);
+    assert_eq!(closed.len(), files(&rig).len());
+    assert!(
+        closed.iter().all(|file| file["whole"] == true),
+        "{closed:?}"
+    );
+
+    let file = only_file(&rig);
+    dsp.compare(&samples(&file, "/robot1/dsp/telemetry"));
+    hero.compare(&samples(&file, "/robot1/hero/telemetry"));
+    state.compare(&samples(&file, "/robot1/bridge/state"));
+    let check = check(&file);
+    assert!(check.is_complete);
+    let topics: BTreeSet<&str> = check.topics.keys().map(String::as_str).collect();
+    for topic in [
+        "/robot1/dsp/telemetry",
+        "/robot1/hero/telemetry",
+        "/robot1/bridge/state",
+        "/robot1/status/state",
+        "/robot1/fix",
+        "/robot1/pose",
+        "/robot1/log",
+        "/robot1/bridge/journal",
+        "/robot1/requests",
+        "/robot1/serial/received",
+        "/robot1/serial/sent",
+    ] {
+        assert!(topics.contains(topic), "{topic}: {topics:?}");
+    }
+    assert_processes_are_known(&file, pids);
+    let name = file.display();
+    rig.run(&format!("log check {name}"), 0);
+    let summary = json(&rig.run(&format!("log summary {name} --json"), 0).stdout[0]);
+    assert_eq!(summary["take_offs"], 1, "{summary:#}");
+    assert_eq!(summary["utc_source"], "column");
+    let report = format!("log report {name} --output report.html --json");
+    let report = json(&rig.run(&report, 0).stdout[0]);
+    assert_eq!(report["samples"], summary["rows"], "{report:#}");
+    let page = std::fs::read_to_string(rig.folder().join("report.html")).unwrap();
+    for expected in ["taking off", "landing", "Requests", "takeoff", "ril.flight"] {
+        assert!(page.contains(expected), "{expected}");
+    }
+    let csv = rig.run(&format!("log csv {name}"), 0).stdout;
+    assert_eq!(csv.len() as u64, 1 + summary["rows"].as_u64().unwrap());
+    let tail = rig.run(&format!("log tail -n 3 {name}"), 0).stdout;
+    assert_eq!(tail.len(), 3);
+    let list = rig.run("log list --dir record --json", 0).stdout;
+    assert_eq!(
+        json(&list[0])["file"]
+            .as_str()
+            .map(|path| path.ends_with(".mcap")),
+        Some(true)
+    );
+}

@@ -1,0 +1,9 @@
+//! `ril record` with real processes: what is in the files, and what is not, whatever becomes of the recorder.
+
+mod disk;
+mod feed;
+mod flight;
+mod kills;
+mod log_lines;
+mod losses;
+mod starved;

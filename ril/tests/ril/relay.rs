@@ -1,0 +1,327 @@
+//! `ril relay`, and what other commands say of a robot that comes through a relay, for which a thread of the test stands in.
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use crate::common::{Rig, json, says};
+use ipc_types::code::RelayLinkState;
+use ipc_types::payload::{
+    HeroTelemetry, ModuleState, RelayLink, RelayStation, RelayStations, ascii_bytes,
+};
+use ipc_types::{Domain, MonotonicNs, RobotId, Topic};
+use ril_tests::process::Finished;
+use ril_tests::{Process, StandInBridge, StandInTopic};
+
+/// From one sample of the stand-in to the next: often enough that none is stale while the machine lets it run.
+const PERIOD: Duration = Duration::from_millis(20);
+
+/// A relay on a station's machine: publishes the state of its link, and a robot's topics, again and again as of now.
+struct StandInRelay {
+    links: Option<Sender<RelayLink>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl StandInRelay {
+    fn start(domain: &Domain, link: RelayLink) -> StandInRelay {
+        let (links, changes) = mpsc::channel();
+        let (opened, is_open) = mpsc::channel();
+        let domain = domain.clone();
+        let thread = thread::spawn(move || {
+            let ipc = ipc_types::Ipc::join(&domain, RobotId::DEFAULT, "relay").unwrap();
+            let mut state = ipc.publisher::<RelayLink>().unwrap();
+            let mut hero = ipc.publisher::<HeroTelemetry>().unwrap();
+            let mut module = ipc.publisher::<ModuleState>().unwrap();
+            opened.send(()).unwrap();
+            let mut link = link;
+            loop {
+                let now = MonotonicNs::now().0;
+                link.published_ns = now;
+                link.since_ns = now;
+                link.last_heard_ns = now;
+                state.publish(|sample| fill(sample, link)).unwrap();
+                hero.publish(|sample| {
+                    sample.received_ns = now;
+                    sample.published_ns = now;
+                })
+                .unwrap();
+                module.publish(|sample| sample.published_ns = now).unwrap();
+                match changes.recv_timeout(PERIOD) {
+                    Ok(changed) => link = changed,
+                    Err(RecvTimeoutError::Timeout) => {}
+                    Err(RecvTimeoutError::Disconnected) => break,
+                }
+            }
+        });
+        is_open.recv().unwrap();
+        StandInRelay {
+            links: Some(links),
+            thread: Some(thread),
+        }
+    }
+}
+
+/// The sample with everything of `link` but what the publisher writes.
+fn fill(sample: &mut RelayLink, link: RelayLink) {
+    let (sequence, epoch_ns) = (Topic::sequence(sample), Topic::epoch_ns(sample));
+    *sample = link;
+    sample.stamp(sequence, epoch_ns);
+}
+
+impl Drop for StandInRelay {
+    fn drop(&mut self) {
+        self.links = None;
+        if let Some(thread) = self.thread.take() {
+            let ended = thread.join();
+            assert!(ended.is_ok() || thread::panicking(), "the stand-in failed");
+        }
+    }
+}
+
+/// A link that is up and in order.
+fn up() -> RelayLink {
+    RelayLink {
+        state: RelayLinkState::Up.code(),
+        robot: 7,
+        clock_valid: 1,
+        clock_offset_ns: 3_600_000_000_000,
+        clock_uncertainty_s: 0.0025,
+        round_trip_s: 0.0123,
+        samples_received: 995,
+        samples_lost_on_air: 5,
+        link: ascii_bytes("tcp/10.0.0.2:7447"),
+        station: ascii_bytes("ground-1"),
+        ..RelayLink::default()
+    }
+}
+
+/// What `ril` says, which must end with `code`. On a machine that stalls it takes the relay for silent, and says so: then it is asked
+/// again.
+#[track_caller]
+fn look(rig: &Rig, args: &str, code: i32) -> Finished {
+    loop {
+        let finished = rig.start(args).wait_exit();
+        let mut lines = finished.stdout.iter().chain(&finished.stderr);
+        if !lines.any(|line| line.contains("is the machine overloaded?")) {
+            assert_eq!(finished.code(), Some(code), "ril {args}: {finished:#?}");
+            return finished;
+        }
+    }
+}
+
+#[test]
+fn the_link_of_a_station_is_shown_and_its_state_is_the_exit_code() {
+    let rig = Rig::new();
+    let relay = StandInRelay::start(&rig.domain, up());
+    let shown = look(&rig, "relay status", 0);
+    for expected in [
+        "over tcp/10.0.0.2:7447, last message",
+        "the robot's is 3600.000000 s ahead, true within 2.500 ms; round trip 12.3 ms",
+        "995 received, 5 lost on the air (0.50 %)",
+    ] {
+        assert!(says(&shown.stdout, expected), "{expected}: {shown:#?}");
+    }
+    let report = json(&look(&rig, "relay status --json", 0).stdout[0]);
+    assert_eq!(report["schema"], "ril.Relay.v2");
+    assert_eq!(report["link"]["station"], "ground-1");
+    assert!(report["stations"].is_null());
+    drop(relay);
+
+    let down = RelayLink {
+        state: RelayLinkState::Down.code(),
+        ..up()
+    };
+    let _relay = StandInRelay::start(&rig.domain, down);
+    let shown = look(&rig, "relay status", 6);
+    assert!(says(&shown.stdout, "link        down for "), "{shown:#?}");
+    assert!(says(&shown.stderr, "the link to the robot is not up"));
+}
+
+#[test]
+fn the_stations_of_a_robot_are_shown() {
+    let rig = Rig::new();
+    let relay = StandInTopic::<RelayStations>::start(&rig.domain);
+    let now = MonotonicNs::now().0;
+    let mut stations = RelayStations {
+        published_ns: now,
+        count: 1,
+        ..RelayStations::default()
+    };
+    stations.stations[0] = RelayStation {
+        name: ascii_bytes("ground-1"),
+        last_heard_ns: now,
+        since_ns: now,
+        may_command: 1,
+        ..RelayStation::default()
+    };
+    relay.publish(&stations);
+    let shown = rig.run("relay status", 6);
+    let expected = "ground-1: down for ";
+    assert!(says(&shown.stdout, expected), "{shown:#?}");
+    assert!(says(&shown.stderr, "no station is up"), "{shown:#?}");
+}
+
+#[test]
+fn without_a_relay_status_says_how_to_start_one_and_a_silent_one_is_a_timeout() {
+    let rig = Rig::new();
+    let absent = rig.run("relay status --robot 7", 3);
+    for expected in ["no relay of robot 7 is running here", "start `ril relay`"] {
+        assert!(says(&absent.stderr, expected), "{absent:#?}");
+    }
+    rig.domain.assert_empty();
+    let _silent = StandInTopic::<RelayLink>::start(&rig.domain);
+    let silent = rig.run("relay status --timeout 100ms", 4);
+    assert!(
+        says(&silent.stderr, "although it is running"),
+        "{silent:#?}"
+    );
+}
+
+#[test]
+fn the_state_of_a_relayed_robot_says_over_which_link_it_comes() {
+    let rig = Rig::new();
+    let relay = StandInRelay::start(&rig.domain, up());
+    let shown = rig.state_of("status");
+    let expected = "relay       relayed over tcp/10.0.0.2:7447, link up, round trip 12.3 ms, 0.50 % lost on the air";
+    assert!(says(&shown.stdout, expected), "{shown:#?}");
+    let state = rig.state(1);
+    assert_eq!(state["relayed"], true);
+    assert_eq!(state["relay"]["clock"]["uncertainty_s"], 0.0025);
+    drop(relay);
+
+    let bridge = StandInBridge::start(&rig.domain);
+    bridge.publish_state(&ModuleState::default());
+    let shown = rig.state_of("status");
+    assert!(!says(&shown.stdout, "relayed"), "{shown:#?}");
+    let state = rig.state(1);
+    assert_eq!(
+        (&state["relayed"], &state["relay"]),
+        (&false.into(), &serde_json::Value::Null)
+    );
+}
+
+#[test]
+fn ages_of_relayed_samples_are_shown_with_their_uncertainty() {
+    let rig = Rig::new();
+    let _relay = StandInRelay::start(&rig.domain, up());
+    let shown = rig.run("delay hero --count 2", 0);
+    let expected = "relayed from another machine: ages are true within ±2.500 ms";
+    assert!(says(&shown.stdout, expected), "{shown:#?}");
+    for command in ["delay hero", "topic delay hero_telemetry"] {
+        let report = json(&rig.run(&format!("{command} --count 2 --json"), 0).stdout[0]);
+        assert_eq!(report["relayed"], true, "{command}");
+        assert_eq!(report["age_uncertainty_ms"], 2.5, "{command}");
+    }
+    // The relay's own topics are of this machine.
+    let own = rig.run("topic delay relay/link --count 2 --json", 0);
+    assert_eq!(json(&own.stdout[0])["relayed"], false);
+}
+
+#[test]
+fn the_doctor_judges_the_link_and_does_not_miss_what_is_not_relayed() {
+    let rig = Rig::new();
+    let relay = StandInRelay::start(&rig.domain, up());
+    let shown = look(&rig, "doctor", 0);
+    for expected in [
+        "robot 1 is relayed over tcp/10.0.0.2:7447, link up",
+        "provides module_state of robot 1 from another machine",
+        "provides hero_telemetry of robot 1 from another machine",
+    ] {
+        assert!(says(&shown.stdout, expected), "{expected}: {shown:#?}");
+    }
+    drop(relay);
+
+    let poor = RelayLink {
+        samples_lost_on_air: 105,
+        clock_uncertainty_s: 0.2,
+        clock_resets: 3,
+        ..up()
+    };
+    let _relay = StandInRelay::start(&rig.domain, poor);
+    let report = json(&look(&rig, "doctor --json", 8).stdout[0]);
+    let findings = report["findings"].as_array().unwrap();
+    let of_relay = findings.iter().filter(|one| one["subject"] == "relay");
+    let ids: Vec<&str> = of_relay.map(|one| one["id"].as_str().unwrap()).collect();
+    assert_eq!(
+        ids,
+        [
+            "relay-link-lossy",
+            "relay-clock-uncertain",
+            "relay-clock-reset"
+        ]
+    );
+}
+
+/// A folder with `ril` alone, which is deleted in the end.
+///
+/// `cp` makes the copy: a file that this process has written may still be open for writing in a process that another test
+/// forks, and then cannot be executed. A link would not do: `ril` would look beside its target, and a hard link ends at the
+/// border of a file system.
+struct Install(PathBuf);
+
+impl Install {
+    fn new(name: &str) -> Install {
+        let name = format!("{name}-{}", std::process::id());
+        let folder = std::env::temp_dir().join(format!("ril-test-install-{name}"));
+        fs::create_dir_all(&folder).unwrap();
+        let copied = Command::new("cp")
+            .args([Path::new(env!("CARGO_BIN_EXE_ril")), &folder])
+            .status();
+        assert!(copied.unwrap().success());
+        Install(folder)
+    }
+
+    fn run(&self, rig: &Rig, path: &Path, args: &[&str]) -> Finished {
+        let mut command = Command::new(self.0.join("ril"));
+        command.arg("relay").args(args).env("PATH", path);
+        Process::spawn(&rig.domain, command).wait_exit()
+    }
+}
+
+impl Drop for Install {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+/// What a shell in the place of the relay's program does: it prints its arguments and ends with a code of its own.
+const PRINT: [&str; 5] = [
+    "-c",
+    "echo \"$0 $*\"; exit 42",
+    "--config",
+    "relay.toml",
+    "status",
+];
+
+#[test]
+fn the_relay_s_program_is_run_with_all_arguments_and_its_exit_code_is_its_own() {
+    let rig = Rig::new();
+    let install = Install::new("beside");
+    symlink("/bin/sh", install.0.join("ril-relay")).unwrap();
+    let nowhere = Path::new("/nowhere");
+    let finished = install.run(&rig, nowhere, &PRINT);
+    assert_eq!(finished.code(), Some(42), "{finished:#?}");
+    assert_eq!(finished.stdout, ["--config relay.toml status"]);
+
+    let elsewhere = Install::new("path");
+    let finished = elsewhere.run(&rig, &install.0, &PRINT);
+    assert_eq!(finished.code(), Some(42), "{finished:#?}");
+    assert_eq!(finished.stdout, ["--config relay.toml status"]);
+}
+
+#[test]
+fn without_the_relay_s_program_the_way_to_build_it_is_named() {
+    let rig = Rig::new();
+    let install = Install::new("alone");
+    for args in [&[][..], &["--help"], &["--robot", "7"]] {
+        let finished = install.run(&rig, Path::new("/nowhere"), args);
+        assert_eq!(finished.code(), Some(1), "{finished:#?}");
+        let expected = "`cargo install --path gateways/relay`";
+        assert!(says(&finished.stderr, expected), "{finished:#?}");
+    }
+    rig.domain.assert_empty();
+}

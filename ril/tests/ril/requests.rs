@@ -1,0 +1,425 @@
+//! Requests against a bridge that answers as it is told: what is sent, what is printed, how it ends.
+
+use crate::common::{Rig, end, json, movement, says};
+use ipc_types::code::{ControlCommand, MovementKind, Reason, Stage};
+use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
+use ril_tests::process::Signal;
+use ril_tests::{Answer, Process, Received, StandInBridge};
+
+fn control(received: Received) -> ModuleControl {
+    match received {
+        Received::Control(control) => control,
+        other => panic!("a control was expected: {other:?}"),
+    }
+}
+
+/// Accepted, and nothing more: the request stays open.
+fn accepted() -> Answer {
+    Answer::Reports(vec![RequestReport::new(Stage::Accepted, Reason::None)])
+}
+
+#[test]
+fn each_command_sends_its_request() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    for (verb, command) in [
+        ("start", ControlCommand::Start),
+        ("stop", ControlCommand::Stop),
+    ] {
+        let finished = rig.run(verb, 0);
+        assert_eq!(
+            finished.stdout,
+            [format!("{verb}: accepted"), format!("{verb}: done")]
+        );
+        assert_eq!(control(bridge.next_request()).command(), Some(command));
+    }
+    rig.run("takeoff --altitude 7.5", 0);
+    let take_off = movement(bridge.next_request());
+    assert_eq!(
+        (take_off.kind(), take_off.altitude_m),
+        (Some(MovementKind::TakeOff), 7.5)
+    );
+    rig.run("land", 0);
+    assert_eq!(
+        movement(bridge.next_request()).kind(),
+        Some(MovementKind::Land)
+    );
+}
+
+#[test]
+fn a_path_is_framed_and_shares_one_id() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    let mut paths = Vec::new();
+    for (args, frames) in [
+        ("goto -37.1,-6.0,20 --no-wait", &[(1, 1)][..]),
+        (
+            "goto -37.1,-6.0,20 37.2,6.1,21 -.5,0,-3 --timeout 60s",
+            &[(1, 0), (0, 0), (0, 1)],
+        ),
+    ] {
+        rig.run(args, 0);
+        let requests: Vec<MovementData> = frames
+            .iter()
+            .map(|_| movement(bridge.next_request()))
+            .collect();
+        let sent: Vec<_> = requests
+            .iter()
+            .map(|request| (request.first, request.last))
+            .collect();
+        assert_eq!(sent, frames);
+        let first = requests[0];
+        assert_eq!(
+            (first.latitude_deg, first.longitude_deg, first.altitude_m),
+            (-37.1, -6.0, 20.0)
+        );
+        assert!(
+            requests
+                .iter()
+                .all(|request| request.path_id == first.path_id)
+        );
+        assert!(
+            requests
+                .iter()
+                .all(|request| request.kind() == Some(MovementKind::GoToWaypoint))
+        );
+        let mut ids: Vec<u64> = requests.iter().map(|request| request.request_id).collect();
+        ids.dedup();
+        assert_eq!(ids.len(), frames.len());
+        paths.push(first.path_id);
+    }
+    assert!(paths[0] != 0 && paths[0] != paths[1], "{paths:?}");
+}
+
+#[test]
+fn the_first_refusal_ends_a_path() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    bridge.answer_next(accepted());
+    bridge.answer_next(Answer::refuse(Reason::TooFar));
+    let finished = rig.run("goto 37,-6,20 38,-6,20 37,-6,20", 5);
+    assert_eq!(finished.stdout, ["goto: waypoint 1 of 3 accepted"]);
+    assert!(
+        says(&finished.stderr, "goto was refused (too-far)"),
+        "{finished:#?}"
+    );
+    // The third was never sent: the next request is another command's.
+    rig.run("land", 0);
+    let kinds = [(); 3].map(|()| movement(bridge.next_request()).kind);
+    let (go_to, land) = (MovementKind::GoToWaypoint.code(), MovementKind::Land.code());
+    assert_eq!(kinds, [go_to, go_to, land]);
+}
+
+#[test]
+fn final_reports_become_exit_codes() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    let unknown = |reason| Answer::Reports(vec![RequestReport::new(Stage::Unknown, reason)]);
+    for (answer, code, told) in [
+        (Answer::done(), 0, ""),
+        (
+            Answer::refuse(Reason::Busy),
+            5,
+            "takeoff was refused (busy)",
+        ),
+        (
+            Answer::refuse(Reason::LinkDown),
+            6,
+            "takeoff was refused (link-down)",
+        ),
+        (Answer::abort(Reason::Stopped), 5, "ended early (stopped)"),
+        (
+            Answer::abort(Reason::LinkDown),
+            6,
+            "ended early (link-down)",
+        ),
+        (Answer::abort(Reason::TooLate), 4, "(too-late)"),
+        (
+            Answer::abort(Reason::MovementTimeout),
+            4,
+            "(movement-timeout)",
+        ),
+        (
+            Answer::abort(Reason::CommunicationFatalError),
+            4,
+            "(communication-fatal-error)",
+        ),
+        (
+            unknown(Reason::BridgeEnding),
+            7,
+            "unknown outcome (bridge-ending)",
+        ),
+    ] {
+        bridge.answer_next(answer.clone());
+        let finished = rig.run("takeoff --altitude 5", code);
+        let is_told = says(&finished.stderr, told) || told.is_empty();
+        assert!(is_told, "{answer:?}: {finished:#?}");
+    }
+}
+
+#[test]
+fn programs_read_one_object_a_line() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    bridge.answer_next(Answer::progress(1));
+    let finished = rig.run("goto 37,-6,20 --json", 0);
+    let request = movement(bridge.next_request());
+    let reports: Vec<_> = finished.stdout.iter().map(|line| json(line)).collect();
+    let stages: Vec<_> = reports.iter().map(|report| &report["stage"]).collect();
+    assert_eq!(stages, ["accepted", "progress", "done"]);
+    for report in &reports {
+        assert_eq!(report["schema"], "hero.RequestReport.v2");
+        assert_eq!(report["request"], "goto");
+        assert_eq!(report["request_id"], request.request_id);
+        assert_eq!(report["path_id"], request.path_id);
+        assert_eq!(report["reason"], "none");
+    }
+    assert_eq!(reports[2]["waypoints_reached"], 1);
+}
+
+#[test]
+fn deadline_and_timeout_come_from_the_command_line_then_the_environment_then_the_file() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    rig.write("ril.toml", "[request]\ndeadline_ms = 300\n");
+    rig.write("other.toml", "");
+    for (args, variable, expected) in [
+        ("start --deadline 100ms", Some("200ms"), 100),
+        ("start", Some("200ms"), 200),
+        ("start", None, 300),
+        ("start --config other.toml", None, 0),
+    ] {
+        let mut command = rig.command(args.split(' '));
+        if let Some(value) = variable {
+            command.env("RIL_DEADLINE", value);
+        }
+        let finished = Process::spawn(&rig.domain, command).wait_exit();
+        assert_eq!(finished.code(), Some(0), "{finished:#?}");
+        let request = control(bridge.next_request());
+        let begin_by_ns = match expected {
+            0 => 0,
+            ms => request.issued_ns + ms * 1_000_000,
+        };
+        assert_eq!(request.begin_by_ns, begin_by_ns, "{args} {variable:?}");
+    }
+    rig.run("land --deadline 50ms", 0);
+    let land = movement(bridge.next_request());
+    assert_eq!(land.begin_by_ns, land.issued_ns + 50_000_000);
+}
+
+#[test]
+fn a_command_that_does_not_wait_returns_once_it_is_accepted() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    bridge.answer_next(accepted());
+    assert_eq!(
+        rig.run("takeoff --altitude 5 --no-wait", 0).stdout,
+        ["takeoff: accepted"]
+    );
+    bridge.answer_next(Answer::refuse(Reason::AlreadyFlying));
+    rig.run("takeoff --altitude 5 --no-wait", 5);
+}
+
+#[test]
+fn a_bridge_that_hangs_is_a_timeout() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    bridge.answer_next(Answer::Hang);
+    let finished = rig.run("start --timeout 100ms", 4);
+    assert!(
+        says(&finished.stderr, "did not answer to start in time"),
+        "{finished:#?}"
+    );
+    bridge.answer_next(accepted());
+    bridge.answer_next(Answer::Hang);
+    let finished = rig.run("goto 37,-6,20 37,-6,21 --timeout 5s", 4);
+    assert!(
+        says(&finished.stderr, "did not answer to waypoint 2 of 2"),
+        "{finished:#?}"
+    );
+}
+
+#[test]
+fn a_bridge_that_dies_leaves_the_outcome_unknown() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    bridge.answer_next(accepted());
+    let mut take_off = rig.start("takeoff --altitude 5");
+    take_off.wait_for_text("takeoff: accepted");
+    bridge.die();
+    let finished = take_off.wait_exit();
+    assert_eq!(finished.code(), Some(7), "{finished:#?}");
+    assert!(
+        says(&finished.stderr, "unknown outcome (bridge-gone)"),
+        "{finished:#?}"
+    );
+}
+
+#[test]
+fn an_interrupted_command_says_what_goes_on() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    for (args, signal, expected) in [
+        (
+            "takeoff --altitude 5",
+            Signal::INT,
+            "the take-off goes on and cannot be aborted",
+        ),
+        (
+            "land",
+            Signal::TERM,
+            "the landing goes on and cannot be aborted",
+        ),
+        (
+            "goto 37,-6,20",
+            Signal::INT,
+            "`ril hold` makes the helicopter hover at once",
+        ),
+        ("stop", Signal::INT, "the bridge goes on with it"),
+    ] {
+        bridge.answer_next(accepted());
+        let mut process = rig.start(args);
+        process.wait_for_text("accepted");
+        process.signal(signal);
+        let finished = process.wait_exit();
+        assert_eq!(finished.code(), Some(7), "{args}: {finished:#?}");
+        assert!(says(&finished.stderr, expected), "{args}: {finished:#?}");
+        bridge.next_request();
+    }
+    // The bridge flies no path that was not sent to its end.
+    bridge.answer_next(accepted());
+    bridge.answer_next(Answer::Hang);
+    let mut process = rig.start("goto 37,-6,20 37,-6,21 --timeout 80s");
+    bridge.next_request();
+    bridge.next_request();
+    process.signal(Signal::INT);
+    let finished = process.wait_exit();
+    assert_eq!(finished.code(), Some(7), "{finished:#?}");
+    assert!(
+        says(&finished.stderr, "nothing of it is flown"),
+        "{finished:#?}"
+    );
+}
+
+#[test]
+fn a_goto_whose_sender_ends_is_held_when_that_was_asked_for() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
+        bridge.answer_next(accepted());
+        bridge.answer_next(accepted());
+        let mut process = rig.start("goto 37,-6,20 --hold-on-exit");
+        process.wait_for_text("accepted");
+        process.signal(signal);
+        let finished = process.wait_exit();
+        assert_eq!(finished.code(), Some(7), "{signal:?}: {finished:#?}");
+        let expected =
+            "interrupted before the final report about goto: a hold was sent and accepted";
+        assert!(says(&finished.stderr, expected), "{finished:#?}");
+        let kinds = [bridge.next_request(), bridge.next_request()].map(|one| movement(one).kind());
+        assert_eq!(
+            kinds,
+            [Some(MovementKind::GoToWaypoint), Some(MovementKind::Hold)]
+        );
+    }
+    // A hold that gets no answer is no hold.
+    bridge.answer_next(accepted());
+    bridge.answer_next(Answer::Hang);
+    let mut process = rig.start("goto 37,-6,20 --hold-on-exit --timeout 1s");
+    process.wait_for_text("accepted");
+    process.signal(Signal::HUP);
+    let finished = process.wait_exit();
+    assert_eq!(finished.code(), Some(7), "{finished:#?}");
+    assert!(
+        says(&finished.stderr, "the hold that was sent failed"),
+        "{finished:#?}"
+    );
+    bridge.next_request();
+    bridge.next_request();
+    // As under nohup.
+    bridge.answer_next(accepted());
+    let line = "trap '' HUP; exec \"$0\" goto 37,-6,20 --hold-on-exit";
+    let mut process = Process::spawn(&rig.domain, rig.shell(line));
+    process.wait_for_text("accepted");
+    process.signal(Signal::HUP);
+    let path = movement(bridge.next_request());
+    let done = RequestReport::new(Stage::Done, Reason::None);
+    bridge.report(path.request_id, &done).unwrap();
+    let finished = process.wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    // What is over is over.
+    bridge.answer_next(Answer::done());
+    rig.run("goto 37,-6,20 --hold-on-exit", 0);
+    rig.run("goto 37,-6,20 --hold-on-exit --no-wait", 2);
+}
+
+/// `head -n 1` ends after *accepted*, and the path goes on.
+#[test]
+fn a_goto_whose_reader_has_gone_says_that_its_outcome_is_unknown() {
+    let rig = Rig::new();
+    let bridge = StandInBridge::start(&rig.domain);
+    for (option, expected) in [
+        ("", "`ril hold` makes the helicopter hover at once"),
+        ("--hold-on-exit", "a hold was sent and accepted"),
+    ] {
+        bridge.answer_next(accepted());
+        bridge.answer_next(accepted());
+        let line = format!(
+            "{{ \"$0\" goto 37,-6,20 {option}; echo \"code $?\" >&2; }} | {{ head -n 1; exec <&-; echo gone >&2; }}"
+        );
+        let mut process = Process::spawn(&rig.domain, rig.shell(&line));
+        let path = movement(bridge.next_request());
+        process.wait_for_text("gone");
+        let under_way = RequestReport::new(Stage::Progress, Reason::None);
+        bridge.report(path.request_id, &under_way).unwrap();
+        let finished = process.wait_exit();
+        assert!(says(&finished.stderr, "code 7"), "{option}: {finished:#?}");
+        for expected in [
+            "standard output was closed before the final report",
+            expected,
+        ] {
+            assert!(says(&finished.stderr, expected), "{option}: {finished:#?}");
+        }
+        if !option.is_empty() {
+            assert_eq!(
+                movement(bridge.next_request()).kind(),
+                Some(MovementKind::Hold)
+            );
+        } else {
+            // The answer that was meant for a hold.
+            rig.run("takeoff 5m --no-wait", 0);
+            bridge.next_request();
+        }
+    }
+    // The final report was there before its reader had gone: the outcome is known.
+    bridge.answer_next(Answer::refuse(Reason::Busy));
+    let line = "{ \"$0\" goto 37,-6,20; echo \"code $?\" >&2; } | true";
+    let finished = Process::spawn(&rig.domain, rig.shell(line)).wait_exit();
+    assert!(says(&finished.stderr, "code 5"), "{finished:#?}");
+}
+
+#[test]
+fn a_bridge_without_a_port_refuses_a_start_and_one_that_was_stopped_is_not_waited_for() {
+    let rig = Rig::new();
+    let bridge = rig.bridge(1);
+    let finished = rig.run("start", 6);
+    assert!(finished.stdout.is_empty(), "{finished:#?}");
+    let expected = "start was refused (link-down)";
+    assert!(says(&finished.stderr, expected), "{finished:#?}");
+    rig.run("goto -37,-6,20", 5);
+    let state = rig.state(1);
+    assert_eq!(state["link"]["state"], "gone");
+    let mut watch = rig.watch(1);
+    watch.until("both are counted", |state| state.refused.requests == 2);
+
+    bridge.signal(Signal::STOP);
+    rig.run("start --timeout 200ms", 4);
+    rig.run("status --timeout 200ms", 4);
+    bridge.signal(Signal::CONT);
+    rig.run("start", 6);
+    // What was withdrawn while it was stopped never happened.
+    let state = watch.until("the last is counted", |state| state.refused.requests > 2);
+    assert_eq!(state.refused.requests, 3);
+    drop(watch);
+    end(bridge, Signal::INT);
+}

@@ -1,0 +1,129 @@
+//! `ril topic …`: topics are listed, described, printed and measured by their schemas.
+
+use crate::common::{Rig, json, says};
+use ipc_types::MonotonicNs;
+use ipc_types::payload::{HeroTelemetry, ModuleState};
+use ril_tests::{StandInBridge, StandInStatus};
+
+#[test]
+fn topics_that_are_there_are_listed() {
+    let rig = Rig::new();
+    assert!(rig.run("topic list", 0).stdout.is_empty());
+    let _status = StandInStatus::start(&rig.domain);
+    let _bridge = StandInBridge::start(&rig.domain);
+    let listed = rig.run("topic list", 0).stdout;
+    assert!(
+        listed
+            .iter()
+            .any(|line| line.starts_with("hero_telemetry") && line.ends_with("304 B")),
+        "{listed:#?}"
+    );
+    let listed = rig.run("topic list --json", 0).stdout;
+    let keys: Vec<_> = listed
+        .iter()
+        .map(|line| json(line)["key"].clone())
+        .collect();
+    for key in ["hero_telemetry", "module_state"] {
+        assert!(keys.iter().any(|there| there == key), "{listed:#?}");
+    }
+    let first = json(&listed[0]);
+    assert_eq!(
+        (&first["schema"], &first["live"]),
+        (&"ril.Topic.v1".into(), &true.into())
+    );
+}
+
+#[test]
+fn a_topic_is_described() {
+    let rig = Rig::new();
+    let said = rig.run("topic info hero_telemetry", 0).stdout;
+    for expected in [
+        "hero_telemetry, which no process has open",
+        "hero.HeroTelemetry.v2 (hero_msgs/msg/HeroTelemetry in ROS 2)",
+        "geodetic.altitude_m",
+    ] {
+        assert!(says(&said, expected), "{expected}: {said:#?}");
+    }
+    let said = json(&rig.run("topic info state --json", 0).stdout[0]);
+    assert_eq!(
+        (&said["key"], &said["bytes"]),
+        (&"module_state".into(), &416.into())
+    );
+    let fields = said["fields"].as_array().unwrap();
+    let field = fields
+        .iter()
+        .find(|field| field["name"] == "movement.distance_to_go_m");
+    assert_eq!(field.unwrap()["unit"], "m");
+}
+
+#[test]
+fn samples_are_printed_and_measured_as_by_the_short_forms() {
+    let rig = Rig::new();
+    let status = StandInStatus::start(&rig.domain);
+    status.publish(&HeroTelemetry::default());
+    let fields = "--json --field geodetic.altitude_m --field published_ns --field velocity";
+    let mut short = rig.start(&format!("echo hero --count 2 {fields}"));
+    let mut long = rig.start(&format!("topic echo hero_telemetry --count 2 {fields}"));
+    for echo in [&mut short, &mut long] {
+        echo.wait_for_text("hero.HeroTelemetry.v2");
+    }
+    status.publish(&HeroTelemetry {
+        published_ns: 5,
+        ..HeroTelemetry::default()
+    });
+    let (short, long) = (short.wait_exit(), long.wait_exit());
+    assert_eq!(short.stdout, long.stdout);
+    let last = json(&long.stdout[1]);
+    assert_eq!(last["published_ns"], 5);
+    assert!(
+        last["geodetic"]["altitude_m"].is_null(),
+        "no group was valid"
+    );
+    assert!(says(&long.stderr, "2 samples"), "{long:#?}");
+
+    let mut hz = rig.start("topic hz hero_telemetry --count 3 --json -v");
+    hz.wait_for_text("subscribed");
+    let now = MonotonicNs::now();
+    for index in 0..3 {
+        status.publish(&HeroTelemetry {
+            published_ns: now.0 + index * 20_000_000,
+            ..HeroTelemetry::default()
+        });
+    }
+    let report = json(&hz.wait_exit().stdout[0]);
+    assert_eq!(
+        (&report["service"], &report["lost"]),
+        (&"hero_telemetry".into(), &0.into())
+    );
+    assert_eq!(report["published_hz"], 50.0);
+}
+
+#[test]
+fn a_topic_that_is_not_there_is_told_with_those_that_are() {
+    let rig = Rig::new();
+    for command in ["echo", "hz", "delay", "bw", "info"] {
+        let finished = rig.run(&format!("topic {command} battery_watch/voltages"), 3);
+        let expected = "robot 1 has no topic battery_watch/voltages; it has none now";
+        assert!(says(&finished.stderr, expected), "{finished:#?}");
+    }
+    let finished = rig.run("topic echo hero --timeout 50ms", 3);
+    assert!(
+        says(&finished.stderr, "start `ril run status --robot 1`"),
+        "{finished:#?}"
+    );
+    let bridge = StandInBridge::start(&rig.domain);
+    bridge.publish_state(&ModuleState::default());
+    let finished = rig.run("topic echo battery_watch/voltages", 3);
+    assert!(says(&finished.stderr, "module_state"), "{finished:#?}");
+    for (args, expected) in [
+        (
+            "topic echo module_state --field zzz",
+            "the fields are sequence, epoch_ns",
+        ),
+        ("topic echo ../etc", "a topic is called such as"),
+        ("topic", "Usage: ril topic"),
+    ] {
+        let finished = rig.run(args, 2);
+        assert!(says(&finished.stderr, expected), "{args}: {finished:#?}");
+    }
+}

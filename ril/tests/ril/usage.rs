@@ -1,0 +1,143 @@
+//! Usage errors, configurations that are wrong, and commands that find no process: the exit codes 2, 3 and 78.
+
+use std::fs;
+
+use crate::common::{Rig, says};
+use rustix::fs::{CWD, Mode, mkfifoat};
+
+#[test]
+fn usage_errors_are_refused_before_a_request_is_sent() {
+    let rig = Rig::new();
+    for (args, expected) in [
+        ("", "Usage: ril"),
+        ("strat", "start"),
+        ("start --robot 0", "a robot id is an integer from 1"),
+        ("bridge --robot 0", "a robot id is an integer from 1"),
+        ("sim --speed 0", "a speed is a factor"),
+        ("status --log barometer", "'--log'"),
+        ("demo --speed 0", "--speed"),
+        ("goto -91,0,10", "the latitude -91 is out of range"),
+        ("goto 37,-6", "2 numbers, three are needed"),
+        ("takeoff --altitude nan", "the altitude `nan` is not finite"),
+        ("echo", "<TOPIC>"),
+        ("hz gps", "[possible values: dsp, hero, state]"),
+        ("delay hero --json", "<--count <N>|--duration <DURATION>>"),
+        (
+            "echo hero --field latitude_rad",
+            "did you mean `geodetic.latitude_rad`?",
+        ),
+        (
+            "echo state --field zzz",
+            "the fields are sequence, epoch_ns",
+        ),
+    ] {
+        let finished = rig.run(args, 2);
+        assert!(says(&finished.stderr, expected), "{args}: {finished:#?}");
+        let is_json = args.contains("--json");
+        assert_eq!(
+            finished.stdout.len(),
+            usize::from(is_json),
+            "{args}: {finished:#?}"
+        );
+        rig.domain.assert_empty();
+    }
+}
+
+#[test]
+fn a_wrong_configuration_is_told_with_file_and_line() {
+    let rig = Rig::new();
+    rig.write("wrong.toml", "# a comment\n[request]\ntimeout = 3\n");
+    rig.write("wild.toml", "[observe]\ntimeout_s = 0\n");
+    rig.write("other.toml", "\n[serail]\n");
+    rig.write("status.toml", "[[log]]\ngroups = ['barometer']\n");
+    for (command, file, expected) in [
+        (
+            "start",
+            "wrong.toml",
+            "wrong.toml:3: unknown field `timeout`",
+        ),
+        ("stop", "wrong.toml", "did you mean `timeout_s`?"),
+        ("land", "absent.toml", "absent.toml: cannot be read"),
+        ("takeoff --altitude 5", "wrong.toml", "wrong.toml:3"),
+        ("goto 37,-6,20", "wrong.toml", "wrong.toml:3"),
+        ("status", "wild.toml", "wild.toml:2: 0 is out of range"),
+        ("echo dsp", "wild.toml", "wild.toml:2: "),
+        ("hz dsp", "wild.toml", "wild.toml:2: "),
+        ("start --check-config", "wrong.toml", "wrong.toml:3"),
+        (
+            "status",
+            "status.toml",
+            "status.toml:1: unknown field `log`",
+        ),
+        (
+            "bridge",
+            "other.toml",
+            "other.toml:2: unknown field `serail`",
+        ),
+        ("run status", "other.toml", "other.toml:2: "),
+        ("sim", "other.toml", "other.toml:2: "),
+    ] {
+        let finished = rig.run(&format!("{command} --config {file}"), 78);
+        assert!(says(&finished.stderr, expected), "{command}: {finished:#?}");
+        rig.domain.assert_empty();
+    }
+}
+
+#[test]
+fn what_is_no_file_is_no_configuration_and_is_not_waited_for() {
+    let rig = Rig::new();
+    let pipe = rig.folder().join("pipe");
+    mkfifoat(CWD, &pipe, Mode::RUSR | Mode::WUSR).unwrap();
+    let endless = fs::File::create(rig.folder().join("endless")).unwrap();
+    endless.set_len(1 << 40).unwrap();
+    for (file, expected) in [
+        ("pipe", "pipe: is a pipe, not a regular file; name a"),
+        ("/dev/ptmx", "/dev/ptmx: is a device, not a regular file"),
+        ("/dev/zero", "/dev/zero: is a device, not a regular file"),
+        (".", ".: is a folder, not a regular file"),
+        ("endless", "endless: is longer than 1048576 bytes"),
+    ] {
+        for command in ["bridge", "run status", "sim", "start", "status", "doctor"] {
+            let finished = rig.run(&format!("{command} --config {file}"), 78);
+            let told = [finished.stdout, finished.stderr].concat();
+            assert!(says(&told, expected), "{command}: {told:#?}");
+        }
+    }
+    rig.domain.assert_empty();
+}
+
+#[test]
+fn the_file_in_the_working_directory_is_read_if_it_is_there() {
+    let rig = Rig::new();
+    rig.run("start --check-config", 0);
+    rig.write("ril.toml", "[request]\n\ndeadline_ms = -1\n");
+    let finished = rig.run("start --check-config", 78);
+    assert!(says(&finished.stderr, "ril.toml:3: "), "{finished:#?}");
+}
+
+#[test]
+fn without_a_bridge_every_command_says_how_to_start_it() {
+    let rig = Rig::new();
+    for (args, process) in [
+        ("start", "bridge"),
+        ("stop", "bridge"),
+        ("takeoff --altitude 5", "bridge"),
+        ("land --no-wait", "bridge"),
+        ("goto -37,-6,20 37,6,20 --json", "bridge"),
+        ("status --timeout 50ms", "bridge"),
+        ("echo dsp --timeout 50ms", "bridge"),
+        ("echo hero --timeout 50ms --count 1", "status"),
+        ("echo state --timeout 50ms --json", "bridge"),
+        ("hz dsp --timeout 50ms", "bridge"),
+        ("delay hero --timeout 50ms --count 2 --json", "status"),
+        ("bw state --timeout 50ms --duration 1s", "bridge"),
+    ] {
+        let finished = rig.run(&format!("{args} --robot 7"), 3);
+        let advice = format!("next step: start `ril run {process} --robot 7`");
+        assert!(says(&finished.stderr, &advice), "{args}: {finished:#?}");
+        // Nothing but the failure, for programs.
+        let expected = usize::from(args.contains("--json"));
+        assert_eq!(finished.stdout.len(), expected, "{args}: {finished:#?}");
+        rig.domain.assert_empty();
+    }
+}
