@@ -13,7 +13,7 @@ use std::process::Command;
 
 use ipc_types::payload::{ModuleState, MovementData};
 use ipc_types::{Ipc, RobotId, Subscriber, Wake};
-use ril_tests::chain::PATIENCE;
+use ril_tests::chain::LONGEST_WAIT;
 pub use ril_tests::chain::PATIENT;
 use ril_tests::process::{Finished, Signal, WAIT_LIMIT};
 use ril_tests::{Process, PtyFolder, Received, TestDomain};
@@ -70,7 +70,7 @@ impl Rig {
     /// `command` in the folder, patient, and without what would change what `ril` does.
     pub fn place(&self, mut command: Command) -> Command {
         command.current_dir(self.folder());
-        command.env(PATIENCE.0, PATIENCE.1);
+        command.env(LONGEST_WAIT.0, LONGEST_WAIT.1);
         for variable in VARIABLES {
             command.env_remove(variable);
         }
