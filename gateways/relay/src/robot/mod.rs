@@ -13,7 +13,7 @@ use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
 use ipc_types::payload::{MovementData, RelayStations};
-use ipc_types::{Client, Ipc, MonotonicNs, OpenError, Source, WaitError, Wake, fresh_request_id};
+use ipc_types::{Client, Ipc, MonotonicNs, OpenError, WaitError, Wake, fresh_request_id};
 use module_kit::process::{Process, Sources};
 
 use crate::Failure;

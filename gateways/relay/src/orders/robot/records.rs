@@ -348,16 +348,10 @@ impl Records {
                 record.session = None;
             }
         }
-        let orphans = self
-            .records
-            .iter()
-            .filter(|record| record.session.is_none());
+        let orphans = self.list.iter().filter(|record| record.session.is_none());
         for _ in ORPHANS..orphans.count() {
             // Records are not in the order of their age, but about so: the first one is old.
-            let oldest = self
-                .records
-                .iter()
-                .position(|record| record.session.is_none());
+            let oldest = self.list.iter().position(|record| record.session.is_none());
             if let Some(index) = oldest {
                 out.push(self.list.swap_remove(index).give_up());
             }
