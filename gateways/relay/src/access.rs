@@ -87,17 +87,29 @@ pub fn check(config: &Config, side: Side) -> Result<Option<String>, Fault> {
             format!("nothing passes through `{endpoint}`: certificates are configured, and it shows none")
         }));
     }
-    let Some(Door { shown, fault }) = open_door(config, side) else {
+    let Some(Door {
+        shown,
+        keys,
+        endpoint,
+    }) = open_door(config, side)
+    else {
         return Ok(None);
     };
     match side {
         Side::Robot if config.commands.stations.is_empty() => Ok(Some(format!(
             "{shown} is not encrypted: everyone who reaches it can read the robot's telemetry"
         ))),
-        Side::Robot if !config.security.insecure => Err(fault(format!(
-            "{shown} is not encrypted, so that everyone who reaches it could fly the robot: let `ril relay certify` make \
-             certificates and use tls/ or quic/, listen on this machine alone, or write `insecure = true` into `[security]`"
-        ))),
+        Side::Robot if !config.security.insecure => {
+            let reason = format!(
+                "{shown} is not encrypted, so that everyone who reaches it could fly the robot: let `ril relay certify` make \
+                 certificates and use tls/ or quic/, listen on this machine alone, or write `insecure = true` into `[security]`"
+            );
+            let fault = Fault::at(keys, reason);
+            Err(match endpoint {
+                Some(endpoint) => fault.of(endpoint),
+                None => fault,
+            })
+        }
         Side::Robot => Ok(Some(format!(
             "INSECURE: {shown} is not encrypted: everyone who reaches it can FLY THE ROBOT"
         ))),
@@ -114,8 +126,9 @@ pub fn check(config: &Config, side: Side) -> Result<Option<String>, Fault> {
 struct Door<'a> {
     /// As it is shown to the operator.
     shown: String,
-    /// Says what is wrong with it, at its place in the configuration.
-    fault: Box<dyn Fn(String) -> Fault + 'a>,
+    /// Its place in the configuration.
+    keys: &'static [&'static str],
+    endpoint: Option<&'a str>,
 }
 
 /// The first way in that is neither encrypted nor of this machine alone.
@@ -123,7 +136,8 @@ fn open_door(config: &Config, side: Side) -> Option<Door<'_>> {
     if config.network.discovery {
         return Some(Door {
             shown: "what is found by `discovery`".to_owned(),
-            fault: Box::new(|reason| Fault::at(&["network", "discovery"], reason)),
+            keys: &["network", "discovery"],
+            endpoint: None,
         });
     }
     let (listen, connect) = side.endpoints(config);
@@ -136,7 +150,8 @@ fn open_door(config: &Config, side: Side) -> Option<Door<'_>> {
     let (text, keys) = endpoints.find(|(text, _)| is_open(text))?;
     Some(Door {
         shown: format!("`{text}`"),
-        fault: Box::new(move |reason| Fault::at(keys, reason).of(text.as_str())),
+        keys,
+        endpoint: Some(text.as_str()),
     })
 }
 

@@ -1,7 +1,7 @@
 //! `kill -9` of the recorder at random moments, over and over: does every reader open every file, is there a hole, and how old is
 //! what a file lacks?
 //!
-//! The files stay as they were at the kill until there are [`BATCH`]. Then each reader opens them all with one process, and they go.
+//! The files stay as they were at the kill until there is a batch. Then each reader opens all of it with one process, and they go.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::fs;

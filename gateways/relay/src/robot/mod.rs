@@ -13,7 +13,7 @@ use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
 use ipc_types::payload::{MovementData, RelayStations};
-use ipc_types::{Client, Ipc, MonotonicNs, OpenError, Source, WaitError, Wake, fresh_request_id};
+use ipc_types::{Client, Ipc, MonotonicNs, OpenError, WaitError, Wake, fresh_request_id};
 use module_kit::process::{Process, Sources};
 
 use crate::Failure;
@@ -285,7 +285,7 @@ impl Process for RobotSide {
     fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
         self.own_topics.sources(sources);
         if let Some(reaction) = &mut self.reaction {
-            sources.port(reaction.client());
+            sources.port(&mut reaction.client);
         }
         sources.descriptor((), self.network.descriptor());
         sources.descriptor((), self.services.ports().descriptor());
@@ -357,11 +357,6 @@ impl Reaction {
                 client: ipc.client()?,
             })),
         }
-    }
-
-    /// What to wait for.
-    fn client(&mut self) -> &mut dyn Source {
-        &mut self.client
     }
 
     /// Ends the movement that is under way.

@@ -99,11 +99,11 @@ fn carry(mut ends: [File; 2], loss: &Mutex<f64>, seed: u64) -> std::io::Result<(
     let mut chance = Random::new(seed, 0);
     let mut packet = [0; PACKET];
     loop {
-        for from in 0..2 {
+        for (from, to) in [(0, 1), (1, 0)] {
             while let Ok(length) = ends[from].read(&mut packet) {
                 if chance.uniform() >= *loss.lock().expect("no panic while it is held") {
                     // An interface that is down, or full, loses it.
-                    let _ = ends[1 - from].write(&packet[..length]);
+                    let _ = ends[to].write(&packet[..length]);
                 }
             }
         }

@@ -1,8 +1,121 @@
-//! Single exchanges: what is rejected, and translation at the edges.
+//! How small the uncertainty gets, which exchanges are rejected, and translation at the edges.
 
 use ipc_types::MonotonicNs;
 
-use crate::clock::{Clock, Exchange, MAX_ROUND_TRIP_NS, MAX_STAMP_NS, Rejected, RemoteNs};
+use super::link::{Clocks, Link, MS, Random, SECOND};
+use super::truth::assert_true_at;
+use crate::clock::{
+    Clock, Estimate, Exchange, MAX_ROUND_TRIP_NS, MAX_STAMP_NS, Rejected, RemoteNs,
+};
+
+fn after(exchanges: &[Exchange]) -> (Clock, Estimate) {
+    let mut clock = Clock::new();
+    for exchange in exchanges {
+        clock.take(exchange).expect("a plausible exchange");
+    }
+    let last = exchanges.last().expect("an exchange").received;
+    let estimate = clock.estimate(last).expect("an estimate");
+    (clock, estimate)
+}
+
+#[test]
+fn the_uncertainty_after_one_exchange_is_half_its_round_trip() {
+    let clocks = Clocks::steady(5, 0.0);
+    let exchanges = Link::quiet().exchanges(&clocks, 1.0, 1.0, &mut Random(1));
+    let (_, estimate) = after(&exchanges);
+    let half_ns = estimate.round_trip_ns / 2;
+    // The exchange takes up to 10.4 ms, in which 200 ppm make 2 µs.
+    assert!((half_ns..half_ns + 2_200).contains(&estimate.uncertainty_ns));
+}
+
+#[test]
+fn quiet_symmetric_delays_of_200_us_give_an_uncertainty_of_the_best_one_way_delay() {
+    let clocks = Clocks::steady(3_600_000_000_000, -80_000.0);
+    let exchanges = Link::quiet().exchanges(&clocks, 120.0, 1.0, &mut Random(2));
+    let (_, estimate) = after(&exchanges);
+    assert!(estimate.uncertainty_ns < 210_000, "{estimate:?}");
+    assert!(estimate.drift_ppb.abs_diff(-80_000) <= estimate.drift_uncertainty_ppb);
+    assert!(estimate.drift_uncertainty_ppb < 12_000, "{estimate:?}");
+}
+
+#[test]
+fn slow_exchanges_do_not_spoil_what_quick_ones_have_shown() {
+    let clocks = Clocks::steady(-1_000_000_000, 60_000.0);
+    let random = &mut Random(3);
+    let mut exchanges = Link::quiet().exchanges(&clocks, 120.0, 1.0, random);
+    let mut slow = Link::quiet();
+    slow.jitter_ns = 1e9;
+    // From now on one in ten is quick.
+    for second in 120..240 {
+        let link = if second % 10 == 0 {
+            &Link::quiet()
+        } else {
+            &slow
+        };
+        let mut later = clocks.clone();
+        later.start_ns += second * SECOND;
+        later.offset_ns = clocks.offset_at(later.start_ns);
+        exchanges.extend(link.exchanges(&later, 1.0, 1.0, random));
+    }
+    let (clock, estimate) = after(&exchanges);
+    assert!(estimate.uncertainty_ns < 300_000, "{estimate:?}");
+    assert_true_at(&clock, &clocks, exchanges[239].received.0, &"");
+}
+
+#[test]
+fn the_uncertainty_grows_while_no_exchange_comes() {
+    let clocks = Clocks::steady(0, 90_000.0);
+    let exchanges = Link::quiet().exchanges(&clocks, 120.0, 1.0, &mut Random(4));
+    let (clock, at_once) = after(&exchanges);
+    let last = exchanges[119].received.0;
+    let uncertainty_after = |seconds: u64| {
+        let at = last + seconds * SECOND;
+        assert_true_at(&clock, &clocks, at, &seconds);
+        let estimate = clock.estimate(MonotonicNs(at)).expect("an estimate");
+        estimate.uncertainty_ns
+    };
+    assert_eq!(uncertainty_after(0), at_once.uncertainty_ns);
+    // Drift known to ± 10 ppm, changing by 50 ppb/s.
+    assert!((250_000..400_000).contains(&uncertainty_after(10)));
+    assert!((5 * MS / 10..2 * MS).contains(&uncertainty_after(60)));
+    // In the end it is ± 200 ppm about a middle of 90 ppm, which is cut off at 200 ppm.
+    let an_hour = uncertainty_after(3601) - uncertainty_after(3600);
+    assert!((100_000..200_000).contains(&an_hour), "{an_hour}");
+    let late = uncertainty_after(100_001) - uncertainty_after(100_000);
+    assert!((200_000..200_100).contains(&late), "{late}");
+}
+
+#[test]
+fn the_estimate_survives_an_outage_of_half_an_hour() {
+    let clocks = Clocks::steady(0, 90_000.0);
+    let random = &mut Random(6);
+    let mut exchanges = Link::quiet().exchanges(&clocks, 120.0, 1.0, random);
+    let mut later = clocks.clone();
+    later.start_ns += 1920 * SECOND;
+    later.offset_ns = clocks.offset_at(later.start_ns);
+    exchanges.extend(Link::quiet().exchanges(&later, 1.0, 1.0, random));
+    let (clock, estimate) = after(&exchanges);
+    assert_eq!(clock.resets(), 0);
+    assert!(estimate.uncertainty_ns < 230_000, "{estimate:?}");
+}
+
+#[test]
+fn the_shown_round_trip_is_the_shortest_of_the_last_minutes() {
+    let clocks = Clocks::steady(0, 0.0);
+    let random = &mut Random(7);
+    let mut exchanges = Link::quiet().exchanges(&clocks, 20.0, 1.0, random);
+    let (_, quick) = after(&exchanges);
+    assert!((360_000..400_000).contains(&quick.round_trip_ns));
+
+    let mut slow = Link::quiet();
+    slow.there_ns = 5e6;
+    let mut later = clocks.clone();
+    later.start_ns += 20 * SECOND;
+    exchanges.extend(slow.exchanges(&later, 100.0, 1.0, random));
+    assert_eq!(after(&exchanges).1.round_trip_ns, quick.round_trip_ns);
+    exchanges.extend(slow.exchanges(&later, 600.0, 1.0, random));
+    assert!(after(&exchanges).1.round_trip_ns > 5_000_000);
+}
 
 fn exchange(sent: u64, remote_received: u64, remote_sent: u64, received: u64) -> Exchange {
     Exchange {

@@ -1,4 +1,3 @@
-mod accuracy;
 mod exchanges;
 mod jumps;
 mod link;

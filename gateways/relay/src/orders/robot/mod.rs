@@ -121,7 +121,7 @@ impl Robot {
         let index = match self.records.known(order, station) {
             Known::Yes(index) => index,
             Known::Moved(index) => {
-                let record = &mut self.records[index];
+                let record = &mut self.records.list[index];
                 (record.session, record.number) = (Some(order.session), order.number);
                 index
             }
@@ -142,7 +142,7 @@ impl Robot {
             }
         };
         // A late copy of another order must not give up one that its client sent after it, with the same request id.
-        if order.is_given_up && self.records[index].number == order.number {
+        if order.is_given_up && self.records.list[index].number == order.number {
             self.give_up(index, now, out);
         }
         self.answer(index, out);
@@ -161,7 +161,7 @@ impl Robot {
             return;
         };
         let still_open = self.config.still_open;
-        let record = &mut self.records[index];
+        let record = &mut self.records.list[index];
         match &mut record.state {
             State::PassedOn(passage) if passage.is_repeat && is_still_open(report) => {
                 if now.since(passage.since) < still_open {
@@ -188,7 +188,7 @@ impl Robot {
         let Some(index) = self.records.passed_on(service, request_id) else {
             return;
         };
-        let record = &mut self.records[index];
+        let record = &mut self.records.list[index];
         let State::PassedOn(passage) = &mut record.state else {
             return;
         };
@@ -212,7 +212,7 @@ impl Robot {
     pub fn tick(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
         while let Some(index) = self.records.due(now) {
             self.go_on(index, now, out);
-            if !self.records[index].is_open() {
+            if !self.records.list[index].is_open() {
                 self.noted(index, out);
             }
         }
@@ -233,7 +233,7 @@ impl Robot {
 
     /// When [`Robot::tick`] is due.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        let retries = self.records.iter().filter_map(Record::waits_until);
+        let retries = self.records.list.iter().filter_map(Record::waits_until);
         let losses = self.config.link_loss.into_iter().flat_map(|link_loss| {
             let open = |token| self.records.has_open(token);
             let watched = self
@@ -261,14 +261,14 @@ impl Robot {
 
     /// Orders that are remembered.
     pub fn remembered(&self) -> usize {
-        self.records.len()
+        self.records.list.len()
     }
 
     /// Passes on what has waited for orders before it.
     fn pass_on_in_turn(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
         while let Some(index) = self.records.in_turn(&self.sessions) {
             self.go_on(index, now, out);
-            if !self.records[index].is_open() {
+            if !self.records.list[index].is_open() {
                 self.noted(index, out);
             }
         }
@@ -276,7 +276,7 @@ impl Robot {
 
     /// Passes an order on, unless it has ended, or is too late now.
     fn go_on(&mut self, index: usize, now: MonotonicNs, out: &mut Vec<Output>) {
-        let record = &mut self.records[index];
+        let record = &mut self.records.list[index];
         record.go_on(now);
         if let State::PassedOn(passage) = &record.state {
             out.push(Output::Send {
@@ -289,7 +289,7 @@ impl Robot {
     }
 
     fn give_up(&mut self, index: usize, now: MonotonicNs, out: &mut Vec<Output>) {
-        let record = &mut self.records[index];
+        let record = &mut self.records.list[index];
         if matches!(record.state, State::PassedOn(_)) {
             out.push(record.give_up());
         }
@@ -298,7 +298,7 @@ impl Robot {
 
     /// Answers a copy of an order: with the first report, which may have been lost, and the newest.
     fn answer(&self, index: usize, out: &mut Vec<Output>) {
-        let record = &self.records[index];
+        let record = &self.records.list[index];
         let answers = [record.first(), record.newest()];
         out.extend(answers.into_iter().flatten().map(|answer| Output::Answer {
             station: record.station,
@@ -308,14 +308,14 @@ impl Robot {
 
     /// Sends the newest report on; an order that ended without a session is forgotten.
     fn noted(&mut self, index: usize, out: &mut Vec<Output>) {
-        let record = &self.records[index];
+        let record = &self.records.list[index];
         if let Some(answer) = record.newest() {
             out.push(Output::Answer {
                 station: record.station,
                 answer,
             });
         } else if !record.is_open() {
-            self.records.remove(index);
+            self.records.list.swap_remove(index);
         }
     }
 }

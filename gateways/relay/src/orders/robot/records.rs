@@ -1,6 +1,5 @@
 //! The orders that the robot side remembers, and what has to be done about them.
 
-use std::ops::{Index, IndexMut};
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
@@ -217,7 +216,7 @@ pub const ORPHANS: usize = 64;
 /// Orders: of each session those from its floor on, and [`ORPHANS`].
 #[derive(Clone, Debug, Default)]
 pub(super) struct Records {
-    records: Vec<Record>,
+    pub(super) list: Vec<Record>,
 }
 
 /// What an order is to this robot side.
@@ -232,18 +231,6 @@ pub(super) enum Known {
 }
 
 impl Records {
-    pub(super) fn len(&self) -> usize {
-        self.records.len()
-    }
-
-    pub(super) fn iter(&self) -> impl Iterator<Item = &Record> {
-        self.records.iter()
-    }
-
-    pub(super) fn remove(&mut self, index: usize) {
-        self.records.swap_remove(index);
-    }
-
     /// Whether an order of this session has no final report.
     pub(super) fn has_open(&self, session: u64) -> bool {
         self.open(session) > 0
@@ -252,14 +239,14 @@ impl Records {
     /// How many orders of this session are open.
     pub(super) fn open(&self, session: u64) -> usize {
         let is_open = |record: &&Record| record.session == Some(session) && record.is_open();
-        self.records.iter().filter(is_open).count()
+        self.list.iter().filter(is_open).count()
     }
 
     /// What is remembered about this order of this station.
     pub(super) fn known(&self, order: &Order, station: u64) -> Known {
         let id = request_id(&order.request);
         let is_here = |record: &Record| record.session == Some(order.session);
-        let records = || self.records.iter().enumerate();
+        let records = || self.list.iter().enumerate();
         let copy = records().find(|(_, record)| is_here(record) && record.number == order.number);
         if let Some((index, _)) = copy {
             return Known::Yes(index);
@@ -310,13 +297,13 @@ impl Records {
         if let Some(verdict) = verdict {
             record.note(&verdict.report(record.request_id, now));
         }
-        self.records.push(record);
-        self.records.len() - 1
+        self.list.push(record);
+        self.list.len() - 1
     }
 
     /// The order of this request that was passed on.
     pub(super) fn passed_on(&self, service: u64, request_id: u64) -> Option<usize> {
-        self.records.iter().position(|record| {
+        self.list.iter().position(|record| {
             record.service == service
                 && record.request_id == request_id
                 && matches!(record.state, State::PassedOn(_))
@@ -340,12 +327,12 @@ impl Records {
                 && early
                     .session
                     .is_some_and(|session| sessions.is_in_turn(session, early.number))
-                && !self.iter().filter(is_before).any(Record::is_held_up)
+                && !self.list.iter().filter(is_before).any(Record::is_held_up)
         })
     }
 
     fn lowest(&self, is_meant: impl Fn(&Record) -> bool) -> Option<usize> {
-        let records = self.records.iter().enumerate();
+        let records = self.list.iter().enumerate();
         let meant = records.filter(|(_, record)| is_meant(record));
         let lowest = meant.min_by_key(|(_, record)| (record.session, record.number));
         lowest.map(|(index, _)| index)
@@ -354,40 +341,20 @@ impl Records {
     /// Forgets what a session has below `floor`. What is open goes on without a session, if it was passed on.
     pub(super) fn forget(&mut self, session: u64, floor: u64, out: &mut Vec<Output>) {
         let is_meant = |record: &Record| record.session == Some(session) && record.number < floor;
-        self.records
+        self.list
             .retain(|record| !is_meant(record) || (record.is_open() && record.has_begun()));
-        for record in &mut self.records {
+        for record in &mut self.list {
             if is_meant(record) {
                 record.session = None;
             }
         }
-        let orphans = self
-            .records
-            .iter()
-            .filter(|record| record.session.is_none());
+        let orphans = self.list.iter().filter(|record| record.session.is_none());
         for _ in ORPHANS..orphans.count() {
             // Records are not in the order of their age, but about so: the first one is old.
-            let oldest = self
-                .records
-                .iter()
-                .position(|record| record.session.is_none());
+            let oldest = self.list.iter().position(|record| record.session.is_none());
             if let Some(index) = oldest {
-                out.push(self.records.swap_remove(index).give_up());
+                out.push(self.list.swap_remove(index).give_up());
             }
         }
-    }
-}
-
-impl Index<usize> for Records {
-    type Output = Record;
-
-    fn index(&self, index: usize) -> &Record {
-        &self.records[index]
-    }
-}
-
-impl IndexMut<usize> for Records {
-    fn index_mut(&mut self, index: usize) -> &mut Record {
-        &mut self.records[index]
     }
 }

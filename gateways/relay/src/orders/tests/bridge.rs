@@ -5,8 +5,7 @@ use std::collections::{BTreeMap, VecDeque};
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-use super::random::Random;
-use super::{MS, SECOND};
+use super::{MS, Random, SECOND};
 use crate::orders::message::{Order, request_id};
 use crate::orders::robot::{NotSent, Traits};
 

@@ -8,8 +8,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-use super::random::Random;
-use super::{MS, SECOND, count};
+use super::{MS, Random, SECOND, count};
 use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
 use crate::orders::message::{Answer, Order, request_id};
 use crate::orders::robot::{self, Robot, Traits};

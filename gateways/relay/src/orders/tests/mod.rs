@@ -3,15 +3,47 @@
 mod bridge;
 mod cases;
 mod last_order;
-mod random;
 mod world;
 
 use cases::Counts;
-use random::Random;
 use world::{Faults, World};
 
 const MS: u64 = 1_000_000;
 const SECOND: u64 = 1_000 * MS;
+
+/// Random numbers that are the same in every run (xorshift64*).
+struct Random(u64);
+
+impl Random {
+    fn new(seed: u64) -> Random {
+        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+        for _ in 0..8 {
+            random.next();
+        }
+        random
+    }
+
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
+    }
+
+    /// Less than `bound`, which is not 0.
+    fn below(&mut self, bound: u64) -> u64 {
+        (self.next() >> 11) % bound
+    }
+
+    fn chance(&mut self, probability: f64) -> bool {
+        (self.next() >> 11) as f64 / ((1_u64 << 53) as f64) < probability
+    }
+
+    /// Between half and one and a half of `mean`.
+    fn around(&mut self, mean: u64) -> u64 {
+        mean / 2 + self.below(mean + 1)
+    }
+}
 
 /// 20 % loss, 10 s outages, restarts of everything.
 const HARD: Faults = Faults {

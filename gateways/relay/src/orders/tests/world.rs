@@ -7,8 +7,7 @@ use ipc_types::MonotonicNs;
 
 use super::bridge::{Bridge, Kind, SERVICES, Step, traits_of};
 use super::cases::{Cases, Counts};
-use super::random::Random;
-use super::{MS, SECOND};
+use super::{MS, Random, SECOND};
 use crate::orders::message::{Answer, Order, WINDOW};
 use crate::orders::robot::{self, ORPHANS, Robot, SESSIONS};
 use crate::orders::station::{self, OPEN_ORDERS, Station};
