@@ -170,9 +170,7 @@ const VARIABLES: [&str; 5] = [
 /// Puts a command of `ril` into `folder`, without the variables that change what it does, and with so long a time-out that a machine that
 /// stalls fails nothing.
 pub fn place(command: &mut std::process::Command, folder: &Path) {
-    command
-        .current_dir(folder)
-        .env(PATIENCE.0, PATIENCE.1);
+    command.current_dir(folder).env(PATIENCE.0, PATIENCE.1);
     for variable in VARIABLES {
         command.env_remove(variable);
     }
