@@ -1,7 +1,7 @@
 //! A script of faults in the whole simulator: what the PC receives, and when.
 
 use super::*;
-use crate::faults::{Act, AfterStall, Damage, Directions, Fault, MessageKind, Times, Window};
+use crate::faults::{Act, Fault, MessageKind, Times, Window};
 
 fn ms(count: u64) -> Duration {
     Duration::from_millis(count)
