@@ -179,7 +179,10 @@ fn parameter_names() -> Vec<&'static str> {
 
 /// Parameters as the commands that write them, which is what a snapshot has: in a configuration they stand by their names.
 pub(crate) mod as_commands {
-    use super::{Command, Deserialize, Deserializer, Parameters, Serializer};
+    use dsp_protocol::Command;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    use crate::config::parameters::Parameters;
 
     pub fn serialize<S: Serializer>(parameters: &Parameters, to: S) -> Result<S::Ok, S::Error> {
         to.collect_seq(&parameters.0)

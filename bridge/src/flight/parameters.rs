@@ -5,7 +5,7 @@
 
 use std::collections::VecDeque;
 
-use dsp_protocol::port::{Access, PORTS_16, PORTS_32, Port, port16, port32};
+use dsp_protocol::port::{Access, PORTS_16, PORTS_32, Port};
 use dsp_protocol::{Command, DspErrorCode};
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, ParameterOperation, Reason, Stage};
@@ -256,10 +256,9 @@ fn wrote(port: Port, write: Command) -> Option<f64> {
 
 /// A port by its number: what a request names, and what stands for it in a snapshot.
 mod port_number {
+    use dsp_protocol::port::{Port, port16, port32};
     use serde::de::{Deserialize, Deserializer, Error};
     use serde::{Serialize, Serializer};
-
-    use super::{Port, port16, port32};
 
     /// The port of this number, if there is one.
     pub fn find(number: u32) -> Option<Port> {
