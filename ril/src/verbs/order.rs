@@ -271,7 +271,7 @@ fn absolute(targets: &[Target], asked: &Asked) -> Result<Vec<WaypointPosition>, 
 fn read_waypoints(path: &Path) -> Result<Vec<Target>, Failure> {
     let name = path.display();
     let mut text = String::new();
-    // One byte more than allowed tells a file that is too long.
+    // One byte more than allowed shows that a file is too long.
     let read = match path == Path::new("-") {
         true => io::stdin()
             .lock()
@@ -357,6 +357,6 @@ fn run<R: Request>(
     };
     Conversation::open_at(&session, key, verb, asked.timeout)?
         .hold_on_exit(hold_on_exit)
-        .hold(&requests, until, Format::of(ask.json))?;
+        .follow(&requests, until, Format::of(ask.json))?;
     Ok(())
 }
