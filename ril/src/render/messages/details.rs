@@ -33,6 +33,7 @@ pub fn amount(rule: SafetyRule, amount: f64) -> Option<String> {
 }
 
 /// A safety rule that is broken now.
+#[derive(Clone, Debug, PartialEq)]
 pub struct BrokenRule {
     /// Its name, or a number that is not in the contract.
     pub name: String,

@@ -122,7 +122,7 @@ mod tests {
         let before = format!("{:?}", tcgetattr(&terminal).unwrap());
         // This test alone, in a process whose terminal it is.
         let (_, module) = module_path!().split_once("::").unwrap();
-        let test = format!("{module}::a_panic_gives_the_terminal_back_before_it_is_told");
+        let test = format!("{module}::a_panic_gives_the_terminal_back_before_it_is_reported");
         let mut child = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", &test, "--nocapture", "--test-threads=1"])
             .env(IN_CHILD, "1")
