@@ -194,11 +194,11 @@ pub enum Action {
     },
     /// Hover.
     Hold {
-        /// Where; nothing for the place where the helicopter is.
+        /// Where; `None` for the place where the helicopter is.
         position: Option<Position>,
-        /// How high; nothing for as high as the helicopter is.
+        /// How high; `None` for as high as the helicopter is.
         altitude: Option<Altitude>,
-        /// How long, s; nothing for ever.
+        /// How long, s; `None` for ever.
         duration_s: Option<f64>,
     },
     /// Fly at this speed over ground from here on, m/s.
@@ -210,7 +210,7 @@ pub enum Action {
     ReturnToLaunch,
     /// Land.
     Land {
-        /// Where; nothing for the place where the helicopter is.
+        /// Where; `None` for the place where the helicopter is.
         position: Option<Position>,
     },
     /// Something that this model has no word for.

@@ -50,7 +50,7 @@ pub enum Start {
 pub struct Endurance {
     /// Cruise speed, m/s.
     pub cruise_speed_mps: Option<f64>,
-    /// Climb and sink speed, m/s; nothing for that of the DSP at boot.
+    /// Climb and sink speed, m/s; `None` for that of the DSP at boot.
     pub climb_speed_mps: Option<f64>,
     /// How long battery and fuel last at that speed, s.
     pub endurance_s: Option<f64>,

@@ -11,7 +11,7 @@ use crate::finding::Findings;
 pub enum Step {
     /// Take off vertically.
     TakeOff {
-        /// The item; nothing for the take-off that the operator asked for.
+        /// The item; `None` for the take-off that the operator asked for.
         item: Option<u32>,
         /// Height above take-off, m.
         height_m: f64,

@@ -11,7 +11,7 @@ use crate::site::Endurance;
 /// The state of the flight at the end of a step or of a leg.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mark {
-    /// The item; nothing for the take-off that the operator asked for.
+    /// The item; `None` for the take-off that the operator asked for.
     pub item: Option<u32>,
     /// The leg that ends here.
     pub leg: Option<u32>,

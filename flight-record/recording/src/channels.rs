@@ -1,4 +1,4 @@
-//! The channels of a recording, in the order in which they were told.
+//! The channels of a recording, in the order in which they were announced.
 
 use std::collections::HashMap;
 
@@ -15,7 +15,7 @@ pub(crate) struct Channels {
 }
 
 impl Channels {
-    /// The id of a channel; the same one when it is known already, nothing when there are [`MAX_CHANNELS`].
+    /// The id of a channel; the same one when it is known already, `None` if there are [`MAX_CHANNELS`].
     pub(crate) fn add(&mut self, channel: Channel) -> Option<ChannelId> {
         if let Some(known) = self.ids.get(&channel) {
             return Some(*known);

@@ -59,7 +59,7 @@ pub(crate) fn write(event: &Event) -> Vec<u8> {
     writer.finish()
 }
 
-/// The event that a message has; nothing when it is another message.
+/// The event that a message has; `None` if it is another message.
 pub(crate) fn read(cdr: &[u8]) -> Option<Event> {
     let mut body = Reader::new(cdr)?;
     let [at, first, last] = [body.u64()?, body.u64()?, body.u64()?].map(MonotonicNs);

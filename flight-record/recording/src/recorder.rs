@@ -69,7 +69,7 @@ impl Recorder {
         self.files.inbox.event(now, event);
     }
 
-    /// The next thing to do with files, once; nothing while the answer to the last one is outstanding, or until the
+    /// The next thing to do with files, once; `None` while the answer to the last one is outstanding, or until the
     /// [`deadline`](Recorder::deadline).
     #[expect(clippy::should_implement_trait, reason = "it is asked again and again")]
     pub fn next(&mut self) -> Option<Action> {

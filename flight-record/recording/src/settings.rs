@@ -118,6 +118,6 @@ pub struct Channel {
     pub metadata: BTreeMap<String, String>,
 }
 
-/// A [`Channel`] that a recorder has been told of. Good for that recorder alone, in all of its files.
+/// A [`Channel`] that was announced to a recorder. Good for that recorder alone, in all of its files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ChannelId(pub(crate) u16);

@@ -45,7 +45,7 @@ pub struct Values {
     pub replayed: String,
 }
 
-/// The first field in which two structs differ; nothing when they are the same bit for bit.
+/// The first field in which two structs differ; `None` if they are the same bit for bit.
 pub fn of_structs<T: SharedStruct>(recorded: &T, replayed: &T) -> Option<Values> {
     let (recorded, replayed) = (recorded.bytes(), replayed.bytes());
     if recorded == replayed {
@@ -78,7 +78,7 @@ pub fn of_structs<T: SharedStruct>(recorded: &T, replayed: &T) -> Option<Values>
     of_bytes(recorded, replayed)
 }
 
-/// The first byte in which two texts of bytes differ; nothing when they are the same.
+/// The first byte in which two texts of bytes differ; `None` if they are the same.
 pub fn of_bytes(recorded: &[u8], replayed: &[u8]) -> Option<Values> {
     if recorded == replayed {
         return None;

@@ -66,7 +66,7 @@ pub struct Span {
 /// Where a journal does not go on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BreakAt {
-    /// The time of the last record before it; nothing when there is none.
+    /// The time of the last record before it; `None` if there is none.
     pub after: Option<MonotonicNs>,
     /// Why.
     pub cause: Break,

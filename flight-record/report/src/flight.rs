@@ -3,7 +3,7 @@
 use crate::bins::Bins;
 use crate::envelope::Envelope;
 
-/// A recorded flight. What the recording does not tell is empty, and the report says so.
+/// A recorded flight. What the recording does not have is empty, and the report says so.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flight {
     /// Heading of the report.
@@ -125,7 +125,7 @@ pub enum Outcome {
     Refused,
     /// It was taken, and ended early.
     Aborted,
-    /// The recording does not tell.
+    /// Unknown: the recording does not have it.
     Open,
 }
 
@@ -146,7 +146,7 @@ impl Outcome {
 pub struct Request {
     /// When it came, s.
     pub from_s: f64,
-    /// When it ended, s; nothing when the recording does not tell.
+    /// When it ended, s; `None` if the recording does not have it.
     pub to_s: Option<f64>,
     /// What was asked for, such as `goto, 4 waypoints`.
     pub name: String,
@@ -313,7 +313,7 @@ impl Curve {
         }
     }
 
-    /// The least and the greatest value; nothing when there is none.
+    /// The least and the greatest value; `None` if there is none.
     pub fn range(&self, span_s: f64) -> Option<(f64, f64)> {
         match &self.data {
             Data::Line(values) | Data::Dashes(values) => values.range(),

@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_PI_2;
 use ipc_types::TelemetryGroup;
 use ipc_types::payload::{HeroAttitude, HeroTelemetry};
 
-/// The attitude; nothing when the telemetry has none.
+/// The attitude; `None` if the telemetry has none.
 pub(crate) fn orientation(telemetry: &HeroTelemetry) -> Option<Quaternion> {
     let is_valid = telemetry.valid(TelemetryGroup::Attitude);
     is_valid.then(|| Quaternion::of(&telemetry.attitude))

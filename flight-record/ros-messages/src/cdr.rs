@@ -110,7 +110,7 @@ pub struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// At the beginning of `message`; nothing when it has another header than ours.
+    /// At the beginning of `message`; `None` if it has another header than ours.
     pub fn new(message: &'a [u8]) -> Option<Reader<'a>> {
         Some(Reader {
             bytes: message.strip_prefix(&CDR_HEADER)?,

@@ -19,7 +19,7 @@ pub const TYPES: [&str; 6] = [
     Log::TYPE_NAME,
 ];
 
-/// The definition of one of [`TYPES`], with all that it contains; nothing for other names.
+/// The definition of one of [`TYPES`], with all that it contains; `None` for other names.
 pub fn definition(type_name: &str) -> Option<String> {
     if !TYPES.contains(&type_name) {
         return None;

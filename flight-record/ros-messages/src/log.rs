@@ -68,7 +68,7 @@ impl<'a> Log<'a> {
         writer.finish()
     }
 
-    /// The line that [`write`](Log::write) wrote; nothing of other bytes.
+    /// The line that [`write`](Log::write) wrote; `None` of other bytes.
     pub fn read(message: &'a [u8]) -> Option<Log<'a>> {
         let mut reader = Reader::new(message)?;
         let (seconds, nanoseconds) = (reader.i32()?, reader.u32()?);

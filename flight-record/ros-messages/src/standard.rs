@@ -121,7 +121,7 @@ impl StandardMessage {
         }
     }
 
-    /// The message in CDR, stamped with the time at which the bridge received the telemetry; nothing when a group is not valid
+    /// The message in CDR, stamped with the time at which the bridge received the telemetry; `None` if a group is not valid
     /// that it needs.
     pub fn write(
         self,

@@ -107,12 +107,17 @@ impl Limits<'_> {
         let distance_m = ground_m(&leg.path_start, &leg.to);
         if distance_m > most_m {
             findings.push(
-                Finding::new(Severity::Error,
+                Finding::new(
+                    Severity::Error,
                     "max-distance",
-                    format!("is {distance_m:.0} m from where its path is sent; the bridge takes {most_m} m"),
+                    format!(
+                        "is {distance_m:.0} m from where its path begins; the limit is {most_m} m"
+                    ),
                 )
                 .by_m(distance_m - most_m)
-                .with_next_step("put a hold in between, or raise `movement.max_distance_m` of bridge.toml")
+                .with_next_step(
+                    "put a hold in between, or raise `movement.max_distance_m` of bridge.toml",
+                )
                 .about(leg.item)
                 .on_leg(leg.number),
             );

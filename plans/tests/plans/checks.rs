@@ -161,10 +161,10 @@ max_altitude_m = 39.0
         ..FAST
     };
     insta::assert_snapshot!(describe(&findings(&square(), &site(), rules, &slow)), @r###"
-    forbids max-distance [3] leg 2 22.0 m: is 142 m from where its path is sent; the bridge takes 120 m
+    forbids max-distance [3] leg 2 22.0 m: is 142 m from where its path begins; the limit is 120 m
     forbids altitude-range [4] leg 3 1.0 m: leads to 40.0 m; `[movement]` of bridge.toml allows -1000 to 39 m
     forbids altitude-range [5] leg 4 1.0 m: leads to 40.0 m; `[movement]` of bridge.toml allows -1000 to 39 m
-    forbids max-distance [5] leg 4 22.0 m: is 142 m from where its path is sent; the bridge takes 120 m
+    forbids max-distance [5] leg 4 22.0 m: is 142 m from where its path begins; the limit is 120 m
     forbids fence-exclusion [3] leg 2 20.0 m: is reached through the exclusion area `mast` of the robot's fence
     forbids fence-ceiling [4] leg 3 2.0 m: is reached above the ceiling of the robot's fence
     forbids fence-ceiling [5] leg 4 2.0 m: is reached above the ceiling of the robot's fence

@@ -141,21 +141,21 @@ impl<'a, R: Request> Conversation<'a, R> {
     ///
     /// When the final report is not `done`, with the exit code that goes with it; when there is no bridge, when it does not
     /// answer in time, and when a signal or a closed output ends the command early.
-    pub fn hold(
+    pub fn follow(
         &mut self,
         requests: &[R],
         until: Until,
         format: Format,
     ) -> Result<Option<RequestReport>, Failure> {
-        self.hold_beside(requests, until, format, None)
+        self.follow_beside(requests, until, format, None)
     }
 
     /// The same, beside a companion, which looks whenever the command wakes, and once before the end.
     ///
     /// # Errors
     ///
-    /// As [`Conversation::hold`], and what the companion fails with.
-    pub fn hold_beside(
+    /// As [`Conversation::follow`], and what the companion fails with.
+    pub fn follow_beside(
         &mut self,
         requests: &[R],
         until: Until,
@@ -318,7 +318,7 @@ impl<'a, R: Request> Conversation<'a, R> {
                 is_interruptible: false,
                 ..bridge
             };
-            bridge.hold(&[hold], Until::Accepted, Format::Silent)
+            bridge.follow(&[hold], Until::Accepted, Format::Silent)
         });
         match sent {
             Ok(_) => "a hold was sent and accepted; the helicopter stops and hovers".to_owned(),

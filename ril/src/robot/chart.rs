@@ -102,7 +102,7 @@ fn waypoints(file: &Path) -> Result<Vec<WaypointPosition>, Failure> {
 pub fn read_plan(file: &Path) -> Result<Plan, Failure> {
     let name = file.display();
     let mut bytes = Vec::new();
-    // One byte more than allowed tells a file that is too long.
+    // One byte more than allowed shows that a file is too long.
     File::open(file)
         .and_then(|file| {
             let limit = MAX_FILE_BYTES as u64 + 1;

@@ -214,7 +214,7 @@ fn may_use(root: &Path, process: &Path) -> bool {
     }
 }
 
-/// Whether `/proc/PID/stat` tells of a process that is stopped or being traced.
+/// Whether `/proc/PID/stat` is that of a process that is stopped or being traced.
 fn is_stopped(stat: &str) -> bool {
     // The program's name, in parentheses, may have any character in it.
     let state = stat.rsplit(')').next().unwrap_or_default().trim_start();

@@ -145,9 +145,7 @@ pub(crate) type Look = fn(&Session, &CommonArgs, &Config) -> Result<(), Failure>
 ///
 /// # Errors
 ///
-/// As all requests: see [`messages::exit_code`](crate::render::messages::exit_code); code 2 when several robots are alive and none
-/// was named, 3 when there is no bridge, 4 when it does not answer, 7 when a signal ends the command before the final
-/// report.
+/// As [`stop`].
 pub(crate) fn start(args: &ControlArgs, choice: RobotChoice, look: Look) -> Result<(), Failure> {
     let common = &args.request.ask.common;
     control(
@@ -166,7 +164,9 @@ pub(crate) fn start(args: &ControlArgs, choice: RobotChoice, look: Look) -> Resu
 ///
 /// # Errors
 ///
-/// As [`start`].
+/// As all requests: see [`messages::exit_code`](crate::render::messages::exit_code); code 2 when several robots are alive and none
+/// was named, 3 when there is no bridge, 4 when it does not answer, 7 when a signal ends the command before the final
+/// report.
 pub fn stop(args: &ControlArgs, choice: RobotChoice) -> Result<(), Failure> {
     control(Verb::Stop, ControlCommand::Stop, args, choice, |_| Ok(()))
 }
@@ -175,7 +175,7 @@ pub fn stop(args: &ControlArgs, choice: RobotChoice) -> Result<(), Failure> {
 ///
 /// # Errors
 ///
-/// As [`start`].
+/// As [`stop`].
 pub fn fence(command: &FenceCommand, choice: RobotChoice) -> Result<(), Failure> {
     match command {
         FenceCommand::Reload(args) => {
@@ -194,7 +194,7 @@ pub fn fence(command: &FenceCommand, choice: RobotChoice) -> Result<(), Failure>
 ///
 /// # Errors
 ///
-/// As [`start`].
+/// As [`stop`].
 pub fn take_off(args: &TakeoffArgs, choice: RobotChoice) -> Result<(), Failure> {
     let request = MovementData::take_off(fresh_request_id(), args.height_m());
     movement(Verb::TakeOff, request, false, &args.request, choice)
@@ -204,7 +204,7 @@ pub fn take_off(args: &TakeoffArgs, choice: RobotChoice) -> Result<(), Failure> 
 ///
 /// # Errors
 ///
-/// As [`start`].
+/// As [`stop`].
 pub fn land(args: &LandArgs, choice: RobotChoice) -> Result<(), Failure> {
     let request = MovementData::land(fresh_request_id());
     movement(Verb::Land, request, args.preempt, &args.request, choice)
@@ -214,7 +214,7 @@ pub fn land(args: &LandArgs, choice: RobotChoice) -> Result<(), Failure> {
 ///
 /// # Errors
 ///
-/// As [`start`].
+/// As [`stop`].
 pub fn hold(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
     let request = MovementData::hold(fresh_request_id());
     movement(Verb::Hold, request, true, args, choice)
@@ -224,7 +224,7 @@ pub fn hold(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
 ///
 /// # Errors
 ///
-/// As [`start`]; code 2 also when the file of waypoints cannot be read or is wrong.
+/// As [`stop`]; code 2 also when the file of waypoints cannot be read or is wrong.
 pub fn go_to(args: &GotoArgs, choice: RobotChoice) -> Result<(), Failure> {
     let targets = match &args.file {
         Some(file) => read_waypoints(file)?,
@@ -271,7 +271,7 @@ fn absolute(targets: &[Target], asked: &Asked) -> Result<Vec<WaypointPosition>, 
 fn read_waypoints(path: &Path) -> Result<Vec<Target>, Failure> {
     let name = path.display();
     let mut text = String::new();
-    // One byte more than allowed tells a file that is too long.
+    // One byte more than allowed shows that a file is too long.
     let read = match path == Path::new("-") {
         true => io::stdin()
             .lock()
@@ -357,6 +357,6 @@ fn run<R: Request>(
     };
     Conversation::open_at(&session, key, verb, asked.timeout)?
         .hold_on_exit(hold_on_exit)
-        .hold(&requests, until, Format::of(ask.json))?;
+        .follow(&requests, until, Format::of(ask.json))?;
     Ok(())
 }

@@ -171,7 +171,7 @@ impl Ports<'_> {
             begin_by_ns: begin_by_ns(request.issued_ns, self.deadline_ms),
             ..request
         };
-        let end = self.conversation.hold(&[request], Until::Final, format)?;
+        let end = self.conversation.follow(&[request], Until::Final, format)?;
         // Until the final report, there is always one.
         Ok(end.unwrap_or_default())
     }

@@ -196,7 +196,7 @@ fn a_process_in_namespaces_of_its_own_is_told() {
     let text = texts(&examine(&rig, "", 8));
     let expected = "status (process 1 of another PID namespace) provides hero_telemetry";
     assert!(text.contains(expected), "{text}");
-    assert!(text.contains("cannot be told from here"), "{text}");
+    assert!(text.contains("cannot be seen from here"), "{text}");
     status.signal_group(Signal::TERM);
     assert_eq!(status.wait_exit().code(), Some(0));
     rig.domain.assert_empty();

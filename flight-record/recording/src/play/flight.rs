@@ -88,7 +88,7 @@ pub enum FlightError {
 #[derive(Clone, Copy, Debug)]
 struct Entry {
     at: FlightNs,
-    /// Index of the topic; nothing of a request.
+    /// Index of the topic; `None` of a request.
     topic: Option<u16>,
     start: usize,
     len: usize,
@@ -211,7 +211,7 @@ struct Reader<'a> {
     anchor: Option<Anchor>,
     robot: Option<RobotId>,
     topics: Vec<PlayedTopic>,
-    /// What became of each topic: its index, or nothing when it is not played.
+    /// What became of each topic: its index, or `None` if it is not played.
     known: HashMap<&'a str, (Option<u16>, &'a str)>,
     entries: Vec<Entry>,
     left_out: Vec<LeftOut>,
@@ -275,7 +275,7 @@ impl<'a> Reader<'a> {
         });
     }
 
-    /// The index of the message's topic; nothing when it is not played.
+    /// The index of the message's topic; `None` if it is not played.
     fn topic(&mut self, message: &Message<'a>) -> Option<u16> {
         if let Some((index, text)) = self.known.get(message.topic) {
             // After a change of its layout, a topic is another one, which a robot cannot have at the same time.
@@ -324,7 +324,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The latest of the moments in a sample that is not after `bound`; nothing when there is none.
+/// The latest of the moments in a sample that is not after `bound`; `None` if there is none.
 fn latest(sample: &[u8], moments: &[usize], bound: u64) -> Option<u64> {
     let words = moments.iter().filter_map(|offset| {
         let word = sample.get(*offset..)?.first_chunk()?;

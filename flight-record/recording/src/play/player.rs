@@ -121,7 +121,7 @@ impl Player {
         &self.flight
     }
 
-    /// The next message that is due at `now`, each once; nothing before the [`deadline`](Player::deadline).
+    /// The next message that is due at `now`, each once; `None` before the [`deadline`](Player::deadline).
     pub fn next(&mut self, now: MonotonicNs) -> Option<Due> {
         if let Some(index) = self.at_once.pop_front() {
             return Some(self.due(index));
@@ -147,7 +147,7 @@ impl Player {
         Some(self.due(self.next - 1))
     }
 
-    /// When the next message is due; nothing while it is paused, and at the end.
+    /// When the next message is due; `None` while it is paused, and at the end.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         if !self.at_once.is_empty() {
             return Some(MonotonicNs(0));
@@ -210,7 +210,7 @@ impl Player {
         self.since_start(self.flight.at(index).unwrap_or_default())
     }
 
-    /// Where in the flight the next message is, since the first one; nothing at the end of the section.
+    /// Where in the flight the next message is, since the first one; `None` at the end of the section.
     pub fn next_position(&self) -> Option<Duration> {
         (self.next < self.end).then(|| self.position_of(self.next))
     }

@@ -29,7 +29,7 @@ pub enum ServicesError {
 /// The services of a robot that is played: every topic of the recording, and the bridge's request services, which refuse all.
 pub struct Services {
     flight: Arc<Flight>,
-    /// At the places of the flight's topics; nothing for those that are left out.
+    /// At the places of the flight's topics; `None` for those that are left out.
     topics: Vec<Option<Topic>>,
     left_out: Vec<LeftOut>,
     control: Refusing<ModuleControl>,

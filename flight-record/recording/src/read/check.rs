@@ -168,7 +168,7 @@ impl TopicCheck {
 }
 
 impl RecordedEvent {
-    /// The event that a message of a recording's own topic is; nothing for messages of other topics.
+    /// The event that a message of a recording's own topic is; `None` for messages of other topics.
     pub fn of(message: &Message<'_>) -> Option<RecordedEvent> {
         if message.schema_name != event_message::TYPE_NAME {
             return None;

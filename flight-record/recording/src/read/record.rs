@@ -1,4 +1,4 @@
-//! Records of an MCAP file, where they lie in its bytes. Nothing is copied, and no length is believed.
+//! Records of an MCAP file, where they lie in its bytes. Nothing is copied, and no length is trusted.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ pub(super) struct Record<'a> {
 }
 
 impl<'a> Record<'a> {
-    /// The record at the beginning of `bytes`; nothing when it does not lie there as a whole.
+    /// The record at the beginning of `bytes`; `None` if it does not lie there as a whole.
     pub(super) fn first(bytes: &'a [u8]) -> Option<Record<'a>> {
         let (opcode, rest) = bytes.split_first()?;
         let (len, rest) = rest.split_first_chunk()?;

@@ -55,7 +55,7 @@ pub(super) fn room_for(len: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Bytes of memory that processes can still get, as the kernel estimates; nothing when it does not say.
+/// Bytes of memory that processes can still get, as the kernel estimates; `None` if it does not say.
 fn available_memory() -> Option<u64> {
     let text = fs::read_to_string(MEMORY).ok()?;
     let mut lines = text.lines();

@@ -95,7 +95,7 @@ impl<F: Read + Seek> Section<'_, F> {
         Ok(self.summary)
     }
 
-    /// A record of the summary; nothing when it cannot be.
+    /// A record of the summary; `None` if it cannot be.
     fn record(&mut self, record: Record<'_>) -> Result<Option<()>, ReadError> {
         Ok(match record.opcode {
             op::SCHEMA => self.schema(record.content),

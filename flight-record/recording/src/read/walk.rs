@@ -107,7 +107,7 @@ impl<'a> Walk<'a> {
         self.bytes.len() - self.end
     }
 
-    /// Takes note of a schema or a channel; nothing when it is neither, or cannot be.
+    /// Takes note of a schema or a channel; `None` if it is neither, or cannot be.
     fn describe(&mut self, record: Record<'a>) -> Option<()> {
         match record.opcode {
             op::SCHEMA => {
@@ -178,7 +178,7 @@ impl<'a> Walk<'a> {
         item.unwrap_or_else(|| Item::Error(ReadError::damaged(at, reason)))
     }
 
-    /// The next item outside of chunks; nothing when the record says nothing.
+    /// The next item outside of chunks; `None` if the record says nothing.
     fn next_record(&mut self) -> Option<Item<'a>> {
         let at = self.position;
         let record = Record::first(&self.bytes[at..]);
@@ -325,7 +325,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Whether a chunk lies at the beginning; nothing when the search has to end.
+    /// Whether a chunk lies at the beginning; `None` if the search has to end.
     fn is_chunk(&mut self, bytes: &'a [u8]) -> Option<bool> {
         let chunk = Record::first(bytes).and_then(|record| record::chunk(record.content));
         let Some(chunk) = chunk else {

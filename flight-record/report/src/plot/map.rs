@@ -25,7 +25,7 @@ const MAX_NUMBERED: usize = 99;
 /// What stands around the area of the map, pixels: it makes the metres of both axes alike.
 const FRAME: [u32; 2] = [100, 50];
 
-/// Draws the map; nothing when there is nothing to show.
+/// Draws the map; `None` if there is nothing to show.
 ///
 /// # Errors
 ///

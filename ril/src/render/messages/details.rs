@@ -4,8 +4,9 @@
 //! could harm a terminal is not shown.
 
 use dsp_protocol::DspErrorCode;
-use ipc_types::code::{PortKind, Reason, SafetyRule};
-use ipc_types::payload::{PortInfo, RequestReport};
+use ipc_types::code::{PortKind, Reason, SafetyAction, SafetyRule};
+use ipc_types::payload::{PortInfo, RequestReport, SafetyState};
+use runtime::finding::Severity;
 
 /// Unit of the amount by which a rule is broken; `None` for a rule without an amount.
 pub const fn unit(rule: SafetyRule) -> Option<&'static str> {
@@ -29,6 +30,34 @@ pub fn amount(rule: SafetyRule, amount: f64) -> Option<String> {
     amount
         .is_finite()
         .then(|| format!("by {amount:.decimals$} {unit}"))
+}
+
+/// A safety rule that is broken now.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BrokenRule {
+    /// Its name, or a number that is not in the contract.
+    pub name: String,
+    /// By how much, with a space in front; empty if it has no amount.
+    pub by: String,
+    /// What the bridge does about it.
+    pub action: &'static str,
+    /// How bad that is.
+    pub severity: Severity,
+}
+
+/// The rule that is broken now; `None` if none is.
+pub fn broken_rule(safety: &SafetyState) -> Option<BrokenRule> {
+    let rule = safety.rule();
+    let by = rule.and_then(|rule| amount(rule, safety.amount));
+    (safety.rule != 0).then(|| BrokenRule {
+        name: rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string()),
+        by: by.map_or_else(String::new, |by| format!(" {by}")),
+        action: safety.action().map_or("unknown action", SafetyAction::name),
+        severity: match safety.action() {
+            Some(SafetyAction::Warn) => Severity::Warning,
+            _ => Severity::Error,
+        },
+    })
 }
 
 /// A DSP error as the DSP sent it, with its meaning: `dsp-error-30 (invalid command)`, `dsp-error-777 (unknown)`.

@@ -97,7 +97,7 @@ pub fn diagnose_files(files: &[FileFacts]) -> Vec<(Subject, Finding)> {
         .collect()
 }
 
-/// The exit code that tells a script about the findings: the gravest kind of trouble among them.
+/// The exit code of the findings, for scripts: that of the gravest kind of trouble among them.
 pub fn exit_code(findings: &[(Subject, Finding)]) -> ExitCode {
     let trouble = |is_about: fn(Subject) -> bool| {
         findings

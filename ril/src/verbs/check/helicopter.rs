@@ -1,6 +1,6 @@
 //! The helicopter and the rules it flies by: switch, position, GPS, battery, fuel, geofence.
 
-use ipc_types::code::{PilotSwitch, SafetyAction, SafetyRule};
+use ipc_types::code::PilotSwitch;
 use ipc_types::payload::DspTelemetry;
 use ipc_types::{MonotonicNs, TelemetryGroup};
 use runtime::finding::Finding;
@@ -8,7 +8,7 @@ use runtime::finding::Finding;
 use super::facts::Facts;
 use super::robot::{Checked, age_s, either, state};
 use crate::config::{Limits, Threshold};
-use crate::render::messages::details::amount;
+use crate::render::messages::details::broken_rule;
 use crate::render::words::count;
 use crate::robot::pilot::GpsFix;
 
@@ -207,24 +207,17 @@ fn fence(facts: &Facts) -> Checked {
 fn safety_rules(facts: &Facts) -> Checked {
     const ID: &str = "safety-rules";
     let state = state(facts, ID)?;
-    let safety = &state.safety;
-    if safety.rule == 0 {
-        return Ok(Finding::note(ID, "none broken").with_limit("none broken"));
-    }
-    let rule = SafetyRule::from_code(safety.rule);
-    let name = rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string());
-    let by = rule.and_then(|rule| amount(rule, safety.amount));
-    let by = by.map_or(String::new(), |by| format!(" {by}"));
-    let action = SafetyAction::from_code(safety.action);
-    let does = action.map_or_else(
-        || "does something unknown".to_owned(),
-        |action| action.to_string(),
-    );
-    let value = format!("{name} broken{by}; the bridge's action: {does}");
-    let next_step = "remove the cause; docs/safety.md says what each rule does";
-    let check = match action {
-        Some(SafetyAction::Warn) => Finding::warning(ID, value, next_step),
-        _ => Finding::error(ID, value, next_step),
+    let check = match broken_rule(&state.safety) {
+        None => Finding::note(ID, "none broken"),
+        Some(broken) => Finding::new(
+            broken.severity,
+            ID,
+            format!(
+                "{} broken{}; the bridge's action: {}",
+                broken.name, broken.by, broken.action
+            ),
+        )
+        .with_next_step("remove the cause; docs/safety.md says what each rule does"),
     };
     Ok(check.with_limit("none broken"))
 }

@@ -166,7 +166,7 @@ fn answer(session: &Session, timeout: Duration) -> Result<Option<Result<(), Stri
     }
     let request = ParameterRequest::list(fresh_request_id(), 0);
     let answer = Conversation::open(session, Verb::ListParameters, timeout)
-        .and_then(|mut bridge| bridge.hold(&[request], Until::Final, Format::Silent));
+        .and_then(|mut bridge| bridge.follow(&[request], Until::Final, Format::Silent));
     Ok(Some(
         answer
             .map(drop)

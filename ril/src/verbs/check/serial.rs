@@ -132,7 +132,7 @@ fn held(port: &PortFacts, holders: &Look<PortHolders>, bridge: Option<u32>) -> F
     Finding::note("port-right", text)
 }
 
-/// What a process does with the port that the live bridge does not like; nothing when it may.
+/// What a process does with the port that the live bridge does not like; `None` if it may.
 fn intrusion(holder: &Holder, bridge: Option<u32>) -> Option<String> {
     match holder.hold {
         Hold::Controlling => Some(format!("is the terminal of {}", named(holder))),

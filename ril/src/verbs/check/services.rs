@@ -91,7 +91,7 @@ fn namespaces(process: &Provided) -> Vec<Finding> {
     let name = named(process);
     if process.pids == Namespace::Other {
         let text = format!(
-            "{name} runs where processes have other numbers, such as in a container: whether it is stopped, and what it has open, cannot be told from here"
+            "{name} runs where processes have other numbers, such as in a container: whether it is stopped, and what it has open, cannot be seen from here"
         );
         let finding = Finding::note("other-pid-namespace", text);
         findings.push(finding.with_next_step("to know that, run `ril doctor` there"));

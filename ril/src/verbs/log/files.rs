@@ -14,7 +14,7 @@ use super::options::LogPlaceArgs;
 use super::recording::McapReader;
 use super::recording::{Entry, Format, ReadError, Recording};
 
-/// Most damaged lines that are named: the first ones tell what happened, the number of all how bad it is.
+/// Most damaged lines that are named: the first ones show what happened, the number of all how bad it is.
 pub(super) const MAX_NAMED: u64 = 5;
 
 /// A file whose name is that of a log.

@@ -35,7 +35,7 @@ pub struct Course {
     pub min: f64,
 }
 
-/// What a log says of a flight. What its columns do not tell is nothing.
+/// What a log says of a flight. What its columns do not have is `None`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
     schema: &'static str,
@@ -432,7 +432,7 @@ impl Summary {
     }
 }
 
-/// A value in words; what the log's columns do not tell is said to be missing.
+/// A value in words; what the log's columns do not have is reported as missing.
 fn known<T>(value: Option<T>, words: impl FnOnce(T) -> String) -> String {
     value.map_or_else(|| "not in this log".to_owned(), words)
 }

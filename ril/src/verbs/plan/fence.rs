@@ -135,7 +135,7 @@ fn replace(file: &Path, text: &str) -> io::Result<()> {
 fn reload(session: &Session, timeout: Duration, format: Format) -> Result<(), Failure> {
     let request = ModuleControl::new(fresh_request_id(), ControlCommand::ReloadFence);
     Conversation::<ModuleControl>::open(session, Verb::ReloadFence, timeout)?
-        .hold(&[request], Until::Final, format)
+        .follow(&[request], Until::Final, format)
         .map(drop)
 }
 

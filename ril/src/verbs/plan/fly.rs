@@ -163,7 +163,7 @@ impl Flyer<'_> {
         requests: Vec<MovementData>,
     ) -> Result<Option<RequestReport>, Failure> {
         let requests = self.with_deadline(requests);
-        Conversation::<MovementData>::open(self.session, verb, self.timeout)?.hold(
+        Conversation::<MovementData>::open(self.session, verb, self.timeout)?.follow(
             &requests,
             Until::Final,
             self.format(),
@@ -186,7 +186,7 @@ impl Flyer<'_> {
         let mut bridge =
             Conversation::<MovementData>::open(self.session, Verb::GoTo, self.timeout)?;
         let mut watch = PathWatch::open(self.session, path_id, &mut self.journal, self.json)?;
-        let report = bridge.hold_beside(&requests, Until::Final, format, Some(&mut watch))?;
+        let report = bridge.follow_beside(&requests, Until::Final, format, Some(&mut watch))?;
         let reached = report.map_or(0, |report| report.waypoints_reached);
         watch.reached(reached as usize, None)?;
         Ok(())
@@ -214,7 +214,7 @@ impl Flyer<'_> {
             ..request
         };
         Conversation::<ParameterRequest>::open(self.session, Verb::SetParameter, self.timeout)?
-            .hold(&[request], Until::Final, self.format())
+            .follow(&[request], Until::Final, self.format())
             .map(drop)
     }
 

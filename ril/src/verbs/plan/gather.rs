@@ -150,7 +150,7 @@ fn robot(session: &Session, timeout: Duration, is_needed: bool) -> Result<Option
 fn cruise_speed(session: &Session, timeout: Duration) -> Option<f64> {
     let request = ParameterRequest::read(fresh_request_id(), port::CRUISE_SPEED_MPS);
     let report = Conversation::open(session, Verb::GetParameter, timeout)
-        .and_then(|mut bridge| bridge.hold(&[request], Until::Final, Format::Silent));
+        .and_then(|mut bridge| bridge.follow(&[request], Until::Final, Format::Silent));
     match report {
         Ok(report) => report?.value().filter(|speed| *speed > 0.0),
         Err(failure) => {

@@ -42,7 +42,7 @@ impl Journal {
         }
     }
 
-    /// The step under way; nothing at the end.
+    /// The step under way; `None` at the end.
     pub fn step(&self) -> Option<&Step> {
         self.steps.get(self.step)
     }

@@ -11,7 +11,7 @@ use ipc_types::service::SUBSCRIBER_BUFFER;
 const SHORTEST: Duration = Duration::from_millis(10);
 
 /// Longest time between two looks: 25 wakes a second. A topic that begins beside others with more than 3.2 kHz may lose some of its
-/// first samples by it, which the record tells.
+/// first samples by it, which the record reports.
 const LONGEST: Duration = Duration::from_millis(40);
 
 /// Samples of one topic that gather between two looks, if it has such a rate: a quarter of what a subscriber holds.

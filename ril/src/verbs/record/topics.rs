@@ -46,7 +46,7 @@ pub(super) struct Topics {
 struct Topic {
     subscriber: DynamicSubscriber,
     channel: Channel,
-    /// By what the recorder knows it; `None` before it was told.
+    /// By what the recorder knows it; `None` before it is announced.
     id: Option<ChannelId>,
     stamps: StampReader,
     loss_events: LossEvents,
@@ -142,7 +142,7 @@ impl Topics {
         self.retry
     }
 
-    /// Opens topics that are new, tells `recorder` of them, and takes all samples that are there. Says how many those were of the
+    /// Opens topics that are new, announces them to `recorder`, and takes all samples that are there. Says how many those were of the
     /// topic that had most.
     pub fn drain(
         &mut self,

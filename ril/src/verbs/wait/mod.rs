@@ -11,6 +11,7 @@ use clap::Args;
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Source, Topic};
 use runtime::args::CommonArgs;
+use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
@@ -117,7 +118,7 @@ pub fn wait(args: &WaitArgs) -> Result<(), Failure> {
     }
     topics.look_for_providers(&session)?;
     let missing = missing(&args.conditions, &standings);
-    let text = format!("not in {:?}: {missing}", args.timeout);
+    let text = format!("timed out after {}: {missing}", Shown(args.timeout));
     Err(Failure::new(ExitCode::Timeout, text))
 }
 

@@ -1,5 +1,5 @@
-//! [`Alarms`]: what is wrong now. Each alarm is told once when it begins and once when it is over; one that comes and goes is told
-//! once as well.
+//! [`Alarms`]: what is wrong now. Each alarm is reported once when it begins and once when it is over; one that comes and goes is
+//! reported once as well.
 
 use std::time::Duration;
 
@@ -8,9 +8,9 @@ use runtime::finding::Finding;
 
 use crate::robot::changes::Weight;
 
-/// An alarm that is over for less than this and comes back is the same one: it is not told again. Several seconds, so that a link
+/// An alarm that is over for less than this and comes back is the same one: it is not reported again. Several seconds, so that a link
 /// which loses every other message does not fill the journal.
-pub const SETTLE: Duration = Duration::from_secs(5);
+pub const SAME_WITHIN: Duration = Duration::from_secs(5);
 
 /// Most alarms at a time: there are fewer kinds, but for DSP errors, of which there are 65,536. Further ones are not shown.
 const MAX_ALARMS: usize = 32;
@@ -39,7 +39,7 @@ impl Alarm {
     }
 }
 
-/// What is to be told.
+/// What is to be reported.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Change {
     /// An alarm has begun.
@@ -55,7 +55,7 @@ pub struct Alarms {
 }
 
 impl Alarms {
-    /// Takes all that is wrong at `now`, and says what is to be told.
+    /// Takes all that is wrong at `now`, and gives what is to be reported.
     pub fn update(&mut self, findings: Vec<Finding>, now: MonotonicNs) -> Vec<Change> {
         let mut changes = Vec::new();
         for alarm in &mut self.alarms {
@@ -67,7 +67,9 @@ impl Alarms {
             }
         }
         self.alarms.retain(|alarm| {
-            let is_over = alarm.ended.is_some_and(|ended| now.since(ended) >= SETTLE);
+            let is_over = alarm
+                .ended
+                .is_some_and(|ended| now.since(ended) >= SAME_WITHIN);
             if is_over {
                 changes.push(Change::Ended(alarm.clone()));
             }
@@ -109,7 +111,7 @@ impl Alarms {
     /// When an alarm is over for good if nothing changes.
     pub fn next(&self) -> Option<MonotonicNs> {
         let ends = self.alarms.iter().filter_map(|alarm| alarm.ended);
-        ends.map(|ended| ended + SETTLE).min()
+        ends.map(|ended| ended + SAME_WITHIN).min()
     }
 }
 
@@ -131,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn an_alarm_is_told_when_it_begins_and_when_it_is_over() {
+    fn an_alarm_is_reported_when_it_begins_and_when_it_is_over() {
         let mut alarms = Alarms::default();
         let changes = alarms.update(link(), at(0));
         assert!(matches!(&changes[..], [Change::Began(alarm)] if alarm.since == at(0)));
@@ -145,14 +147,14 @@ mod tests {
     }
 
     #[test]
-    fn an_alarm_that_comes_and_goes_is_told_once() {
+    fn an_alarm_that_comes_and_goes_is_reported_once() {
         let mut alarms = Alarms::default();
-        let mut told = 0;
+        let mut reported = 0;
         for second in 0..60 {
             let findings = if second % 2 == 0 { link() } else { vec![] };
-            told += alarms.update(findings, at(second * 1000)).len();
+            reported += alarms.update(findings, at(second * 1000)).len();
         }
-        assert_eq!(told, 1);
+        assert_eq!(reported, 1);
     }
 
     #[test]

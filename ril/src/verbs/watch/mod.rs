@@ -2,7 +2,7 @@
 //! the terminal, signals, ports and the next moment at which the screen changes.
 //!
 //! * [`model`]: one robot, fed with samples; `freshness` says how old what it knows is;
-//! * `alarms`: what is wrong now, told once; `journal`: what happened; `history`: altitude and speed over time;
+//! * `alarms`: what is wrong now, each reported once; `journal`: what happened; `history`: altitude and speed over time;
 //! * [`app`]: all robots, which of them is selected, and what a key does; `prompt`: orders are confirmed by a word;
 //! * [`view`]: draws all of that into a buffer; `paint`: bytes for a terminal;
 //! * `ports`, `terminal`: the shell.

@@ -1,4 +1,4 @@
-//! [`Robot`]: all that the screen knows of one robot. It is fed with samples and told the time; it keeps the newest, the track,
+//! [`Robot`]: all that the screen knows of one robot. It is given samples and the time; it keeps the newest, the track,
 //! the alarms and what happened, and says when the screen changes although nothing comes. What is wrong is in `findings`.
 
 mod findings;

@@ -51,7 +51,7 @@ pub(super) fn refuse_others() -> Result<(), Failure> {
     let advice = "`ril status --json` and `ril status --watch` need none";
     if !io::stdin().is_terminal() || !io::stdout().is_terminal() {
         let text = format!(
-            "`ril watch` draws on a terminal, and standard input or output is none: {advice}"
+            "`ril watch` draws on a terminal, and standard input or output is not a terminal: {advice}"
         );
         return Err(Failure::usage(text));
     }

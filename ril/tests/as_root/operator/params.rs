@@ -1,4 +1,4 @@
-//! `ril param` with the real bridge; the rest is in `tests/parameters.rs`.
+//! `ril param` with the real bridge; the rest is in `ril/parameters.rs`.
 
 use ipc_types::code::LinkState;
 use ril_tests::process::Signal;

@@ -138,11 +138,11 @@ fn another_size_is_drawn_at_once_and_one_that_is_too_small_says_so() {
     let mut screen = Screen::start(&rig, "watch", 80, 24);
     screen.shows("h hold");
     screen.resize(40, 12);
-    screen.shows("terminal 40 x 12: all needs 80 x 24");
+    screen.shows("enlarge to 80 x 24 for the full view");
     screen.resize(132, 43);
     screen.shows("no position yet");
     let last = screen.text();
-    assert!(!last.contains("all needs"), "{last}");
+    assert!(!last.contains("enlarge"), "{last}");
     screen.quits();
 }
 

@@ -31,7 +31,7 @@ const BOOT_BACK_MS: u32 = 500;
 /// The DSP's clock begins anew after 2³² ms; that is no boot if it was this near to it, ms.
 const WRAP_MS: u32 = 60_000;
 
-/// A place farther than this from the one before is believed when another one says so, m.
+/// A position that jumps farther than this is used only after a second one confirms it, m.
 const MAX_STEP_M: f64 = 1000.0;
 
 /// Leaves out a single place that is far from all others: a damaged number.
@@ -42,7 +42,7 @@ struct Places {
 }
 
 impl Places {
-    fn believe(&mut self, place: Place) -> Option<Place> {
+    fn confirm(&mut self, place: Place) -> Option<Place> {
         let is_near = |other: Option<Place>| {
             other.is_some_and(|other| distance_m(other, place) <= MAX_STEP_M)
         };
@@ -138,7 +138,7 @@ impl Collector {
         }
         self.states(at_s, &view);
         self.curves.sample(at_s, dsp, &view);
-        if let Some(place) = view.place.and_then(|place| self.places.believe(place)) {
+        if let Some(place) = view.place.and_then(|place| self.places.confirm(place)) {
             self.track.push(place);
         }
         self.before = Some(Before {
@@ -433,11 +433,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_single_place_far_away_is_not_believed_and_a_second_one_is() {
+    fn a_single_place_far_away_is_not_confirmed_and_a_second_one_is() {
         let place = |latitude_deg| Place::new(latitude_deg, -6.0).unwrap();
         let mut places = Places::default();
-        let believed = [37.0, 37.001, 77.0, 37.002, 50.0, 50.001, 50.002]
-            .map(|latitude_deg| places.believe(place(latitude_deg)).is_some());
-        assert_eq!(believed, [true, true, false, true, false, true, true]);
+        let confirmed = [37.0, 37.001, 77.0, 37.002, 50.0, 50.001, 50.002]
+            .map(|latitude_deg| places.confirm(place(latitude_deg)).is_some());
+        assert_eq!(confirmed, [true, true, false, true, false, true, true]);
     }
 }

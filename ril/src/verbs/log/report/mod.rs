@@ -98,7 +98,7 @@ pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
     if let Some(folder) = &args.svg {
         plots = write_plots(folder, &read.flight)?;
     }
-    tell(args, &log, &output, &plots, &read, page.len())?;
+    print_result(args, &log, &output, &plots, &read, page.len())?;
     let Summary {
         damaged_lines,
         unfinished_bytes,
@@ -269,7 +269,7 @@ fn unwritten(path: &Path, error: &io::Error) -> Failure {
 }
 
 /// Says what was written.
-fn tell(
+fn print_result(
     args: &LogReportArgs,
     log: &Path,
     output: &Path,

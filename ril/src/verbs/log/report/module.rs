@@ -1,8 +1,9 @@
 //! [`Module`]: what the bridge said of itself, its link and its safety rules becomes phases, states and events.
 
 use flight_report::flight::{Ink, Lane, Span, Weight};
-use ipc_types::code::{Functionality, LinkState, SafetyAction};
+use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::ModuleState;
+use runtime::finding::Severity;
 
 use super::curves::Curves;
 use super::events::{EventLog, Kind};
@@ -122,21 +123,18 @@ fn safety(at_s: f64, before: &ModuleState, state: &ModuleState, event_log: &mut 
     if (before.safety.rule, before.safety.action) == (safety.rule, safety.action) {
         return;
     }
-    if safety.rule == 0 {
+    let Some(broken) = details::broken_rule(safety) else {
         let text = "no safety rule is broken any more";
         return event_log.add(Kind::Safety, at_s, Weight::Note, text, None);
-    }
-    let rule = safety.rule();
-    let name = rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string());
-    let by = rule.and_then(|rule| details::amount(rule, safety.amount));
-    let by = by.map_or_else(String::new, |by| format!(" {by}"));
-    let action = safety.action();
-    let weight = match action {
-        Some(SafetyAction::Warn) => Weight::Warning,
-        _ => Weight::Alarm,
     };
-    let action = action.map_or("unknown action", SafetyAction::name);
-    let text = format!("safety rule {name} broken{by}: {action}");
+    let text = format!(
+        "safety rule {} broken{}: {}",
+        broken.name, broken.by, broken.action
+    );
+    let weight = match broken.severity {
+        Severity::Error => Weight::Alarm,
+        Severity::Note | Severity::Warning => Weight::Warning,
+    };
     event_log.add(Kind::Safety, at_s, weight, text, None);
 }
 

@@ -94,7 +94,7 @@ fn supply(summary: &Summary) -> Option<String> {
     let course = |name: &str, unit: &str, course: Option<Course>| {
         let Course { first, last, min } = course?;
         let least = if min < last - 0.05 {
-            format!(", with a least value of {min:.1}\u{a0}{unit}")
+            format!(", minimum {min:.1}\u{a0}{unit}")
         } else {
             String::new()
         };
@@ -124,14 +124,14 @@ fn quality(summary: &Summary) -> String {
     let mut parts = Vec::new();
     let all = summary.rows + summary.lost_samples;
     let percent = summary.lost_samples as f64 * 100.0 / all.max(1) as f64;
-    parts.push(match summary.lost_samples {
-        0 => format!("none of the {all} samples that the bridge published is missing"),
+    let lost = match summary.lost_samples {
+        0 => format!("None of the {all} samples that the bridge published was lost"),
         lost => {
             format!(
-                "{lost} of the {all} samples that the bridge published are missing ({percent:.2} %)"
+                "{lost} of the {all} samples that the bridge published were lost ({percent:.2} %)"
             )
         }
-    });
+    };
     let mut count = |number: u64, one: &str, many: &str| match number {
         0 => {}
         1 => parts.push(one.to_owned()),
@@ -148,7 +148,11 @@ fn quality(summary: &Summary) -> String {
     );
     count(errors, "one error of the DSP", "errors of the DSP");
     count(summary.damaged_lines, "one damaged line", "damaged lines");
-    format!("Not all went well: {}.", parts.join(", "))
+    match (summary.lost_samples, parts.is_empty()) {
+        (_, true) => format!("{lost}."),
+        (0, false) => format!("{lost}, but there were faults: {}.", parts.join(", ")),
+        (_, false) => format!("{lost}; other faults: {}.", parts.join(", ")),
+    }
 }
 
 /// The summary as names and values.

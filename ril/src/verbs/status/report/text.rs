@@ -250,7 +250,7 @@ impl StateReport {
         Ok(())
     }
 
-    /// All that `--watch` tells of in a line. Another text than before is a change; numbers that always change are not in it.
+    /// All that `--watch` reports in a line. Another text than before is a change; numbers that always change are not in it.
     pub fn situation(&self) -> String {
         let view = &self.view;
         let mut parts = vec![self.flight_in_words()];
@@ -317,16 +317,9 @@ fn movement(movement: &MovementState) -> String {
 }
 
 fn safety(safety: &SafetyState) -> String {
-    let rule = safety.rule();
-    let by = rule.and_then(|rule| details::amount(rule, safety.amount));
-    let by = by.map_or_else(String::new, |by| format!(" {by}"));
-    let violation = match safety.rule {
-        0 => "no rule violated".to_owned(),
-        number => format!(
-            "{}{by}: {}",
-            named(rule, number),
-            named(safety.action(), safety.action)
-        ),
+    let violation = match details::broken_rule(safety) {
+        None => "no rule violated".to_owned(),
+        Some(broken) => format!("{}{}: {}", broken.name, broken.by, broken.action),
     };
     format!(
         "{violation}; pilot's switch {}, {} fence areas, {} interventions",

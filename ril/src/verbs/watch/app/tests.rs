@@ -39,8 +39,8 @@ fn while_a_word_is_typed_the_robot_cannot_change_and_q_does_not_end() {
     let actions = types(&mut app, "h\t2q\n");
     assert!(actions.iter().all(|action| *action == Action::None));
     assert_eq!(app.selected(), 0);
-    let told = app.robot().journal().newest(1).next().unwrap();
-    assert_eq!(told.text, "hold: another word was typed, nothing was sent");
+    let line = app.robot().journal().newest(1).next().unwrap();
+    assert_eq!(line.text, "hold: another word was typed, nothing was sent");
 }
 
 #[test]

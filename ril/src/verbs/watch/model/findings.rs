@@ -1,7 +1,7 @@
 //! What is wrong with a robot, and where the way from its DSP to here is cut.
 
 use ipc_types::MonotonicNs;
-use ipc_types::code::{LinkState, SafetyAction};
+use ipc_types::code::LinkState;
 use ipc_types::payload::{ModuleState, RelayLink};
 use runtime::finding::{Finding, Severity};
 
@@ -72,19 +72,9 @@ impl Robot {
     fn judge_state(&self, state: &ModuleState, now: MonotonicNs) -> Vec<Finding> {
         let mut findings = Vec::new();
         let safety = &state.safety;
-        if safety.rule != 0 {
-            let rule = safety.rule();
-            let name =
-                rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string());
-            let by = rule.and_then(|rule| details::amount(rule, safety.amount));
-            let by = by.map_or_else(String::new, |by| format!(" {by}"));
-            let action = safety.action().map_or("unknown action", SafetyAction::name);
-            let severity = match safety.action() {
-                Some(SafetyAction::Warn) => Severity::Warning,
-                _ => Severity::Error,
-            };
-            let finding = Finding::new(severity, "safety", format!("{name}{by}: {action}"));
-            findings.push(finding.about(safety.rule));
+        if let Some(broken) = details::broken_rule(safety) {
+            let text = format!("{}{}: {}", broken.name, broken.by, broken.action);
+            findings.push(Finding::new(broken.severity, "safety", text).about(safety.rule));
         }
         if let Some(error) = self.dsp_error
             && now.since(error.at) < DSP_ERROR_SHOWN

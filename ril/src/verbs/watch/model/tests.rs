@@ -11,7 +11,7 @@ fn flown() -> Robot {
     robot
 }
 
-fn told(robot: &Robot) -> Vec<String> {
+fn journal(robot: &Robot) -> Vec<String> {
     let lines = robot.journal().newest(usize::MAX);
     lines.map(|line| line.text.clone()).collect()
 }
@@ -37,7 +37,7 @@ fn a_flight_is_told_in_order() {
         "waypoint 1 of 3 reached",
     ];
     let robot = flown();
-    assert_eq!(told(&robot), expected);
+    assert_eq!(journal(&robot), expected);
     assert!(alarms(&robot).is_empty());
     assert_eq!(robot.reached().len(), 1);
     assert_eq!(robot.height_m(), Some(10.0));
@@ -69,7 +69,7 @@ fn a_bridge_that_is_killed_is_one_alarm_and_one_bell_and_comes_back() {
     robot.judge(at(30_000));
     assert!(alarms(&robot).is_empty());
     assert_eq!(robot.take_bells(), 0);
-    assert!(told(&robot).contains(&"the bridge was started again".to_owned()));
+    assert!(journal(&robot).contains(&"the bridge was started again".to_owned()));
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn a_safety_rule_is_told_once_with_what_the_bridge_does() {
         robot.state(&breach, at(20_250));
         robot.judge(at(20_250));
     }
-    let lines = told(&robot);
+    let lines = journal(&robot);
     let about: Vec<_> = lines
         .iter()
         .filter(|line| line.contains("fence-ceiling"))
@@ -130,7 +130,7 @@ fn a_dsp_error_is_shown_for_a_while_and_stays_in_the_journal() {
     }
     assert!(alarms(&robot).is_empty());
     assert!(
-        told(&robot)
+        journal(&robot)
             .iter()
             .any(|line| line.contains("invalid command"))
     );

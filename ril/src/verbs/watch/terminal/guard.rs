@@ -11,7 +11,7 @@ use rustix::termios::{OptionalActions, QueueSelector, Termios, tcflush, tcgetatt
 
 use crate::verbs::watch::paint;
 
-/// Gives the terminal back when it is dropped, and before a panic is told.
+/// Gives the terminal back when it is dropped, and before a panic is reported.
 pub(super) struct Guard {
     raw: Termios,
     saved: Arc<Saved>,
@@ -39,7 +39,7 @@ impl Guard {
         guard.set_raw()?;
         let before = panic::take_hook();
         panic::set_hook(Box::new(move |info| {
-            // What is told on the other screen goes with it.
+            // What is printed on the other screen goes with it.
             saved.give_back();
             before(info);
         }));
@@ -105,7 +105,7 @@ mod tests {
     const IN_CHILD: &str = "RIL_TEST_PANICS_ON_A_TERMINAL";
 
     #[test]
-    fn a_panic_gives_the_terminal_back_before_it_is_told() {
+    fn a_panic_gives_the_terminal_back_before_it_is_reported() {
         if std::env::var_os(IN_CHILD).is_some() {
             let _guard = Guard::enter().unwrap();
             rustix::io::write(stdout(), paint::ENTER).unwrap();
@@ -122,7 +122,7 @@ mod tests {
         let before = format!("{:?}", tcgetattr(&terminal).unwrap());
         // This test alone, in a process whose terminal it is.
         let (_, module) = module_path!().split_once("::").unwrap();
-        let test = format!("{module}::a_panic_gives_the_terminal_back_before_it_is_told");
+        let test = format!("{module}::a_panic_gives_the_terminal_back_before_it_is_reported");
         let mut child = Command::new(std::env::current_exe().unwrap())
             .args(["--exact", &test, "--nocapture", "--test-threads=1"])
             .env(IN_CHILD, "1")

@@ -104,8 +104,7 @@ fn draw_small(app: &App, clock: Clock, buffer: &mut Buffer) {
         &format!("altitude {altitude}, battery {battery}"),
         Style::new(),
     );
-    let (width, height) = (area.width, area.height);
-    let advice = format!("terminal {width} x {height}: all needs {MIN_WIDTH} x {MIN_HEIGHT}");
+    let advice = format!("enlarge to {MIN_WIDTH} x {MIN_HEIGHT} for the full view");
     put(buffer, row(3), 0, &advice, TITLE);
     if height > 4 {
         lines::draw_keys(app, clock, row(height - 1), buffer);

@@ -89,7 +89,7 @@ fn a_terminal_that_is_too_small_shows_the_least_and_says_so() {
         "flying the path",
         "no alarm",
         "altitude 25.0 m, battery 24.1 V",
-        "terminal 40 x 12: all needs 80 x 24",
+        "enlarge to 80 x 24 for the full view",
         "h hold",
     ] {
         assert!(shown.contains(expected), "{expected}:\n{shown}");
