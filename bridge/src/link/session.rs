@@ -1,4 +1,4 @@
-//! [`StartUp`]: which command of the start-up sequence comes next (requirement D1; `docs/protocol.md` section 8.1). [`Session`]: what is
+//! [`StartUp`]: which command of the start-up sequence comes next (requirement D1; `docs/protocol.md` section 8.1). `Session`: what is
 //! known of a DSP that was started up, above all what its path buffer may hold ([`DspPath`], requirement H1).
 //!
 //! Waypoints can only be sent while this is not `Unknown`, and only the acknowledgement of *invalidate path* makes it
