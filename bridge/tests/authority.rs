@@ -605,7 +605,7 @@ fn a_hold_takes_the_place_of_a_path_whose_dsp_is_silent() {
 }
 
 #[test]
-fn a_wanted_hold_or_landing_that_waits_too_long_is_given_up() {
+fn a_deferred_hold_or_landing_that_waits_too_long_is_given_up() {
     for ask in ON_THE_SPOT {
         let mut rig = Rig::flying();
         rig.dsp.silent = true;

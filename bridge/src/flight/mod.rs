@@ -243,14 +243,8 @@ impl Flight {
                 port,
                 value,
             }) => {
-                let flying = self.observation.flying(cx.now);
-                let taken = self.parameters.take(
-                    header,
-                    operation,
-                    (port, value),
-                    flying,
-                    (cx.now, cx.link),
-                );
+                let facts = self.facts(cx);
+                let taken = self.parameters.take(header, operation, port, value, &facts);
                 taken.map(|verdict| {
                     self.report(header, &verdict, cx);
                     self.parameter_ended(None, cx);

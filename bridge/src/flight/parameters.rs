@@ -11,6 +11,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, ParameterOperation, Reason, Stage};
 use serde::{Deserialize, Serialize};
 
+use super::motion::Facts;
 use super::report::{Detail, Verdict, in_time};
 use super::request::RequestHeader;
 use crate::link::commands::AckData;
@@ -63,8 +64,7 @@ impl ParameterRequests {
         self.open().next().map(|header| header.begin_by)
     }
 
-    /// Takes a request while the helicopter flies, or not, as far as that is known. Returns its first report, which is its last one for
-    /// the description of a port.
+    /// Takes a request. Returns its first report, which is its last one for the description of a port.
     ///
     /// # Errors
     /// The refusal.
@@ -72,9 +72,9 @@ impl ParameterRequests {
         &mut self,
         header: &RequestHeader,
         operation: ParameterOperation,
-        (number, value): (u32, f64),
-        flying: Option<bool>,
-        (now, link): (MonotonicNs, &Link),
+        number: u32,
+        value: f64,
+        facts: &Facts,
     ) -> Result<Verdict, Verdict> {
         if operation == ParameterOperation::List {
             let port = port_at(number as usize).ok_or(Reason::NoSuchPort)?;
@@ -83,13 +83,13 @@ impl ParameterRequests {
                 ..Detail::default()
             }));
         }
-        in_time(header, now)?;
+        in_time(header, facts.now)?;
         let port = port_number::find(number).ok_or(Reason::NoSuchPort)?;
         let write = match operation {
-            ParameterOperation::Write => Some(write_command(port, value, flying)?),
+            ParameterOperation::Write => Some(write_command(port, value, facts.flying)?),
             _ => None,
         };
-        if !link.is_up() {
+        if !facts.is_link_up {
             return Err(Reason::LinkDown.into());
         }
         if self.0.len() == MAX_OPEN {

@@ -1,7 +1,7 @@
-//! [`StartUp`]: which command of the start-up sequence comes next (requirement D1; `docs/protocol.md` section 8.1). [`Session`]: what is
+//! [`StartUp`]: which command of the start-up sequence comes next (requirement D1; `docs/protocol.md` section 8.1). `Session`: what is
 //! known of a DSP that was started up, above all what its path buffer may hold ([`DspPath`], requirement H1).
 //!
-//! Waypoints can only be sent while this is not `Unknown`, and only the acknowledgement of *invalidate path* makes it
+//! Waypoints can only be sent while the path buffer is not `Unknown`, and only the acknowledgement of *invalidate path* makes it
 //! `Empty`. Whatever ends a movement, or makes its state uncertain, sets it to `Unknown`; the link then repeats *invalidate
 //! path* until the DSP has acknowledged it.
 //!
