@@ -7,7 +7,6 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{DynamicSubscriber, Schema, Source, Waiter, Wake, dynamic};
 use ril_tests::TestDomain;
 use ril_tests::process::WAIT_LIMIT;
-
 use ril_tests::readers::Reader;
 use ril_tests::readers::expected::{Expected, Line, Read, fields_of};
 

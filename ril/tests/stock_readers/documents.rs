@@ -6,7 +6,6 @@ use std::path::Path;
 use std::process::Command;
 
 use ril_tests::languages::root;
-
 use ril_tests::readers::{Reader, package};
 
 /// A folder in which the programs find a flight, and what they import.

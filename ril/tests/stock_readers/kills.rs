@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use recording::{Action, Part};
-
-use crate::made::Made;
 use ril_tests::readers::Reader;
 use ril_tests::readers::expected::Read;
+
+use crate::made::Made;
 
 /// What is older than this has to be in the file.
 const LOST_AT_MOST: Duration = Duration::from_millis(500);

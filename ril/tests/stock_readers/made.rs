@@ -9,11 +9,10 @@ use recording::{
     Action, Anchor, Attachment, Channel, ChannelId, Event, EventKind, FlightInfo, Recorder,
     Settings,
 };
+use ril_tests::readers::expected::{Expected, Line, bytes, fields_of, text};
 use ril_tests::stranger::STRANGER;
 use ros_messages::cdr::Writer;
 use ros_messages::{Level, Log, definition, message};
-
-use ril_tests::readers::expected::{Expected, Line, bytes, fields_of, text};
 
 /// Unix time at the monotonic time 0.
 const UNIX_NS: u64 = 1_700_000_000_123_456_789;

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 
 use ipc_types::DynamicPublisher;
 use ril_tests::process::Signal;
+use ril_tests::readers::Reader;
+use ril_tests::readers::expected::{Expected, Line, Read};
+use ril_tests::readers::readers_or_skip;
 use ril_tests::stranger::STRANGER;
 use ril_tests::{Chain, Process, TestDomain};
 
 use crate::consumer::{Consumer, FILLING, LAST_FILLING, STRANGER_KEY, Seen};
 use crate::documents::Programs;
-use ril_tests::readers::Reader;
-use ril_tests::readers::expected::{Expected, Line, Read};
-use ril_tests::readers::readers_or_skip;
 
 /// Simulated seconds for one of the host: the flight takes a few seconds.
 const SPEED: u32 = 10;
