@@ -2,7 +2,10 @@
 
 use dsp_protocol::DspErrorCode;
 use ipc_types::code::{ImiError, Reason};
-use ipc_types::payload::DspErrorCounters;
+use ipc_types::payload::{DspErrorCounters, KNOWN_DSP_ERRORS};
+
+/// Each code that is known has a counter.
+const _: () = assert!(DspErrorCode::KNOWN.len() == KNOWN_DSP_ERRORS);
 
 /// Which DSP errors are fatal. The rest are counted and shown.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Deserialize, serde::Serialize)]

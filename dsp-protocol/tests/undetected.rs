@@ -3,10 +3,10 @@
 // The program uses the rest of what it shares with these tests.
 #[allow(dead_code)]
 #[path = "../../tests/examples/figures/undetected/mod.rs"]
-mod undetected;
+mod figure;
 
-use self::undetected::damage::Damage;
-use self::undetected::measure::{Tally, measure};
+use self::figure::damage::Damage;
+use self::figure::measure::{Tally, measure};
 use dsp_protocol::Profile;
 
 const SEED: u64 = 7;

@@ -77,7 +77,7 @@ const ARROWS: [(&str, &[&str]); 17] = [
 const KNOWS_TRANSPORT: &str = "ipc-types";
 const TRANSPORT: &str = "iceoryx2";
 
-/// The one crate that knows the network, in one file.
+/// The one crate that knows the network, in one folder.
 const KNOWS_NETWORK: &str = "relay";
 const NETWORK: &str = "zenoh";
 
@@ -105,6 +105,7 @@ const BANS: [Ban; 5] = [
             "flight-record/report/src",
             "plans/src",
             "flight-record/recording/src",
+            "flight-record/replay/src",
             "gateways/relay/src",
             "flight-record/ros-messages/src",
         ],
@@ -121,6 +122,7 @@ const BANS: [Ban; 5] = [
             "dsp-protocol/src",
             "dsp-sim/src",
             "flight-record/recording/src",
+            "flight-record/replay/src",
             "gateways/relay/src",
             "flight-record/ros-messages/src",
         ],
@@ -157,6 +159,7 @@ const BANS: [Ban; 5] = [
             "module-kit/src/manager.rs",
             "module-kit/src/completed.rs",
             "flight-record/recording/src",
+            "flight-record/replay/src",
             "flight-record/ros-messages/src",
             "gateways/relay/src/clock",
             "gateways/relay/src/orders",

@@ -283,7 +283,7 @@ impl Motion {
         match *self {
             _ if asked == Asked::Hold && self.unable_to_abort() => Err(Reason::UnableToAbort),
             _ if wants_start => Err(Reason::NotStarted),
-            _ if !facts.is_link_up && !(on_the_spot && facts.may_fly) => Err(Reason::LinkDown),
+            _ if !(facts.is_link_up || on_the_spot && facts.may_fly) => Err(Reason::LinkDown),
             Motion::Idle(rest) => Ok(rest_after(rest)),
             Motion::Following { order, .. } | Motion::Holding { order } if preempts => {
                 Ok(rest_after(order.then))

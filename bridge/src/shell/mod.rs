@@ -1,7 +1,7 @@
 //! The thin shell around the core: it moves bytes, samples, requests and deadlines, and decides nothing.
 //!
-//! One thread, one wait. Whatever wakes it, everything is drained: the signal pipe, both request services, the serial
-//! port, the core's deadlines. That is also the safety net for a wake-up that the shared-memory library can lose.
+//! One thread, one wait. A wake drains what it is about: the line alone, or the line to its end, the three request services and the
+//! core's deadlines. The bound of each wait drains everything: the safety net for a wake-up that the shared-memory library can lose.
 //!
 //! This file has the loop; [`serial`] the port; `publish` the core's outputs on shared memory; `audit` what the log has.
 

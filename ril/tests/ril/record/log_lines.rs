@@ -10,7 +10,7 @@ use ros_messages::{Level, Log};
 use super::feed::{only_file, words};
 use crate::common::{Rig, end};
 
-/// The lines of a process in the file, in their order: `INFO bridge::shell::run: ready`.
+/// The lines of a process in the file, in their order: `INFO bridge::shell: ready`.
 fn recorded(file: &Path, process: &str) -> Vec<String> {
     let bytes = Bytes::open(file).unwrap();
     let messages = read::messages(&bytes).map(Result::unwrap);
@@ -67,7 +67,7 @@ fn what_the_processes_log_while_they_are_recorded_is_in_the_file() {
     let file = only_file(&rig);
     // All from the moment on from which a journal was recorded, to the last line of each bridge.
     let of_bridges = recorded(&file, "bridge");
-    let is_last = |line: &String| line.contains("run: ended");
+    let is_last = |line: &String| line.contains("bridge::shell: ended");
     let of_bridges: Vec<_> = of_bridges.split_inclusive(is_last).collect();
     assert_eq!(of_bridges.len(), 2, "{of_bridges:#?}");
     for (recorded, logged) in of_bridges.iter().zip([&bridge, &second]) {

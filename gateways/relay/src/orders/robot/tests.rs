@@ -277,18 +277,17 @@ fn below_the_floor_orders_are_forgotten_and_late_copies_ignored() {
 
 #[test]
 fn an_order_that_comes_too_late_or_without_an_id_is_refused() {
-    let late = |order: &mut Order| order.expires = MonotonicNs(SECOND - 1);
-    let without_id = |request: Vec<u8>| move |order: &mut Order| order.request = request;
-    let cases: [(Box<dyn FnOnce(&mut Order)>, _); 4] = [
-        (Box::new(late), Reason::TooLate),
-        (Box::new(without_id(vec![])), Reason::InvalidRequest),
-        (Box::new(without_id(vec![1; 7])), Reason::InvalidRequest),
-        (Box::new(without_id(vec![0; 16])), Reason::InvalidRequest),
-    ];
-    for (spoil, reason) in cases {
+    let late = MonotonicNs(SECOND - 1);
+    for (expires, request, reason) in [
+        (Some(late), None, Reason::TooLate),
+        (None, Some(vec![]), Reason::InvalidRequest),
+        (None, Some(vec![1; 7]), Reason::InvalidRequest),
+        (None, Some(vec![0; 16]), Reason::InvalidRequest),
+    ] {
         let mut rig = Rig::new();
         let mut order = rig.new_order(1);
-        spoil(&mut order);
+        order.expires = expires.unwrap_or(order.expires);
+        order.request = request.unwrap_or(order.request);
         let out = rig.order(&order);
         let refused = answered(1, 1, Stage::Refused, reason);
         assert_eq!((answers(&out), sent(&out)), (vec![refused], vec![]));
