@@ -18,10 +18,10 @@ pub const BINARY_VARIABLE: &str = "RIL_BINARY";
 
 /// Environment variable and value for commands of `ril`: how long each waits for an answer or a sample. A machine that stalls for
 /// longer than the usual two seconds must not make it give up.
-pub const PATIENCE: (&str, &str) = ("RIL_TIMEOUT", "80s");
+pub const LONGEST_WAIT: (&str, &str) = ("RIL_TIMEOUT", "80s");
 
 /// A `bridge.toml` with which no machine that stalls for seconds ends a flight, loses the link or lets a request expire.
-pub const PATIENT: &str = "\
+pub const FOR_SLOW_MACHINES: &str = "\
 [link]
 pc_timeout_ms = 60000
 ack_timeout_ms = 5000
@@ -108,7 +108,8 @@ impl Chain {
                 "run", "sim", "--link", "dsp", "--seed", "1", "--speed", &speed,
             ],
         );
-        std::fs::write(folder.link("bridge.toml"), PATIENT).expect("a file in the test's folder");
+        std::fs::write(folder.link("bridge.toml"), FOR_SLOW_MACHINES)
+            .expect("a file in the test's folder");
         let bridge = spawn(domain, binary, &folder, &["run", "bridge", "--port", "dsp"]);
         let status = spawn(domain, binary, &folder, &["run", "status"]);
         wait_for_telemetry(domain);
@@ -170,7 +171,9 @@ const VARIABLES: [&str; 5] = [
 /// Puts a command of `ril` into `folder`, without the variables that change what it does, and with so long a time-out that a machine that
 /// stalls fails nothing.
 pub fn place(command: &mut std::process::Command, folder: &Path) {
-    command.current_dir(folder).env(PATIENCE.0, PATIENCE.1);
+    command
+        .current_dir(folder)
+        .env(LONGEST_WAIT.0, LONGEST_WAIT.1);
     for variable in VARIABLES {
         command.env_remove(variable);
     }

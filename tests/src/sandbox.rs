@@ -13,7 +13,7 @@ use std::time::Duration;
 use ipc_types::payload::HeroTelemetry;
 use ipc_types::{Ipc, MonotonicNs, RobotId, Subscriber, Topic, Wake};
 
-use crate::chain::{PATIENT, place};
+use crate::chain::{FOR_SLOW_MACHINES, place};
 use crate::domain::TestDomain;
 use crate::process::{Finished, Process, Signal, WAIT_LIMIT};
 use crate::pty::PtyFolder;
@@ -128,7 +128,7 @@ impl Sandbox {
     #[track_caller]
     pub fn start_robot(&self, robot: u32, speed: u32) -> Robot {
         if !self.path("bridge.toml").exists() {
-            self.write("bridge.toml", PATIENT);
+            self.write("bridge.toml", FOR_SLOW_MACHINES);
         }
         let sim = format!("run sim --robot {robot} --link dsp --seed 1 --speed {speed}");
         let robot = Robot {

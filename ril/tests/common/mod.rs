@@ -13,8 +13,8 @@ use std::process::Command;
 
 use ipc_types::payload::{ModuleState, MovementData};
 use ipc_types::{Ipc, RobotId, Subscriber, Wake};
+pub use ril_tests::chain::FOR_SLOW_MACHINES;
 use ril_tests::chain::LONGEST_WAIT;
-pub use ril_tests::chain::PATIENT;
 use ril_tests::process::{Finished, Signal, WAIT_LIMIT};
 use ril_tests::{Process, PtyFolder, Received, TestDomain};
 
@@ -130,7 +130,7 @@ impl Rig {
         let options = if is_configured {
             ""
         } else {
-            self.write("patient.toml", PATIENT);
+            self.write("patient.toml", FOR_SLOW_MACHINES);
             "--config patient.toml"
         };
         let mut bridge = self.start(&format!(

@@ -9,7 +9,7 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use crate::common::flight::Flight;
-use crate::common::{PATIENT, Rig, end};
+use crate::common::{FOR_SLOW_MACHINES, Rig, end};
 use dsp_protocol::{Command, Decoded, Decoder, Downlink, FlowControl, Uplink};
 use ipc_types::code::{LinkState, Reason, Stage};
 use ipc_types::payload::{MovementData, WaypointPosition};
@@ -107,7 +107,7 @@ fn a_simulator_at_a_serial_port_is_flown_over_a_cable_that_is_unplugged_in_betwe
     let (at_sim, at_bridge) = plug_in(&rig);
     let mut sim = rig.start("sim --port sim-port --baud-rate 57600 --seed 1");
     sim.wait_for_text("ready");
-    rig.write("bridge.toml", PATIENT);
+    rig.write("bridge.toml", FOR_SLOW_MACHINES);
     let mut bridge = rig.start("bridge --port bridge-port");
     bridge.wait_for_text("port open");
     let cable = Cable::join(at_sim, at_bridge);

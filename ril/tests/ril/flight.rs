@@ -3,7 +3,7 @@
 use std::fs;
 
 use crate::common::flight::Flight;
-use crate::common::{PATIENT, Rig, Watch, end, json, says};
+use crate::common::{FOR_SLOW_MACHINES, Rig, Watch, end, json, says};
 use ipc_types::code::{Functionality, LinkState, ModuleStatus, MovementKind};
 use ril_tests::Process;
 use ril_tests::process::Signal;
@@ -277,7 +277,7 @@ fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
 #[test]
 fn a_geofence_that_is_no_file_any_more_does_not_stop_the_bridge_in_flight() {
     let rig = Rig::new();
-    let config = rig.write("bridge.toml", PATIENT);
+    let config = rig.write("bridge.toml", FOR_SLOW_MACHINES);
     let processes = Processes::start(&rig, "--speed 4");
     rig.run("start", 0);
     rig.run("takeoff --altitude 3", 0);
@@ -294,7 +294,7 @@ fn a_geofence_that_is_no_file_any_more_does_not_stop_the_bridge_in_flight() {
 #[test]
 fn a_path_that_would_begin_late_because_the_bridge_stood_still_is_not_flown() {
     let rig = Rig::new();
-    let prompt = PATIENT.replace("begin_within_ms = 60000", "begin_within_ms = 4000");
+    let prompt = FOR_SLOW_MACHINES.replace("begin_within_ms = 60000", "begin_within_ms = 4000");
     rig.write("bridge.toml", &prompt);
     let flight = Flight::begin(&rig);
     let (latitude, longitude, altitude) = flight.place;

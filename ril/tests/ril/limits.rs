@@ -1,6 +1,6 @@
 //! Limits that a shell or a supervisor sets on a process: each is an error that is reported, and ends no process in silence.
 
-use crate::common::{PATIENT, Rig, end, says};
+use crate::common::{FOR_SLOW_MACHINES, Rig, end, says};
 use ril_tests::process::{Process, Signal};
 use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 
@@ -31,7 +31,7 @@ fn a_process_that_may_write_no_file_says_so_instead_of_being_killed() {
 fn a_bridge_whose_messages_no_longer_fit_into_their_file_flies_on() {
     let rig = Rig::new();
     let sim = rig.sim(1, "");
-    rig.write("bridge.toml", PATIENT);
+    rig.write("bridge.toml", FOR_SLOW_MACHINES);
     let line = "exec \"$0\" bridge --port dsp-1 2>messages.txt";
     let bridge = Process::spawn(&rig.domain, rig.shell(line));
     let mut watch = rig.watch(1);

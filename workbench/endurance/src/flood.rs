@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::MovementData;
 use ipc_types::{Domain, Ipc, RobotId};
 
@@ -88,15 +89,26 @@ fn flooder(
         let mut client = ipc.client::<MovementData>().expect("a client");
         // Ids that no other client has.
         let mut id = (number + 1) << 48;
+        let mut own = 0;
         while !over.load(Ordering::Relaxed) {
             // As many as there is room for. What does not fit now does after the answers.
             while client.send(&MovementData::take_off(id, f64::NAN)).is_ok() {
                 id += 1;
             }
             client.wait(FULL_LIMIT).expect("a wait");
-            client.drain(|_| {
+            client.drain(|report| {
+                let end = (report.stage(), report.reason());
+                let refusals = [Reason::NotFinite, Reason::TooManyRequests];
+                let is_refusal = |reason| refusals.contains(&reason);
+                assert!(
+                    end.0 == Some(Stage::Refused) && end.1.is_some_and(is_refusal),
+                    "{end:?}"
+                );
                 answered.fetch_add(1, Ordering::Relaxed);
+                own += 1;
             });
         }
+        let sent = id - ((number + 1) << 48);
+        assert_eq!(own + client.outstanding() as u64, sent, "none is missing");
     })
 }

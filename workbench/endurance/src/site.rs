@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use ril_tests::chain::PATIENT;
+use ril_tests::chain::FOR_SLOW_MACHINES;
 use ril_tests::languages::{Compiler, python, python_example};
 use ril_tests::process::{Finished, Stream};
 use ril_tests::sandbox::Holdings;
@@ -51,7 +51,7 @@ impl Site {
             c_programs: RefCell::default(),
             // The long form counts each second in which the link was silent.
             bridge_toml: match plan.is_short {
-                true => PATIENT,
+                true => FOR_SLOW_MACHINES,
                 false => "[link]\npc_timeout_ms = 60000\n",
             },
         }

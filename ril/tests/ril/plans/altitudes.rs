@@ -2,7 +2,7 @@
 
 use ril_tests::process::Signal;
 
-use crate::common::{PATIENT, Rig, end, json, says};
+use crate::common::{FOR_SLOW_MACHINES, Rig, end, json, says};
 
 /// The helicopter's telemetry altitude, m.
 fn altitude_m(rig: &Rig) -> f64 {
@@ -16,7 +16,7 @@ fn altitude_m(rig: &Rig) -> f64 {
 #[test]
 fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
     let rig = Rig::new();
-    rig.write("bridge.toml", PATIENT);
+    rig.write("bridge.toml", FOR_SLOW_MACHINES);
     let sim = rig.sim(1, "--speed 10");
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();

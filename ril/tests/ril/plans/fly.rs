@@ -7,7 +7,7 @@ use ril_tests::Process;
 use ril_tests::process::{Finished, Signal};
 
 use super::check::SQUARE;
-use crate::common::{PATIENT, Rig, end, json, says};
+use crate::common::{FOR_SLOW_MACHINES, Rig, end, json, says};
 
 /// A simulator and a bridge, started.
 struct Robot {
@@ -18,7 +18,7 @@ struct Robot {
 impl Robot {
     fn start(rig: &Rig) -> Robot {
         if !rig.folder().join("bridge.toml").exists() {
-            rig.write("bridge.toml", PATIENT);
+            rig.write("bridge.toml", FOR_SLOW_MACHINES);
         }
         let sim = rig.sim(1, "--speed 10");
         let bridge = rig.bridge(1);
@@ -106,7 +106,7 @@ fn a_plan_that_breaks_a_rule_is_not_flown() {
     let rig = Rig::new();
     rig.write(
         "bridge.toml",
-        &format!("{PATIENT}[fence]\nceiling_m = 26.0\n"),
+        &format!("{FOR_SLOW_MACHINES}[fence]\nceiling_m = 26.0\n"),
     );
     let robot = Robot::start(&rig);
     rig.write("square.waypoints", SQUARE);
@@ -270,7 +270,7 @@ fn a_plan_that_was_stopped_goes_on_at_the_next_item() {
 #[test]
 fn the_plan_s_fence_comes_into_force_only_when_asked_for_and_only_where_the_bridge_reads_it() {
     let rig = Rig::new();
-    let rules = format!("# ours\n{PATIENT}");
+    let rules = format!("# ours\n{FOR_SLOW_MACHINES}");
     let file = rig.write("bridge.toml", &rules);
     let robot = Robot::start(&rig);
     let plan = r#"{"fileType":"Plan","version":1,"mission":{"version":2,"plannedHomePosition":[37.411,-6.001,10],"items":[

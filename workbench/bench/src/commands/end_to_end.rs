@@ -201,10 +201,19 @@ fn goals(section: &mut Section, measured: &Measured<Case>, setting: Setting) {
         Bound::AtMost(1.5),
         Ratio::of_rounds(&p50(Way::Request), &reference),
     );
-    let medians = [&pty, &hop, &dsp, &hero].map(|rounds| us(median(rounds).unwrap_or_default()));
-    let [pty, hop, dsp, hero] = medians;
-    section.text(format!(
-        "{setting}: pty read {pty}, hop {hop}, to DspTelemetry {dsp}, to HeroTelemetry {hero} µs (medians of the rounds' \
-         medians)."
-    ));
+    let ways = [
+        ("pty read", &pty),
+        ("hop", &hop),
+        ("to DspTelemetry", &dsp),
+        ("to HeroTelemetry", &hero),
+    ];
+    let measured = ways
+        .iter()
+        .filter_map(|(name, rounds)| Some(format!("{name} {}", us(median(rounds)?))));
+    let measured = measured.collect::<Vec<_>>().join(", ");
+    if !measured.is_empty() {
+        section.text(format!(
+            "{setting}: {measured} µs (medians of the rounds' medians)."
+        ));
+    }
 }
