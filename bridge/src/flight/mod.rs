@@ -1,7 +1,7 @@
 //! The functionality of the module: movements from the request to the final report.
 //!
 //! [`Flight`] is given requests, events of the link and the time, and answers through the link's commands and [`Outputs`]. What the
-//! module does is one value, [`Motion`](motion::Motion): its file has the tables of states, orders and events. This file has what comes
+//! module does is one value, [`Motion`]: its file has the tables of states, orders and events. This file has what comes
 //! in and what is answered; `actions` carries out what the tables say; the other files are values that both ask.
 
 mod actions;

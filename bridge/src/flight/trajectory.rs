@@ -20,7 +20,7 @@ pub struct TrajectoryPoint {
 
 /// Turns a path into the points that go to the DSP, one for each grant of flow control.
 pub trait Trajectory: std::fmt::Debug {
-    /// Begins a path of at most [`MAX_WAYPOINTS`](crate::flight::assembly::MAX_WAYPOINTS) waypoints that the helicopter flies from `start`. Forgets what is left
+    /// Begins a path of at most [`MAX_WAYPOINTS`] waypoints that the helicopter flies from `start`. Forgets what is left
     /// of the one before.
     fn begin(&mut self, start: Geographic, path: &[Waypoint]);
 
