@@ -27,7 +27,7 @@ const MARGIN: f64 = 1.05;
 const FRAMES: u64 = 200;
 const SECONDS: u64 = 5;
 
-/// Windows, of which the least counts: whatever else the machine does only adds.
+/// Windows of what is compared, of which the least counts: whatever else the machine does only adds.
 const WINDOWS: usize = 3;
 
 /// Samples that are published, and taken, in the shorter of two runs, of which the difference counts.
@@ -62,13 +62,18 @@ fn table() -> BTreeMap<String, f64> {
 /// The variable that has the instructions of whole processes compared, too.
 const IDLE: &str = "RIL_COUNTS_IDLE";
 
+/// Whether the instructions of whole processes are compared.
+fn is_idle() -> bool {
+    std::env::var_os(IDLE).is_some()
+}
+
 /// Prints a number and compares it with the table. The instructions of whole processes grow with what else the machine does, because
 /// a frame takes longer and more timers expire in it: they are compared on an idle machine, when a variable says that it is one.
 #[track_caller]
 fn judge(name: impl Display, counted: f64) {
     let name = name.to_string();
     let is_whole = name.contains("instructions, a ");
-    if is_whole && std::env::var_os(IDLE).is_none() {
+    if is_whole && !is_idle() {
         let _ = writeln!(
             std::io::stderr(),
             "SKIPPED: {name}: {counted:.0} is compared with {IDLE}=1 on an idle machine"
@@ -228,7 +233,11 @@ fn least<T: Topic>(counted: &Counted, ipc: &Ipc, count: u64, per: Per) -> f64 {
     let mut samples = ipc.subscriber::<T>().unwrap();
     wait_for(&mut samples, count / 2);
     let mut least = f64::INFINITY;
-    for _ in 0..WINDOWS {
+    let windows = match counted.counter {
+        Counter::Instructions if !is_idle() => 1,
+        Counter::Instructions | Counter::SystemCalls => WINDOWS,
+    };
+    for _ in 0..windows {
         while samples.try_recv().unwrap().is_some() {}
         let before = samples.losses();
         let begun = counted.begin();
