@@ -81,14 +81,17 @@ fn judge(name: impl Display, counted: f64) {
         return;
     }
     println!("| {name} | {counted:.1} |");
-    let Some(number) = table().get(&name).copied() else {
-        return;
-    };
-    let most = number * MARGIN;
-    assert!(
-        counted <= most,
-        "{name}: {counted:.1}, more than {most:.1}; is it worth that? Then change its number in docs/performance.md"
-    );
+    if let Some(most) = most(&name) {
+        assert!(
+            counted <= most,
+            "{name}: {counted:.1}, more than {most:.1}; is it worth that? Then change its number in docs/performance.md"
+        );
+    }
+}
+
+/// How much may be counted; `None` if the table has no number.
+fn most(name: &str) -> Option<f64> {
+    Some(table().get(name)? * MARGIN)
 }
 
 /// Whether the tools are there. A line on standard error says when they are not, also when tests that pass print nothing.
@@ -359,10 +362,26 @@ fn the_instructions_of_a_hop_stay() {
         assert_eq!(finished.code(), Some(0), "{finished:#?}");
         total(&file)
     };
-    let each = |what| (count(what, 2 * SAMPLES) - count(what, SAMPLES)) / SAMPLES as f64;
-    let publish = each("publish");
-    judge("publish, instructions", publish);
-    judge("take, instructions", each("take") - publish);
+    const NAMES: [&str; 2] = ["publish, instructions", "take, instructions"];
+    let runs = ["publish", "take"].map(|what| [(what, SAMPLES), (what, 2 * SAMPLES)]);
+    let (mut least, mut counted) = ([f64::INFINITY; 4], [0.0; 2]);
+    // Whatever else the machine does only adds: it lets timers expire.
+    for _ in 0..WINDOWS {
+        for (least, (what, samples)) in least.iter_mut().zip(runs.into_iter().flatten()) {
+            *least = least.min(count(what, samples));
+        }
+        let each = |few: f64, many: f64| (many - few) / SAMPLES as f64;
+        let publish = each(least[0], least[1]);
+        counted = [publish, each(least[2], least[3]) - publish];
+        let is_little =
+            |(name, counted): (&str, f64)| most(name).is_none_or(|most| counted <= most);
+        if NAMES.into_iter().zip(counted).all(is_little) {
+            break;
+        }
+    }
+    for (name, counted) in NAMES.into_iter().zip(counted) {
+        judge(name, counted);
+    }
 }
 
 /// Publishes to a subscriber in the same process, which takes each sample or none.
