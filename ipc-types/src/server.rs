@@ -236,9 +236,7 @@ impl BytesServer {
         };
         let broken = self.replace_port(port);
         self.abandon(broken);
-        let error = self.failed("iceoryx2 panicked; a new generation has begun".to_owned());
-        tracing::warn!("{error}");
-        Err(error)
+        Err(self.failed("iceoryx2 panicked; a new generation has begun".to_owned()))
     }
 
     fn failed(&self, reason: String) -> ServeError {
@@ -360,11 +358,14 @@ impl BytesServer {
         if self.session.check_process().is_err() {
             return;
         }
-        // An error is that of a port whose requests are said to be gone here.
-        let _ = self.guarded(|port, tickets| {
+        let updated = self.guarded(|port, tickets| {
             port.update(tickets);
             Ok(())
         });
+        // That of a broken port, whose requests are said to be gone here. `drain` hands such an error to its caller.
+        if let Err(error) = updated {
+            tracing::warn!("{error}");
+        }
         self.tickets.remove_where(
             |entry| !entry.is_open(),
             |ticket, entry| {
