@@ -15,7 +15,7 @@ use runtime::{config, logging};
 use crate::config::{Config, DEFAULT_FILE, parse_profile};
 use crate::faults::Script;
 use crate::port::Port;
-use crate::pty_port::{PtyPort, PtyPortError};
+use crate::pty::{PtyError, PtyPort};
 use crate::serial_port::SerialPort;
 use crate::shell;
 use crate::simulator::{Setup, Simulator};
@@ -73,7 +73,7 @@ pub struct Args {
 impl Args {
     /// Where the link will be.
     pub fn link(&self) -> PathBuf {
-        let default = || format!("/tmp/hero-dsp-{}", self.common.robot).into();
+        let default = || format!("/tmp/hero-dsp-{}", self.common.robot()).into();
         self.link.clone().unwrap_or_else(default)
     }
 }
@@ -201,8 +201,8 @@ fn open_port(args: &Args, baud_rate: u32) -> Result<(PathBuf, Box<dyn Port>), Fa
         return Ok((path.clone(), Box::new(port)));
     }
     let port = PtyPort::new(&args.link()).map_err(|error| match error {
-        PtyPortError::Pty(error) => Failure::internal(error),
-        PtyPortError::Link(error) => Failure::usage(error),
+        PtyError::Terminal { .. } => Failure::internal(error),
+        PtyError::Occupied(_) | PtyError::Link { .. } => Failure::usage(error),
     })?;
     Ok((port.link().to_owned(), Box::new(port)))
 }

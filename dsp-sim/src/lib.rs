@@ -13,7 +13,7 @@
 //! * [`simulator`]: all of it behind one facade; [`device`]: the protocol, ports, errors; [`helicopter`]: the flight;
 //!   [`serial_link`]: the pace of the bytes; [`faults`]: what goes wrong on purpose, by a script; [`random`]: seeded
 //!   numbers. None of them knows a file, a thread or a clock.
-//! * [`port`], [`pty`], [`pty_port`], [`serial_port`], [`shell`], [`cli`], [`config`]: the process around it.
+//! * [`port`], [`pty`], [`serial_port`], [`shell`], [`cli`], [`config`]: the process around it.
 //!
 //! Time is simulated, a `Duration` since the start that the caller holds. The same seed and the same bytes at the same
 //! times give the same flight, the same answers and the same faults, bit for bit.
@@ -59,7 +59,6 @@ pub mod faults;
 pub mod helicopter;
 pub mod port;
 pub mod pty;
-pub mod pty_port;
 pub mod random;
 pub mod serial_link;
 pub mod serial_port;

@@ -4,6 +4,8 @@ use std::io;
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
+use rustix::io::Errno;
+
 use crate::faults::PortState;
 
 /// What the loop of the process serves.
@@ -53,11 +55,34 @@ pub trait Terminal {
     ///
     /// # Errors
     /// The terminal is gone.
-    fn read(&self, buffer: &mut [u8]) -> io::Result<usize>;
+    fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
+        if buffer.is_empty() {
+            return Ok(0);
+        }
+        match without_waiting(|| rustix::io::read(self.descriptor(), &mut *buffer))? {
+            Some(0) => Err(io::ErrorKind::UnexpectedEof.into()),
+            count => Ok(count.unwrap_or_default()),
+        }
+    }
 
     /// Writes to the PC what the kernel's queue takes, and returns how much that is.
     ///
     /// # Errors
     /// The terminal is gone.
-    fn write(&self, bytes: &[u8]) -> io::Result<usize>;
+    fn write(&self, bytes: &[u8]) -> io::Result<usize> {
+        let written = without_waiting(|| rustix::io::write(self.descriptor(), bytes))?;
+        Ok(written.unwrap_or_default())
+    }
+}
+
+/// What a descriptor that does not block gives; `None` if it would block.
+fn without_waiting(mut act: impl FnMut() -> Result<usize, Errno>) -> io::Result<Option<usize>> {
+    loop {
+        match act() {
+            Ok(count) => return Ok(Some(count)),
+            Err(Errno::INTR) => {}
+            Err(Errno::AGAIN) => return Ok(None),
+            Err(error) => return Err(error.into()),
+        }
+    }
 }

@@ -37,12 +37,28 @@ pub struct Pty {
     path: PathBuf,
 }
 
-/// The pseudo-terminal could not be opened.
+/// The port cannot be there.
 #[derive(Debug, thiserror::Error)]
-#[error("no pseudo-terminal can be opened: {step} failed")]
-pub struct PtyError {
-    step: &'static str,
-    source: io::Error,
+pub enum PtyError {
+    /// There is no terminal for it.
+    #[error("no pseudo-terminal can be opened: {step} failed")]
+    Terminal {
+        /// What was tried.
+        step: &'static str,
+        /// Why not.
+        source: io::Error,
+    },
+    /// Something else has the name of its link.
+    #[error("{}: is there and is not a symbolic link; name another place with --link", .0.display())]
+    Occupied(PathBuf),
+    /// The operating system refused the link.
+    #[error("{}: the symbolic link cannot be made; name a place that you may write to with --link", .path.display())]
+    Link {
+        /// Where the link should be.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
 }
 
 impl Pty {
@@ -52,7 +68,7 @@ impl Pty {
     /// The system has none left, or lacks `/dev/pts`.
     pub fn open() -> Result<Pty, PtyError> {
         let failed = |step| {
-            move |error: Errno| PtyError {
+            move |error: Errno| PtyError::Terminal {
                 step,
                 source: error.into(),
             }
@@ -81,18 +97,29 @@ impl Pty {
         &self.path
     }
 
-    /// What to wait on for the PC's coming and going; [`check_peer`](Self::check_peer) makes it quiet again.
+    /// What to wait on for the PC's coming and going; [`check_peer`](Terminal::check_peer) makes it quiet again.
     pub fn watch(&self) -> BorrowedFd<'_> {
         self.watch.as_fd()
     }
 
-    /// Returns whether a PC opened or closed its end. If so, unread bytes are discarded. After a PC
-    /// closed its end, the next one finds the port as it was at first: raw, and not held exclusively by a process that
-    /// was killed.
-    ///
-    /// # Errors
-    /// The terminal or the watch is gone.
-    pub fn check_peer(&mut self) -> io::Result<bool> {
+    /// Discards what the PC has not read.
+    fn discard(&self) -> io::Result<()> {
+        termios::tcflush(&self.slave, QueueSelector::IFlush).map_err(Into::into)
+    }
+}
+
+impl Terminal for Pty {
+    fn descriptor(&self) -> BorrowedFd<'_> {
+        self.as_fd()
+    }
+
+    fn peer_watch(&self) -> Option<BorrowedFd<'_>> {
+        Some(self.watch())
+    }
+
+    /// After a PC closed its end, the next one finds the port as it was at first: raw, and not held exclusively by a process
+    /// that was killed.
+    fn check_peer(&mut self) -> io::Result<bool> {
         let (mut came, mut went) = (false, false);
         let mut buffer = [MaybeUninit::uninit(); EVENTS_LEN];
         let mut reader = inotify::Reader::new(&self.watch, &mut buffer);
@@ -114,74 +141,6 @@ impl Pty {
             self.discard()?;
         }
         Ok(came || went)
-    }
-
-    /// Reads what the PC wrote; 0 when there is nothing.
-    ///
-    /// # Errors
-    /// The terminal is gone.
-    pub fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
-        loop {
-            match rustix::io::read(&self.master, &mut *buffer) {
-                Ok(count) => return Ok(count),
-                Err(Errno::INTR) => {}
-                Err(Errno::AGAIN) => return Ok(0),
-                Err(error) => return Err(error.into()),
-            }
-        }
-    }
-
-    /// Writes to the PC what the kernel's queue takes, and returns how much that is.
-    ///
-    /// # Errors
-    /// The terminal is gone.
-    pub fn write(&self, bytes: &[u8]) -> io::Result<usize> {
-        loop {
-            match rustix::io::write(&self.master, bytes) {
-                Ok(count) => return Ok(count),
-                Err(Errno::INTR) => {}
-                Err(Errno::AGAIN) => return Ok(0),
-                Err(error) => return Err(error.into()),
-            }
-        }
-    }
-
-    /// Discards what the PC has not read.
-    fn discard(&self) -> io::Result<()> {
-        termios::tcflush(&self.slave, QueueSelector::IFlush).map_err(Into::into)
-    }
-}
-
-/// A bare terminal stays where it is: while a script lets it be gone, it is silent.
-impl Port for Pty {
-    fn follow(&mut self, _state: PortState) -> io::Result<()> {
-        Ok(())
-    }
-
-    fn terminal(&mut self) -> Option<&mut dyn Terminal> {
-        Some(self)
-    }
-}
-
-impl Terminal for Pty {
-    fn descriptor(&self) -> BorrowedFd<'_> {
-        self.as_fd()
-    }
-
-    fn peer_watch(&self) -> Option<BorrowedFd<'_>> {
-        Some(self.watch())
-    }
-
-    fn check_peer(&mut self) -> io::Result<bool> {
-        Pty::check_peer(self)
-    }
-
-    fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
-        Pty::read(self, buffer)
-    }
-
-    fn write(&self, bytes: &[u8]) -> io::Result<usize> {
-        Pty::write(self, bytes)
     }
 }
 
@@ -209,41 +168,25 @@ fn make_raw(slave: BorrowedFd<'_>) -> Result<(), Errno> {
 
 /// A symbolic link that exists as long as this value.
 #[derive(Debug)]
-pub struct Link {
+pub struct SymbolicLink {
     path: PathBuf,
     target: PathBuf,
 }
 
-/// The link could not be made.
-#[derive(Debug, thiserror::Error)]
-pub enum LinkError {
-    /// Something else has the name.
-    #[error("{}: is there and is not a symbolic link; name another place with --link", .0.display())]
-    Occupied(PathBuf),
-    /// The operating system refused.
-    #[error("{}: the symbolic link cannot be made; name a place that you may write to with --link", .path.display())]
-    System {
-        /// Where the link should be.
-        path: PathBuf,
-        /// Why not.
-        source: io::Error,
-    },
-}
-
-impl Link {
+impl SymbolicLink {
     /// Makes `path` a link to `target`. A link that is there already is replaced in one step: a simulator that was
     /// killed left it behind.
     ///
     /// # Errors
     /// Something else than a link is there, or the place cannot be written to.
-    pub fn create(path: &Path, target: &Path) -> Result<Link, LinkError> {
-        let failed = |source| LinkError::System {
+    pub fn create(path: &Path, target: &Path) -> Result<SymbolicLink, PtyError> {
+        let failed = |source| PtyError::Link {
             path: path.to_owned(),
             source,
         };
         let path = std::path::absolute(path).map_err(failed)?;
         match fs::symlink_metadata(&path) {
-            Ok(found) if !found.is_symlink() => return Err(LinkError::Occupied(path)),
+            Ok(found) if !found.is_symlink() => return Err(PtyError::Occupied(path)),
             Ok(_) if path.exists() => {
                 tracing::warn!(
                     link = %path.display(),
@@ -261,7 +204,7 @@ impl Link {
             let _ = fs::remove_file(&fresh);
             return Err(failed(error));
         }
-        Ok(Link {
+        Ok(SymbolicLink {
             path,
             target: target.to_owned(),
         })
@@ -273,12 +216,98 @@ impl Link {
     }
 }
 
-impl Drop for Link {
+impl Drop for SymbolicLink {
     fn drop(&mut self) {
         // Another simulator may have taken the name over.
         if fs::read_link(&self.path).is_ok_and(|target| target == self.target) {
             let _ = fs::remove_file(&self.path);
         }
+    }
+}
+
+/// The pseudo-terminal and its link, there or not: a script of faults may unplug the port and plug it in again.
+///
+/// While it is unplugged, the terminal is closed, so that the PC's end is hung up. The link is removed too, because the
+/// terminal that it names may become another process's meanwhile.
+#[derive(Debug)]
+pub struct PtyPort {
+    link_path: PathBuf,
+    /// Removed before the terminal is closed, which is why it stands before it.
+    link: Option<SymbolicLink>,
+    pty: Option<Pty>,
+    /// The terminal that the port will be when it comes back elsewhere: opened while the old one is still there, or the
+    /// kernel would give it the same number.
+    next: Option<Pty>,
+    /// What was seen of the script.
+    seen: PortState,
+}
+
+impl PtyPort {
+    /// Opens a terminal and makes `link_path` lead to it.
+    ///
+    /// # Errors
+    /// There is no terminal, or the link cannot be made.
+    pub fn new(link_path: &Path) -> Result<PtyPort, PtyError> {
+        let mut port = PtyPort {
+            link_path: link_path.to_owned(),
+            link: None,
+            pty: None,
+            next: None,
+            seen: PortState::default(),
+        };
+        port.plug_in()?;
+        Ok(port)
+    }
+
+    /// Where the link is, or will be again.
+    pub fn link(&self) -> &Path {
+        self.link
+            .as_ref()
+            .map_or(&self.link_path, SymbolicLink::path)
+    }
+
+    fn unplug(&mut self, elsewhere: bool) -> Result<(), PtyError> {
+        if elsewhere && self.pty.is_some() {
+            self.next = Some(Pty::open()?);
+        }
+        self.link = None;
+        if let Some(pty) = self.pty.take() {
+            tracing::info!(port = %pty.path().display(), "the port is hung up");
+        }
+        Ok(())
+    }
+
+    fn plug_in(&mut self) -> Result<(), PtyError> {
+        let pty = match self.next.take() {
+            Some(pty) => pty,
+            None => Pty::open()?,
+        };
+        let link = SymbolicLink::create(&self.link_path, pty.path())?;
+        tracing::info!(link = %link.path().display(), port = %pty.path().display(), "the port is there");
+        self.link = Some(link);
+        self.pty = Some(pty);
+        Ok(())
+    }
+}
+
+impl Port for PtyPort {
+    fn follow(&mut self, state: PortState) -> io::Result<()> {
+        if state == self.seen {
+            return Ok(());
+        }
+        // A hang-up whose end has passed already is one all the same.
+        if state.hang_ups != self.seen.hang_ups {
+            self.unplug(state.elsewhere).map_err(io::Error::other)?;
+        }
+        if !state.is_gone {
+            self.plug_in().map_err(io::Error::other)?;
+        }
+        self.seen = state;
+        Ok(())
+    }
+
+    fn terminal(&mut self) -> Option<&mut dyn Terminal> {
+        self.pty.as_mut().map(|pty| pty as &mut dyn Terminal)
     }
 }
 
@@ -289,9 +318,13 @@ mod tests {
 
     use super::*;
 
-    fn open_peer(pty: &Pty) -> File {
+    fn open_path(path: &Path) -> File {
         let mut options = OpenOptions::new();
-        options.read(true).write(true).open(pty.path()).unwrap()
+        options.read(true).write(true).open(path).unwrap()
+    }
+
+    fn open_peer(pty: &Pty) -> File {
+        open_path(pty.path())
     }
 
     fn all_bytes() -> Vec<u8> {
@@ -415,27 +448,112 @@ mod tests {
     fn a_link_replaces_a_link_and_nothing_else_and_goes_with_its_owner() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("port");
-        let link = Link::create(&path, Path::new("/dev/pts/none")).unwrap();
+        let link = SymbolicLink::create(&path, Path::new("/dev/pts/none")).unwrap();
         assert_eq!(fs::read_link(&path).unwrap(), Path::new("/dev/pts/none"));
 
-        let heir = Link::create(&path, Path::new("/dev/pts/other")).unwrap();
+        let heir = SymbolicLink::create(&path, Path::new("/dev/pts/other")).unwrap();
         drop(link);
         assert_eq!(fs::read_link(&path).unwrap(), Path::new("/dev/pts/other"));
         drop(heir);
         assert!(fs::symlink_metadata(&path).is_err());
 
         fs::write(&path, "precious").unwrap();
-        let error = Link::create(&path, Path::new("/dev/null")).unwrap_err();
-        assert!(matches!(error, LinkError::Occupied(_)), "{error}");
+        let error = SymbolicLink::create(&path, Path::new("/dev/null")).unwrap_err();
+        assert!(matches!(error, PtyError::Occupied(_)), "{error}");
         assert_eq!(fs::read_to_string(&path).unwrap(), "precious");
 
         let nowhere = folder.path().join("none").join("port");
-        let error = Link::create(&nowhere, Path::new("/dev/null")).unwrap_err();
-        assert!(matches!(error, LinkError::System { .. }), "{error}");
+        let error = SymbolicLink::create(&nowhere, Path::new("/dev/null")).unwrap_err();
+        assert!(matches!(error, PtyError::Link { .. }), "{error}");
         assert_eq!(
             fs::read_dir(folder.path()).unwrap().count(),
             1,
             "nothing left"
         );
+    }
+
+    fn gone(hang_ups: u64, elsewhere: bool) -> PortState {
+        PortState {
+            hang_ups,
+            is_gone: true,
+            elsewhere,
+        }
+    }
+
+    fn back(hang_ups: u64) -> PortState {
+        PortState {
+            hang_ups,
+            is_gone: false,
+            elsewhere: false,
+        }
+    }
+
+    /// The PC's end is hung up: it reads an end, or an error.
+    fn assert_hung_up(mut pc: File) {
+        let mut byte = [0];
+        assert!(!matches!(pc.read(&mut byte), Ok(1..)));
+    }
+
+    #[test]
+    fn the_port_goes_and_comes_back_under_its_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("port");
+        let mut port = PtyPort::new(&path).unwrap();
+        for hang_ups in 1..=3 {
+            let pc = open_path(&path);
+            port.follow(gone(hang_ups, false)).unwrap();
+            assert!(port.terminal().is_none());
+            assert!(fs::symlink_metadata(&path).is_err(), "the link is there");
+            assert_hung_up(pc);
+            port.follow(gone(hang_ups, false)).unwrap();
+            port.follow(back(hang_ups)).unwrap();
+            assert_eq!(port.terminal().unwrap().write(b"here").unwrap(), 4);
+            let mut read = [0; 4];
+            open_path(&path).read_exact(&mut read).unwrap();
+            assert_eq!(&read, b"here");
+        }
+    }
+
+    #[test]
+    fn it_comes_back_as_another_device() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("port");
+        let mut port = PtyPort::new(&path).unwrap();
+        let first = fs::read_link(&path).unwrap();
+        port.follow(gone(1, true)).unwrap();
+        // Hung up again while it is gone: nothing more to do.
+        port.follow(gone(2, true)).unwrap();
+        port.follow(back(2)).unwrap();
+        assert_ne!(fs::read_link(&path).unwrap(), first);
+        open_path(&path);
+    }
+
+    #[test]
+    fn a_hang_up_that_has_passed_is_one_all_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("port");
+        let mut port = PtyPort::new(&path).unwrap();
+        let pc = open_path(&path);
+        port.follow(back(1)).unwrap();
+        assert_hung_up(pc);
+        assert_eq!(
+            fs::read_link(&path).unwrap(),
+            port.pty.as_ref().unwrap().path(),
+            "and it is there again"
+        );
+    }
+
+    #[test]
+    fn the_link_goes_with_its_owner_also_while_the_port_is_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("port");
+        let port = PtyPort::new(&path).unwrap();
+        assert_eq!(port.link(), path);
+        drop(port);
+        assert!(fs::symlink_metadata(&path).is_err());
+        let mut port = PtyPort::new(&path).unwrap();
+        port.follow(gone(1, false)).unwrap();
+        drop(port);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 }

@@ -158,32 +158,6 @@ impl Terminal for OpenPort {
     fn descriptor(&self) -> BorrowedFd<'_> {
         self.file.as_fd()
     }
-
-    fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
-        if buffer.is_empty() {
-            return Ok(0);
-        }
-        loop {
-            match rustix::io::read(&self.file, &mut *buffer) {
-                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
-                Ok(count) => return Ok(count),
-                Err(Errno::INTR) => {}
-                Err(Errno::AGAIN) => return Ok(0),
-                Err(error) => return Err(error.into()),
-            }
-        }
-    }
-
-    fn write(&self, bytes: &[u8]) -> io::Result<usize> {
-        loop {
-            match rustix::io::write(&self.file, bytes) {
-                Ok(count) => return Ok(count),
-                Err(Errno::INTR) => {}
-                Err(Errno::AGAIN) => return Ok(0),
-                Err(error) => return Err(error.into()),
-            }
-        }
-    }
 }
 
 impl Drop for OpenPort {

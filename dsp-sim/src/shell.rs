@@ -215,18 +215,19 @@ mod tests {
     use dsp_protocol::{Command, Downlink, Status, Uplink, port};
 
     use super::*;
-    use crate::pty::Pty;
+    use crate::pty::PtyPort;
     use crate::simulator::Setup;
 
     /// Runs the loop in a thread while `pc` uses the port that it opens.
     fn with_loop(speed: f64, pc: impl FnOnce(&dyn Fn() -> File)) -> (Simulator, Summary) {
         let (termination, request) = Termination::by_hand().unwrap();
-        let mut pty = Pty::open().unwrap();
-        let path = pty.path().to_owned();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("dsp");
+        let mut port = PtyPort::new(&path).unwrap();
         let running = thread::spawn(move || {
             let mut simulator = Simulator::new(Setup::default());
             let supervisor = Notifier::from_env();
-            let outcome = run(&mut simulator, &mut pty, speed, &termination, &supervisor);
+            let outcome = run(&mut simulator, &mut port, speed, &termination, &supervisor);
             (simulator, outcome.unwrap())
         });
         let mut options = OpenOptions::new();

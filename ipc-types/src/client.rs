@@ -10,17 +10,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 pub use crate::client_port::SendError;
-use crate::client_port::{ClientPort, Outstanding};
+use crate::client_port::{ClientPort, LIVENESS_PERIOD, Outstanding};
 use crate::code::Reason;
-use crate::doorbell::{Channel, DoorbellSlot, doorbell_slot};
+use crate::doorbell::Channel;
 use crate::follow::{Follower, until_room};
 use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::pollable::Pollable;
 use crate::port::{self, Payload, Port};
 use crate::random::fresh_request_id;
-use crate::schema::Schema;
-use crate::service::{MAX_OUTSTANDING, REQUEST_ID_OFFSET, RESPONSE_BUFFER, Request, word};
+use crate::service::{MAX_OUTSTANDING, REQUEST_ID_OFFSET, RESPONSE_BUFFER, word};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::{WaitError, Waiter, sealed};
@@ -42,17 +41,18 @@ use crate::waiter::{WaitError, Waiter, sealed};
 /// [`Client::request`] follows one request; [`Client::send`] and [`Client::drain`] follow several at once.
 pub type Client<R> = Port<BytesClient, R>;
 
-impl<R: Request> Client<R> {
+impl<P: Payload> Client<P> {
     /// Sends a request, and follows it alone: its progress and its result.
     ///
     /// # Errors
     ///
     /// See [`SendError`]; nothing was sent then.
-    pub fn request(&mut self, request: &R) -> Result<RequestHandle<'_>, SendError> {
-        self.follow_one(request.bytes())
+    pub fn request(&mut self, request: &P::View) -> Result<RequestHandle<'_>, SendError> {
+        RequestHandle::send(&mut self.core, &self.waiter, P::as_bytes(request))
     }
 
-    /// Sends a request. Its reports come out of [`Client::drain`], the last with a final stage.
+    /// Sends a request: a struct, or of a [`Schema`](crate::Schema) as many bytes as that says. Its reports come out of
+    /// [`Client::drain`], the last with a final stage. A `request_id` of 0 is replaced by a fresh one. Returns the request's id.
     ///
     /// Requests whose final report has come do not count as open, drained or not: their reports are kept for the next drain, see
     /// [`keep_report`].
@@ -60,35 +60,8 @@ impl<R: Request> Client<R> {
     /// # Errors
     ///
     /// See [`SendError`]; nothing was sent then.
-    pub fn send(&mut self, request: &R) -> Result<(), SendError> {
-        self.core.send(request.bytes()).map(|_| ())
-    }
-}
-
-/// Requests whose struct this program was not built with, as bytes: as many as the schema says.
-impl Client<Schema> {
-    /// As [`Client::request`] of a struct; see [`Client::send`] of bytes.
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    pub fn request(&mut self, request: &[u8]) -> Result<RequestHandle<'_>, SendError> {
-        self.follow_one(request)
-    }
-
-    /// As [`Client::send`] of a struct. A `request_id` of 0 is replaced by a fresh one. Returns the request's id.
-    ///
-    /// # Errors
-    ///
-    /// See [`SendError`]; nothing was sent then.
-    pub fn send(&mut self, request: &[u8]) -> Result<u64, SendError> {
-        self.core.send(request)
-    }
-}
-
-impl<P: Payload> Client<P> {
-    fn follow_one(&mut self, request: &[u8]) -> Result<RequestHandle<'_>, SendError> {
-        RequestHandle::send(&mut self.core, &self.waiter, request)
+    pub fn send(&mut self, request: &P::View) -> Result<u64, SendError> {
+        self.core.send(P::as_bytes(request))
     }
 
     /// Hands on every report that is there and says how many those were. A request whose server is gone gets its final
@@ -121,7 +94,7 @@ impl<P: Payload> Client<P> {
 
     /// Whether a live process serves. One that hangs counts as alive.
     pub fn is_server_alive(&self) -> bool {
-        let provider = self.core.session.watch(self.key()).look();
+        let provider = self.core.session.provider(self.key());
         provider.is_ok_and(|provider| provider.is_some())
     }
 }
@@ -151,7 +124,6 @@ pub struct BytesClient {
     kept: VecDeque<RequestReport>,
     follower: Follower,
     pollable: Pollable,
-    slot: DoorbellSlot,
     offer: Offer,
     session: Arc<Session>,
 }
@@ -169,7 +141,6 @@ impl BytesClient {
             kept: VecDeque::new(),
             follower: Follower::new(session, &offer.key),
             pollable: Pollable::default(),
-            slot: doorbell_slot(&offer.key),
             offer,
             session: Arc::clone(session),
         };
@@ -345,7 +316,7 @@ impl BytesClient {
     /// Looks at the servers if the last look is a period ago.
     fn look_in_time(&self) {
         for port in self.port.iter().chain(&self.former) {
-            port.server.look_in_time();
+            port.server.look_after(LIVENESS_PERIOD);
         }
     }
 
@@ -394,7 +365,7 @@ impl sealed::Source for BytesClient {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: self.slot.bits(Channel::Responses),
+            bits: self.offer.slot.bits(Channel::Responses),
             receiver: self.port.as_ref().map(|port| &port.responses),
             by_descriptor: false,
             // Without a request there is no server to look for.

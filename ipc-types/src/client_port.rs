@@ -1,6 +1,5 @@
 //! [`ClientPort`]: a client's part in one generation, and what iceoryx2 asks of it.
 
-use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -11,8 +10,8 @@ use iceoryx2::prelude::BackpressureStrategy;
 use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use crate::code::{Reason, Stage};
-use crate::doorbell::{Channel, doorbell_slot};
-use crate::generation::Generation;
+use crate::doorbell::Channel;
+use crate::generation::{self, Generation};
 use crate::iox::{AnyRequest, Svc};
 use crate::open::{self, Offer, OpenError};
 use crate::payload::RequestReport;
@@ -25,7 +24,7 @@ use crate::waiter::SAFETY_BOUND;
 use crate::wake::{Event, WakeReceiver, WakeSender};
 
 /// How often a waiting client looks whether its server still lives, which takes two system calls.
-const LIVENESS_PERIOD: Duration = SAFETY_BOUND;
+pub(crate) const LIVENESS_PERIOD: Duration = SAFETY_BOUND;
 
 /// So many numbers a client's requests may begin with. Passing over one takes 0.2 µs.
 const NUMBERS: u64 = 1 << 12;
@@ -72,16 +71,10 @@ pub(crate) struct ClientPort {
     issued_offset: Option<usize>,
     pub(crate) responses: WakeReceiver,
     pub(crate) requests: WakeSender,
-    pub(crate) server: ServerWatch,
+    /// Whether the server still serves the generation.
+    pub(crate) server: LockWatch,
     // Last: its node must outlive the ports.
     pub(crate) generation: Generation,
-}
-
-/// Remembers whether the server still serves a generation, so that looking at reports takes no system call.
-pub(crate) struct ServerWatch {
-    lock: RefCell<LockWatch>,
-    is_there: Cell<bool>,
-    looked: Cell<MonotonicNs>,
 }
 
 /// A request without a final report.
@@ -127,8 +120,8 @@ impl ClientPort {
             size: offer.schema.size(),
             issued_offset: offer.issued_offset,
             responses,
-            requests: WakeSender::make(session, requests, doorbell_slot(key), Channel::Requests)?,
-            server: ServerWatch::new(generation.provider_watch()),
+            requests: WakeSender::make(session, requests)?,
+            server: generation::provider_watch(generation.path()),
             generation,
         })
     }
@@ -184,34 +177,6 @@ fn start_somewhere(port: &IoxClient) {
     }
 }
 
-impl ServerWatch {
-    fn new(lock: LockWatch) -> ServerWatch {
-        ServerWatch {
-            lock: RefCell::new(lock),
-            is_there: Cell::new(true),
-            looked: Cell::default(),
-        }
-    }
-
-    /// Whether the server serves the generation.
-    pub(crate) fn look(&self) -> bool {
-        let is_there = self.lock.borrow_mut().is_held().unwrap_or_else(|error| {
-            tracing::debug!(%error, "the server cannot be looked for");
-            false
-        });
-        self.is_there.set(is_there);
-        self.looked.set(MonotonicNs::now());
-        is_there
-    }
-
-    /// Looks if the last look is a period ago.
-    pub(crate) fn look_in_time(&self) {
-        if MonotonicNs::now().since(self.looked.get()) >= LIVENESS_PERIOD {
-            self.look();
-        }
-    }
-}
-
 impl Outstanding {
     /// Whether it was sent by this port.
     pub(crate) fn is_of(&self, port: &ClientPort) -> bool {
@@ -221,7 +186,7 @@ impl Outstanding {
     /// Whether the server that got the request still has it.
     pub(crate) fn is_served<'p>(&self, mut ports: impl Iterator<Item = &'p ClientPort>) -> bool {
         let port = ports.find(|port| self.is_of(port));
-        port.is_some_and(|port| port.server.is_there.get()) && self.pending.is_connected()
+        port.is_some_and(|port| port.server.was_held()) && self.pending.is_connected()
     }
 
     /// Hands on the reports about this request.

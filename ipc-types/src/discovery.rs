@@ -20,7 +20,7 @@ impl Discovery {
     /// it comes again with the next look.
     pub fn look(&mut self, ipc: &Ipc, mut take: impl FnMut(Pattern, ServiceFacts) -> bool) {
         let mut former = std::mem::take(&mut self.settled);
-        for service in announced(ipc) {
+        for service in announced(ipc.domain(), ipc.robot()) {
             let settled = former.remove(&service.key);
             if settled.as_ref() == Some(&service.generation) || self.settle(&service, &mut take) {
                 self.settled.insert(service.key, service.generation);

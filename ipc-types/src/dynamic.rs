@@ -14,7 +14,7 @@ use crate::ipc::Ipc;
 use crate::module::{Module as _, RelayModule};
 use crate::open::{Offer, OpenError};
 use crate::payload::Number;
-use crate::provider::{Provider, ProviderWatch};
+use crate::provider::{self, Provider};
 use crate::publisher::{BytesPublisher, Publisher};
 use crate::robot::RobotId;
 use crate::schema::{LoadError, Schema, SchemaError};
@@ -263,19 +263,13 @@ fn check_request(key: &str, schema: &Schema) -> Result<(), DynamicError> {
 
 /// Whether samples begin as those of every topic do.
 fn is_sample(schema: &Schema) -> bool {
-    has_number(schema, "sequence", SEQUENCE_OFFSET) && has_number(schema, "epoch_ns", EPOCH_OFFSET)
+    schema.offset_of("sequence", Number::U64) == Some(SEQUENCE_OFFSET)
+        && schema.offset_of("epoch_ns", Number::U64) == Some(EPOCH_OFFSET)
 }
 
 /// Whether requests begin as all of the contract's do.
 fn is_request(schema: &Schema) -> bool {
-    has_number(schema, "request_id", REQUEST_ID_OFFSET)
-}
-
-/// Whether there is a `uint64` of this name at this offset.
-fn has_number(schema: &Schema, path: &str, offset: usize) -> bool {
-    schema.number(path).is_some_and(|leaf| {
-        leaf.number == Number::U64 && leaf.len.is_none() && leaf.offset == offset
-    })
+    schema.offset_of("request_id", Number::U64) == Some(REQUEST_ID_OFFSET)
 }
 
 /// A topic or a request service that has, or had, a provider.
@@ -332,7 +326,7 @@ impl Domain {
         let service = service_folder(self, robot, key);
         let current = generation::current(&service).ok().flatten();
         match current.filter(|current| current.key == key) {
-            Some(current) => generation::schema(&service, &current.name),
+            Some(current) => generation::schema(&service, &current.name).map(|(schema, _)| schema),
             None => own(key)
                 .map(ServiceId::contract)
                 .map(|contract| Schema::from_layout(contract.payload))
@@ -342,7 +336,7 @@ impl Domain {
 }
 
 fn services(domain: &Domain, robot: RobotId, meant: Pattern) -> Vec<ServiceFacts> {
-    let found = announced_in(domain, robot).into_iter();
+    let found = announced(domain, robot).into_iter();
     found
         .filter_map(|service| {
             let (pattern, facts) = service.read().ok()??;
@@ -353,22 +347,18 @@ fn services(domain: &Domain, robot: RobotId, meant: Pattern) -> Vec<ServiceFacts
 
 /// A service of the robot as its provider has announced it: what is known without reading and parsing its schema. A program that looks
 /// again and again reads the schemas of those generations alone that it has not seen.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Announced {
+#[derive(Debug)]
+pub(crate) struct Announced {
     /// Last part of its name, such as `battery_watch/cell_voltages`.
-    pub key: String,
+    pub(crate) key: String,
     /// Name of its generation: another one whenever a provider began, or had to begin anew. Its schema never changes.
-    pub generation: String,
+    pub(crate) generation: String,
     /// The folder of the service.
     folder: PathBuf,
 }
 
 /// The services of the robot, in the alphabetical order of their keys, those of killed providers included.
-pub fn announced(ipc: &Ipc) -> Vec<Announced> {
-    announced_in(ipc.domain(), ipc.robot())
-}
-
-fn announced_in(domain: &Domain, robot: RobotId) -> Vec<Announced> {
+pub(crate) fn announced(domain: &Domain, robot: RobotId) -> Vec<Announced> {
     if !domain.is_enterable() {
         return Vec::new();
     }
@@ -388,8 +378,8 @@ fn announced_in(domain: &Domain, robot: RobotId) -> Vec<Announced> {
 
 impl Announced {
     /// Its live provider.
-    pub fn provider(&self) -> Option<Provider> {
-        ProviderWatch::new(&self.folder).look().ok().flatten()
+    pub(crate) fn provider(&self) -> Option<Provider> {
+        provider::look(&self.folder).ok().flatten()
     }
 
     /// What lies in it, and how it is carried; `None` if it is no service of the contract's.
@@ -397,8 +387,8 @@ impl Announced {
     /// # Errors
     ///
     /// See [`LoadError`]. What is [`Invalid`](LoadError::Invalid) stays so.
-    pub fn read(&self) -> Result<Option<(Pattern, ServiceFacts)>, LoadError> {
-        let (schema, text) = generation::schema_with_text(&self.folder, &self.generation)?;
+    pub(crate) fn read(&self) -> Result<Option<(Pattern, ServiceFacts)>, LoadError> {
+        let (schema, text) = generation::schema(&self.folder, &self.generation)?;
         let pattern = match (is_sample(&schema), is_request(&schema)) {
             (true, _) => Pattern::PublishSubscribe,
             (false, true) => Pattern::RequestResponse,

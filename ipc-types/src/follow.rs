@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::doorbell::{Channel, doorbell_slot};
+use crate::doorbell::{Bits, Channel, Doorbell, Seen, doorbell_slot};
 use crate::generation::{self, Generation};
 use crate::inspect;
 use crate::open::OpenError;
@@ -47,11 +47,29 @@ pub(crate) fn until_room(
             return opened;
         }
         doorbell.join(slot);
-        if has_waited || doorbell.sleep(seen, bits, now + RETRY).is_err() {
+        if has_waited || !sleep_for_generation(doorbell, bits, seen, now + RETRY) {
             let users = inspect::users(session, key);
             return opened.map_err(|error| error.with_members(&users));
         }
     }
+}
+
+/// Sleeps until `until`, or until there is another generation: samples wake the same sleepers, and make no room. False when that cannot
+/// be waited for.
+fn sleep_for_generation(
+    doorbell: &Doorbell,
+    bits: Bits,
+    mut seen: Seen,
+    until: MonotonicNs,
+) -> bool {
+    let generations = doorbell.generations();
+    while doorbell.generations() == generations && MonotonicNs::now() < until {
+        if doorbell.sleep(seen, bits, until).is_err() {
+            return false;
+        }
+        seen = doorbell.listen(bits);
+    }
+    true
 }
 
 /// Watches the generations of a service for a process that does not provide it.

@@ -196,11 +196,6 @@ impl Generation {
         &self.path
     }
 
-    /// Tells whether the provider is still there.
-    pub(crate) fn provider_watch(&self) -> LockWatch {
-        provider_watch(&self.path)
-    }
-
     /// Says that what is in it is not served any more.
     pub(crate) fn stop_serving(&mut self) {
         self.provider = None;
@@ -291,14 +286,9 @@ fn read_current(file: LockFile) -> Option<Current> {
     })
 }
 
-/// The schema of what lies in a generation: of samples, or of requests.
-pub(crate) fn schema(service: &Path, name: &str) -> Result<Schema, LoadError> {
+/// The schema of what lies in a generation, of samples or of requests, and its text.
+pub(crate) fn schema(service: &Path, name: &str) -> Result<(Schema, String), LoadError> {
     schema::load(&service.join(name).join(SCHEMA_FILE))
-}
-
-/// As [`schema`], with its text.
-pub(crate) fn schema_with_text(service: &Path, name: &str) -> Result<(Schema, String), LoadError> {
-    schema::load_with_text(&service.join(name).join(SCHEMA_FILE))
 }
 
 /// Tells whether the generation in this folder has a provider.

@@ -17,7 +17,7 @@ use crate::domain_error::DomainError;
 use crate::generation::{self, Current};
 use crate::iox::{Node, Svc};
 use crate::lock_file::{entries, is_ours};
-use crate::provider::{Provider, ProviderWatch};
+use crate::provider::{self, Provider};
 use crate::robot::RobotId;
 use crate::robot_folder;
 use crate::session::{Session, service_folder};
@@ -168,7 +168,7 @@ impl Domain {
     ///
     /// When the domain's folder cannot be read.
     pub fn provider(&self, robot: RobotId, key: &str) -> Result<Option<Provider>, DomainError> {
-        ProviderWatch::new(&service_folder(self, robot, key)).look()
+        provider::look(&service_folder(self, robot, key))
     }
 
     /// The robots whose service `key` a live process provides, in ascending order.
@@ -287,10 +287,7 @@ fn robot_facts(domain: &Domain, robot: RobotId) -> RobotFacts {
     };
     for service in generation::services(&domain.robot_folder(robot)) {
         let names = generation::names(&service);
-        let has_provider = |name: &str| {
-            let held = generation::provider_watch(&service.join(name)).is_held();
-            held.unwrap_or(false)
-        };
+        let has_provider = |name: &str| generation::provider_watch(&service.join(name)).look();
         facts.generations += names.len();
         facts.former += names.iter().filter(|name| !has_provider(name)).count();
         if let Ok(Some(current)) = generation::current(&service) {
@@ -316,7 +313,7 @@ pub(crate) fn users(session: &Session, key: &str) -> Vec<String> {
             *ports.entry((member.process, member.pid)).or_default() += 1;
         }
     }
-    if let Ok(Some(provider)) = session.watch(key).look()
+    if let Ok(Some(provider)) = session.provider(key)
         && let Some(count) = ports.get_mut(&(provider.process, provider.pid))
     {
         *count -= 1;

@@ -131,7 +131,7 @@ impl Ipc {
     ///
     /// When the service's folder cannot be read.
     pub fn provider(&self, key: &str) -> Result<Option<Provider>, OpenError> {
-        Ok(self.session.watch(key).look()?)
+        Ok(self.session.provider(key)?)
     }
 
     /// Counts the beginnings and ends of the robot's services, in all processes, wrapping around: another value than before is

@@ -17,7 +17,7 @@ use serde::ser::{Serialize, Serializer};
 
 use crate::code::{ControlCommand, ImiCode, ModuleId, ModuleStatus};
 use crate::payload::support::ZeroCopySend;
-use crate::payload::{Layout, ModuleControl, SharedStruct, ascii_bytes};
+use crate::payload::{Layout, ModuleControl, SharedStruct, ascii_bytes, ascii_text};
 pub use crate::service::is_own_name;
 use crate::service::{is_key, module_of};
 use crate::{Request, Topic};
@@ -76,8 +76,7 @@ impl State {
 
     /// What the module is doing; `None` if it is not text.
     pub fn doing(&self) -> Option<&str> {
-        let len = self.doing.iter().position(|byte| *byte == 0);
-        std::str::from_utf8(&self.doing[..len.unwrap_or(DOING_LEN)]).ok()
+        ascii_text(&self.doing)
     }
 }
 

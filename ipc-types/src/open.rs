@@ -17,6 +17,7 @@ use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVar
 
 use crate::domain::SHM_DIR;
 use crate::domain_error::DomainError;
+use crate::doorbell::{DoorbellSlot, doorbell_slot};
 use crate::files;
 use crate::forked::Forked;
 use crate::generation::{EnterError, Generation};
@@ -248,6 +249,8 @@ fn layout_of(generation: &Generation, name: &ServiceName, pattern: Pattern) -> O
 pub struct Offer {
     /// Last part of the service's name.
     pub(crate) key: String,
+    /// Where the doorbell has the service.
+    pub(crate) slot: DoorbellSlot,
     pub(crate) pattern: Pattern,
     /// Of a sample or a request.
     pub(crate) schema: Schema,
@@ -266,6 +269,7 @@ impl Offer {
     pub(crate) fn topic(key: &str, schema: &Schema, text: String, wanted: usize) -> Offer {
         Offer {
             key: key.to_owned(),
+            slot: doorbell_slot(key),
             pattern: Pattern::PublishSubscribe,
             schema: schema.clone(),
             text,
@@ -277,17 +281,14 @@ impl Offer {
 
     /// A request service.
     pub(crate) fn request(key: &str, schema: &Schema, text: String) -> Offer {
-        let offset = |name: &str| {
-            let leaf = schema.number(name)?;
-            (leaf.number == Number::U64 && leaf.len.is_none()).then_some(leaf.offset)
-        };
         Offer {
             key: key.to_owned(),
+            slot: doorbell_slot(key),
             pattern: Pattern::RequestResponse,
             schema: schema.clone(),
             text,
-            path_offset: offset(PATH_ID),
-            issued_offset: offset(ISSUED),
+            path_offset: schema.offset_of(PATH_ID, Number::U64),
+            issued_offset: schema.offset_of(ISSUED, Number::U64),
             max_subscribers: 0,
         }
     }

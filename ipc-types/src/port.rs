@@ -40,6 +40,10 @@ pub unsafe trait Payload: 'static {
     #[doc(hidden)]
     unsafe fn view_mut(bytes: &mut [u8]) -> &mut Self::View;
 
+    /// The bytes of what a program sends.
+    #[doc(hidden)]
+    fn as_bytes(view: &Self::View) -> &[u8];
+
     /// Hands on bytes that may lie at any address; does nothing if they are not as many as the schema says.
     #[doc(hidden)]
     fn read(bytes: &[u8], take: impl FnOnce(&Self::View));
@@ -63,6 +67,10 @@ unsafe impl<T: SharedStruct> Payload for T {
         unsafe { &mut *bytes.as_mut_ptr().cast::<T>() }
     }
 
+    fn as_bytes(view: &T) -> &[u8] {
+        view.bytes()
+    }
+
     fn read(bytes: &[u8], take: impl FnOnce(&T)) {
         if let Some(value) = T::from_bytes(bytes) {
             take(&value);
@@ -81,6 +89,10 @@ unsafe impl Payload for Schema {
 
     unsafe fn view_mut(bytes: &mut [u8]) -> &mut [u8] {
         bytes
+    }
+
+    fn as_bytes(view: &[u8]) -> &[u8] {
+        view
     }
 
     fn read(bytes: &[u8], take: impl FnOnce(&[u8])) {

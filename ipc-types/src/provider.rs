@@ -3,6 +3,7 @@
 //! It holds an exclusive `flock` on the lock in the service's folder, and has written its name into it. The file stays when
 //! the provider goes, for the next one.
 
+use std::cell::Cell;
 use std::fs::{self, File};
 use std::io::{self, Seek, Write};
 use std::os::unix::fs::{FileExt, MetadataExt};
@@ -18,6 +19,7 @@ use crate::lock_file::{
     LockFile, flock, is_at, is_same, make_folder, make_lock_file_in, open_folder,
     open_lock_file_in, open_to_look,
 };
+use crate::time::MonotonicNs;
 
 /// The file in a service's folder that its provider has locked.
 const LOCK_FILE: &str = "lock";
@@ -141,70 +143,83 @@ impl Drop for ProviderLock {
     }
 }
 
-/// Looks whether a process has a lock exclusively, time and again: a system call each time while one has.
-#[derive(Debug)]
+/// The file of a lock if a process has the lock exclusively; it is not removed as long as it is open. `open` is the file of an
+/// earlier look. `None` also if there is no such file.
+fn held(path: &Path, open: Option<LockFile>) -> Result<Option<LockFile>, DomainError> {
+    let file = match open {
+        Some(file) => file,
+        None => match open_to_look(path) {
+            Ok(file) => file,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(DomainError::io("open", path, error)),
+        },
+    };
+    // When it is got, no process had it; dropping the file gives it back.
+    let is_got = flock(&file, FlockOperation::NonBlockingLockShared, path)?;
+    Ok((!is_got).then_some(file))
+}
+
+/// The live provider of the service in `folder`, which need not have been provided yet.
+///
+/// # Errors
+///
+/// When the file cannot be opened or locked.
+pub(crate) fn look(folder: &Path) -> Result<Option<Provider>, DomainError> {
+    let file = held(&folder.join(LOCK_FILE), None)?;
+    // A provider that has the lock but not yet written its name counts as being there.
+    let provider = |file: LockFile| {
+        read(&file).unwrap_or(Provider {
+            pid: 0,
+            process: "unknown".to_owned(),
+            since_ns: 0,
+            pid_namespace: 0,
+            time_namespace: 0,
+        })
+    };
+    Ok(file.map(provider))
+}
+
+/// Looks whether a process has a lock exclusively, time and again, and remembers it: a look takes a system call.
 pub(crate) struct LockWatch {
     path: PathBuf,
-    /// Kept while the lock is held: its file is not removed as long.
-    file: Option<LockFile>,
+    file: Cell<Option<LockFile>>,
+    was_held: Cell<bool>,
+    looked: Cell<MonotonicNs>,
 }
 
 impl LockWatch {
-    /// Watches a lock whose file need not be there yet.
+    /// Watches a lock that counts as held before the first look.
     pub(crate) fn new(path: PathBuf) -> LockWatch {
-        LockWatch { path, file: None }
-    }
-
-    /// Whether the lock is held.
-    ///
-    /// # Errors
-    ///
-    /// When the file cannot be opened or locked.
-    pub(crate) fn is_held(&mut self) -> Result<bool, DomainError> {
-        let file = match self.file.take() {
-            Some(file) => file,
-            None => match open_to_look(&self.path) {
-                Ok(file) => file,
-                Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(false),
-                Err(error) => return Err(DomainError::io("open", &self.path, error)),
-            },
-        };
-        // When it is got, no process had it; dropping the file gives it back.
-        let is_held = !flock(&file, FlockOperation::NonBlockingLockShared, &self.path)?;
-        self.file = is_held.then_some(file);
-        Ok(is_held)
-    }
-}
-
-/// Looks for the live provider of a service, time and again: two system calls each time while there is one.
-#[derive(Debug)]
-pub(crate) struct ProviderWatch(LockWatch);
-
-impl ProviderWatch {
-    /// Watches the service in `folder`, which need not have been provided yet.
-    pub(crate) fn new(folder: &Path) -> ProviderWatch {
-        ProviderWatch(LockWatch::new(folder.join(LOCK_FILE)))
-    }
-
-    /// The live provider, if there is one now.
-    ///
-    /// # Errors
-    ///
-    /// When the file cannot be opened or locked.
-    pub(crate) fn look(&mut self) -> Result<Option<Provider>, DomainError> {
-        if !self.0.is_held()? {
-            return Ok(None);
+        LockWatch {
+            path,
+            file: Cell::new(None),
+            was_held: Cell::new(true),
+            looked: Cell::default(),
         }
-        // A provider that has the lock but not yet written its name counts as being there.
-        Ok(Some(self.0.file.as_deref().and_then(read).unwrap_or(
-            Provider {
-                pid: 0,
-                process: "unknown".to_owned(),
-                since_ns: 0,
-                pid_namespace: 0,
-                time_namespace: 0,
-            },
-        )))
+    }
+
+    /// Whether the lock is held. One that cannot be looked at counts as not held.
+    pub(crate) fn look(&self) -> bool {
+        let file = held(&self.path, self.file.take()).unwrap_or_else(|error| {
+            tracing::debug!(%error, "a provider cannot be looked for");
+            None
+        });
+        self.was_held.set(file.is_some());
+        self.file.set(file);
+        self.looked.set(MonotonicNs::now());
+        self.was_held()
+    }
+
+    /// Looks if the last look is so long ago.
+    pub(crate) fn look_after(&self, period: Duration) {
+        if MonotonicNs::now().since(self.looked.get()) >= period {
+            self.look();
+        }
+    }
+
+    /// Whether the lock was held at the last look.
+    pub(crate) fn was_held(&self) -> bool {
+        self.was_held.get()
     }
 }
 
@@ -255,18 +270,18 @@ mod tests {
     fn a_service_has_one_provider_who_can_be_named() {
         let folder = crate::files::test_folder();
         let service = folder.path().join("service");
-        let mut watch = ProviderWatch::new(&service);
-        assert_eq!(watch.look().unwrap(), None);
+        let look = || look(&service).unwrap();
+        assert_eq!(look(), None);
         let [one, other] = [7, 8].map(|since_ns| Provider::this_process("bridge", since_ns));
         let lock = ProviderLock::acquire(&service, &one).unwrap().unwrap();
-        assert_eq!(watch.look().unwrap().as_ref(), Some(&one));
+        assert_eq!(look().as_ref(), Some(&one));
         assert!(one.shares_pids() && one.shares_clock());
         let refused = ProviderLock::acquire(&service, &other).unwrap();
         assert_eq!(refused.unwrap_err(), Some(one));
         drop(lock);
-        assert_eq!(watch.look().unwrap(), None);
+        assert_eq!(look(), None);
         let _lock = ProviderLock::acquire(&service, &other).unwrap().unwrap();
-        assert_eq!(watch.look().unwrap(), Some(other));
+        assert_eq!(look(), Some(other));
     }
 
     #[test]
@@ -305,7 +320,7 @@ mod tests {
         assert!(flock(&file, FlockOperation::NonBlockingLockExclusive, &service).unwrap());
         let refused = ProviderLock::acquire(&service, &next).unwrap();
         assert_eq!(refused.unwrap_err(), None);
-        let seen = ProviderWatch::new(&service).look().unwrap().unwrap();
+        let seen = look(&service).unwrap().unwrap();
         assert_eq!(seen.process, "unknown");
     }
 

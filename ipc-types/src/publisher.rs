@@ -14,7 +14,7 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{BackpressureStrategy, PortFactory};
 use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 
-use crate::doorbell::{Channel, DoorbellSlot, doorbell_slot};
+use crate::doorbell::Channel;
 use crate::generation::{self, Generation};
 use crate::housekeeper::Maintained;
 use crate::iox::{Members, Svc, TopicService};
@@ -159,7 +159,6 @@ pub struct BytesPublisher {
     batch: usize,
     epoch_ns: u64,
     sequence: u64,
-    slot: DoorbellSlot,
     offer: Offer,
     lock: Arc<ProviderLock>,
     session: Arc<Session>,
@@ -241,9 +240,9 @@ impl PublisherPort {
                 preloaned: None,
                 port,
                 service,
-                samples: WakeSender::make(session, samples, doorbell_slot(key), Channel::Samples)?,
+                samples: WakeSender::make(session, samples)?,
                 subscribers,
-                served: session.doorbell().joined(doorbell_slot(key)),
+                served: session.doorbell().joined(offer.slot),
                 maintained,
                 max_subscribers: offer.max_subscribers,
                 known: Cell::new(0),
@@ -329,7 +328,6 @@ impl BytesPublisher {
             batch: 0,
             epoch_ns: MonotonicNs::now().0,
             sequence: 0,
-            slot: doorbell_slot(&offer.key),
             offer,
             lock,
             session: Arc::clone(session),
@@ -466,7 +464,7 @@ impl BytesPublisher {
 
     /// Subscribers that have come so far, as the doorbell counts them.
     fn joined(&self) -> u32 {
-        self.session.doorbell().joined(self.slot)
+        self.session.doorbell().joined(self.offer.slot)
     }
 }
 
@@ -499,7 +497,7 @@ impl sealed::Source for BytesPublisher {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: self.slot.bits(Channel::Subscribers),
+            bits: self.offer.slot.bits(Channel::Subscribers),
             receiver: Some(&self.port.subscribers),
             by_descriptor: false,
             bound: sealed::Bound::LONG,

@@ -7,27 +7,18 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::code::Stage;
-use crate::doorbell::{Channel, DoorbellSlot, doorbell_slot};
+use crate::doorbell::Channel;
 use crate::generation;
 use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::pollable::Pollable;
 use crate::port::{self, Payload, Port};
 use crate::provider::ProviderLock;
-use crate::service::{MAX_CLIENTS, MAX_OUTSTANDING};
-use crate::serving_port::{Entry, ServingPort};
-pub use crate::serving_port::{ReportError, ServeError};
+pub use crate::serving_port::{MAX_OPEN_TICKETS, ReportError, ServeError, Ticket};
+use crate::serving_port::{ServingPort, Tickets};
 use crate::session::Session;
-use crate::ticket::{Ticket, Tickets};
 use crate::time::MonotonicNs;
 use crate::waiter::sealed;
-
-/// Requests that have a ticket at once: twice what all clients can have open, 2 · 16 · 8. The second half is for requests
-/// that their clients gave up, from one call of [`Server::vanished`] to the next.
-///
-/// So one client cannot take the tickets of another. One request more, which takes a caller that does not ask who vanished,
-/// is refused with [`Reason::TooManyRequests`](crate::code::Reason::TooManyRequests); nothing that is open is touched.
-pub const MAX_OPEN_TICKETS: u32 = 2 * (MAX_CLIENTS * MAX_OUTSTANDING) as u32;
 
 /// How long a server at least takes requests in its former generation too. Clients change with their next request.
 const OVERLAP: Duration = Duration::from_secs(1);
@@ -64,7 +55,7 @@ impl<P: Payload> Server<P> {
     /// Hands on the requests that are there, each with its ticket, and says how many those were.
     ///
     /// Clients are served in turn: the first request of each, then the second of each. Each has a share of
-    /// [`MAX_OUTSTANDING`] in one call, however quickly it sends; what it sends beyond waits for the next.
+    /// [`MAX_OUTSTANDING`](crate::service::MAX_OUTSTANDING) in one call, however quickly it sends; what it sends beyond waits for the next.
     ///
     /// A request whose client has given it up, or is gone, is dropped unseen. One that finds no free ticket is refused here,
     /// with [`Reason::TooManyRequests`](crate::code::Reason::TooManyRequests). Ask before who has
@@ -148,7 +139,7 @@ impl<P: Payload> Server<P> {
 /// Takes requests that are bytes.
 pub struct BytesServer {
     // First, so that open requests are closed before the ports go, and their clients woken last of all.
-    tickets: Tickets<Entry>,
+    tickets: Tickets,
     port: ServingPort,
     /// The ports of former generations, until their last request is answered, and when they began to be former.
     former: Vec<(ServingPort, MonotonicNs)>,
@@ -158,7 +149,6 @@ pub struct BytesServer {
     refused_full: u64,
     /// Whether there are reports of which the clients were not told.
     is_quiet: bool,
-    slot: DoorbellSlot,
     offer: Offer,
     lock: Arc<ProviderLock>,
     session: Arc<Session>,
@@ -172,14 +162,13 @@ impl BytesServer {
     pub(crate) fn open(session: &Arc<Session>, offer: Offer) -> Result<BytesServer, OpenError> {
         let lock = session.provide(&offer.key)?;
         Ok(BytesServer {
-            tickets: Tickets::with_capacity(MAX_OPEN_TICKETS),
+            tickets: Tickets::with_capacity_and_key(MAX_OPEN_TICKETS as usize),
             port: ServingPort::make(session, &lock, &offer, 1)?,
             former: Vec::with_capacity(MAX_FORMER),
             retry: MonotonicNs::default(),
             pollable: Pollable::default(),
             refused_full: 0,
             is_quiet: false,
-            slot: doorbell_slot(&offer.key),
             offer,
             lock,
             session: Arc::clone(session),
@@ -205,7 +194,7 @@ impl BytesServer {
     /// a new generation begins.
     fn guarded(
         &mut self,
-        act: impl Fn(&mut ServingPort, &mut Tickets<Entry>) -> Result<(), ServeError>,
+        act: impl Fn(&mut ServingPort, &mut Tickets) -> Result<(), ServeError>,
     ) -> Result<(), ServeError> {
         let tickets = &mut self.tickets;
         let mut guard = |port: &mut ServingPort| match port.is_broken() {
@@ -273,7 +262,7 @@ impl BytesServer {
                 if self.former.len() == MAX_FORMER {
                     let (oldest, _) = self.former.remove(0);
                     self.tickets
-                        .remove_where(|entry| entry.is_of(oldest.number()), |_, _| ());
+                        .retain(|_, entry| !entry.is_of(oldest.number()));
                     self.pollable.forget(&oldest.requests);
                     self.session.housekeeper().drop_later(oldest);
                 }
@@ -292,7 +281,7 @@ impl BytesServer {
         let tickets = &mut self.tickets;
         for (former, _) in self.former.extract_if(.., |(former, since)| {
             let number = former.number();
-            now.since(*since) >= OVERLAP && !tickets.entries_mut().any(|entry| entry.is_of(number))
+            now.since(*since) >= OVERLAP && !tickets.values().any(|entry| entry.is_of(number))
         }) {
             self.refused_full += former.refused_full();
             self.pollable.forget(&former.requests);
@@ -366,15 +355,14 @@ impl BytesServer {
         if let Err(error) = updated {
             tracing::warn!("{error}");
         }
-        self.tickets.remove_where(
-            |entry| !entry.is_open(),
-            |ticket, entry| {
-                // A request that had its final report, though the client never read it, is over for the caller.
-                if entry.unsent.is_none() {
-                    gone(ticket, entry.request_id);
-                }
-            },
-        );
+        self.tickets.retain(|ticket, entry| {
+            let is_open = entry.is_open();
+            // A request that had its final report, though the client never read it, is over for the caller.
+            if !is_open && entry.unsent.is_none() {
+                gone(ticket, entry.request_id);
+            }
+            is_open
+        });
     }
 }
 
@@ -396,7 +384,7 @@ impl sealed::Source for BytesServer {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: self.slot.bits(Channel::Requests),
+            bits: self.offer.slot.bits(Channel::Requests),
             receiver: Some(&self.port.requests),
             by_descriptor: true,
             bound: match self.former.is_empty() {

@@ -16,9 +16,10 @@ use iceoryx2::port::{
 use iceoryx2::prelude::{BackpressureStrategy, CallbackProgression, PortFactory};
 use iceoryx2::service::port_factory::server::ServerCreateError;
 use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
+use slotmap::{KeyData, SlotMap};
 
 use crate::code::{Reason, Stage};
-use crate::doorbell::{Channel, doorbell_slot};
+use crate::doorbell::Channel;
 use crate::generation::Generation;
 use crate::housekeeper::Maintained;
 use crate::iox::{AnyRequest, Members, RequestService, Svc};
@@ -31,7 +32,6 @@ use crate::service::{
 };
 use crate::session::Session;
 use crate::source::sealed::Look;
-use crate::ticket::{Ticket, Tickets};
 use crate::time::MonotonicNs;
 use crate::wake::{Event, WakeReceiver, WakeSender};
 
@@ -175,6 +175,34 @@ impl RequestLayout {
     }
 }
 
+/// Requests that have a ticket at once: twice what all clients can have open, 2 · 16 · 8. The second half is for requests
+/// that their clients gave up, from one call of [`Server::vanished`](crate::Server::vanished) to the next.
+///
+/// So one client cannot take the tickets of another. One request more, which takes a caller that does not ask who vanished,
+/// is refused with [`Reason::TooManyRequests`](crate::code::Reason::TooManyRequests); nothing that is open is touched.
+pub const MAX_OPEN_TICKETS: u32 = 2 * (MAX_CLIENTS * MAX_OUTSTANDING) as u32;
+
+slotmap::new_key_type! {
+    /// Stands for an open request at its server. A copy of it stays valid until the request's final report, and never stands for
+    /// another request.
+    pub struct Ticket;
+}
+
+impl Ticket {
+    /// The ticket as a number, for a core that only compares and returns it.
+    pub fn to_bits(self) -> u64 {
+        self.0.as_ffi()
+    }
+
+    /// The ticket that [`Ticket::to_bits`] gave as a number. One that was never given stands for no request.
+    pub const fn from_bits(bits: u64) -> Ticket {
+        Ticket(KeyData::from_ffi(bits))
+    }
+}
+
+/// The requests that have a ticket.
+pub(crate) type Tickets = SlotMap<Ticket, Entry>;
+
 /// A request that has a ticket.
 pub(crate) struct Entry {
     /// The port that got it.
@@ -298,12 +326,7 @@ impl ServingPort {
                 may_have_more: Cell::new(true),
                 is_broken: Cell::new(false),
                 requests,
-                responses: WakeSender::make(
-                    session,
-                    responses,
-                    doorbell_slot(key),
-                    Channel::Responses,
-                )?,
+                responses: WakeSender::make(session, responses)?,
                 wear: 0,
                 refused_full: 0,
                 failures,
@@ -325,7 +348,7 @@ impl ServingPort {
     }
 
     /// Brings the requests up to date before one of them is answered.
-    pub(crate) fn settle(&mut self, tickets: &mut Tickets<Entry>) {
+    pub(crate) fn settle(&mut self, tickets: &mut Tickets) {
         if self.is_updated.get() {
             self.close_departed(tickets);
         }
@@ -333,7 +356,7 @@ impl ServingPort {
 
     /// Lets go of it without touching what iceoryx2 may have left half done. Its clients see that it is not served any more; its
     /// requests count as given up.
-    pub(crate) fn abandon(mut self, tickets: &mut Tickets<Entry>) {
+    pub(crate) fn abandon(mut self, tickets: &mut Tickets) {
         // First of all: while it is locked, clients wait.
         self.generation.stop_serving();
         for entry in self.entries(tickets) {
@@ -343,7 +366,7 @@ impl ServingPort {
     }
 
     /// Reads the requests that are there, for [`hand_on`](ServingPort::hand_on).
-    pub(crate) fn read(&mut self, tickets: &mut Tickets<Entry>) -> Result<(), ServeError> {
+    pub(crate) fn read(&mut self, tickets: &mut Tickets) -> Result<(), ServeError> {
         self.requests.take();
         self.update(tickets);
         self.close_given_up(tickets);
@@ -374,7 +397,7 @@ impl ServingPort {
     }
 
     /// Reads one request into the round; `false` when there is none, or each client that has one has had its share.
-    fn receive(&mut self, tickets: &mut Tickets<Entry>) -> Result<bool, ServeError> {
+    fn receive(&mut self, tickets: &mut Tickets) -> Result<bool, ServeError> {
         let active = match self.port.receive() {
             Ok(Some(active)) => active,
             Ok(None) => {
@@ -408,13 +431,13 @@ impl ServingPort {
             request_id: word(&self.round.payloads[from..], REQUEST_ID_OFFSET),
             unsent: None,
         };
-        match tickets.insert(entry) {
-            Ok(ticket) => {
-                let earlier = self.round.senders.iter().filter(|of| **of == sender);
-                self.round.taken.push((earlier.count(), ticket, from));
-                self.round.senders.push(sender);
-            }
-            Err(entry) => self.refuse_full(entry, from),
+        if tickets.len() >= MAX_OPEN_TICKETS as usize {
+            self.refuse_full(entry, from);
+        } else {
+            let ticket = tickets.insert(entry);
+            let earlier = self.round.senders.iter().filter(|of| **of == sender);
+            self.round.taken.push((earlier.count(), ticket, from));
+            self.round.senders.push(sender);
         }
         Ok(true)
     }
@@ -443,7 +466,7 @@ impl ServingPort {
     }
 
     /// Connects new clients, and lets go of those that are gone.
-    pub(crate) fn update(&mut self, tickets: &mut Tickets<Entry>) {
+    pub(crate) fn update(&mut self, tickets: &mut Tickets) {
         self.deaths = self.maintained.deaths();
         let taken = self.service.dynamic_config();
         let places = (taken.number_of_clients(), MAX_CLIENTS);
@@ -479,9 +502,9 @@ impl ServingPort {
     }
 
     /// Closes the requests of clients that are not in the list any more: see [`Server`].
-    fn close_departed(&mut self, tickets: &mut Tickets<Entry>) {
+    fn close_departed(&mut self, tickets: &mut Tickets) {
         self.is_updated.set(false);
-        if tickets.len() == 0 && self.held_back.is_empty() && self.round.ended.is_empty() {
+        if tickets.is_empty() && self.held_back.is_empty() && self.round.ended.is_empty() {
             return;
         }
         let present = self.clients();
@@ -502,16 +525,16 @@ impl ServingPort {
     /// The requests that this port got.
     fn entries<'t>(
         &self,
-        tickets: &'t mut Tickets<Entry>,
+        tickets: &'t mut Tickets,
     ) -> impl Iterator<Item = &'t mut Entry> + use<'t> {
         let number = self.number;
         tickets
-            .entries_mut()
+            .values_mut()
             .filter(move |entry| entry.port == number)
     }
 
     /// Closes the requests that their clients have given up.
-    fn close_given_up(&self, tickets: &mut Tickets<Entry>) {
+    fn close_given_up(&self, tickets: &mut Tickets) {
         for entry in self.entries(tickets) {
             entry.active.take_if(|active| !active.is_connected());
         }
@@ -540,20 +563,19 @@ impl ServingPort {
     }
 
     /// Tries again to send the final reports that found no room.
-    fn send_unsent(&mut self, tickets: &mut Tickets<Entry>) {
+    fn send_unsent(&mut self, tickets: &mut Tickets) {
         let mut is_sent = false;
         let number = self.number;
-        tickets.remove_where(
-            |entry| {
-                entry.port == number
-                    && match (&entry.unsent, &entry.active) {
-                        (Some(report), Some(active)) => send(active, report).is_ok(),
-                        // It was given up: over for the caller as well.
-                        (unsent, active) => unsent.is_some() && active.is_none(),
-                    }
-            },
-            |_, _| is_sent = true,
-        );
+        tickets.retain(|_, entry| {
+            let is_over = entry.port == number
+                && match (&entry.unsent, &entry.active) {
+                    (Some(report), Some(active)) => send(active, report).is_ok(),
+                    // It was given up: over for the caller as well.
+                    (unsent, active) => unsent.is_some() && active.is_none(),
+                };
+            is_sent |= is_over;
+            !is_over
+        });
         if is_sent {
             self.responses.wake();
         }

@@ -15,7 +15,7 @@ use crate::forked::{Forked, Owned};
 use crate::generation::{self, Generation};
 use crate::housekeeper::{Housekeeper, Maintained};
 use crate::open::{self, Offer, OpenError};
-use crate::provider::{Provider, ProviderLock, ProviderWatch};
+use crate::provider::{self, Provider, ProviderLock};
 use crate::reserve;
 use crate::robot::{InvalidRobotId, RobotId};
 use crate::robot_folder::Membership;
@@ -169,9 +169,9 @@ impl Session {
         .map_err(|error| OpenError::enter(&service_name(self.robot(), key), error))
     }
 
-    /// Looks for the provider of the service `key`, time and again.
-    pub(crate) fn watch(&self, key: &str) -> ProviderWatch {
-        ProviderWatch::new(&self.service_folder(key))
+    /// The live provider of the service `key`.
+    pub(crate) fn provider(&self, key: &str) -> Result<Option<Provider>, DomainError> {
+        provider::look(&self.service_folder(key))
     }
 }
 

@@ -10,7 +10,7 @@ use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::prelude::PortFactory;
 use iceoryx2::service::marker::CustomPayloadMarker;
 
-use crate::doorbell::{Channel, DoorbellSlot, doorbell_slot};
+use crate::doorbell::Channel;
 use crate::follow::{Follower, until_room};
 use crate::forked::Owned;
 use crate::generation::Generation;
@@ -230,7 +230,6 @@ pub struct BytesSubscriber {
     pollable: Pollable,
     tracker: SequenceTracker,
     generations: u64,
-    slot: DoorbellSlot,
     session: Arc<Session>,
 }
 
@@ -274,13 +273,8 @@ impl SubscriberPort {
             },
         )?;
         // Last, because it announces the subscriber to the publisher, which then gives it the latest sample.
-        let joined = WakeSender::make(
-            session,
-            subscribers,
-            doorbell_slot(key),
-            Channel::Subscribers,
-        )?;
-        session.doorbell().join(doorbell_slot(key));
+        let joined = WakeSender::make(session, subscribers)?;
+        session.doorbell().join(offer.slot);
         Ok(SubscriberPort {
             port,
             samples,
@@ -346,7 +340,6 @@ impl BytesSubscriber {
             pollable: Pollable::default(),
             tracker: SequenceTracker::default(),
             generations: 0,
-            slot: doorbell_slot(&key),
             session: Arc::clone(session),
         };
         match until_room(session, &key, || subscriber.follow(history)) {
@@ -497,7 +490,7 @@ impl sealed::Source for BytesSubscriber {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: self.slot.bits(Channel::Samples),
+            bits: self.offer.slot.bits(Channel::Samples),
             receiver: self.port.as_ref().map(|port| &port.samples),
             by_descriptor: false,
             bound: match self.follower.is_retrying() {

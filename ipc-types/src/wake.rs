@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use iceoryx2::prelude::{EventId, PortFactory};
 
-use crate::doorbell::{Bits, Channel, DoorbellSlot};
+use crate::doorbell::{Bits, Channel, doorbell_slot};
 use crate::files;
 use crate::generation::Generation;
 use crate::housekeeper::Maintained;
@@ -46,6 +46,9 @@ pub(crate) struct Event {
     name: String,
     service: EventService,
     limits: (usize, usize),
+    channel: Channel,
+    /// What the doorbell is rung by.
+    bits: Bits,
 }
 
 impl Event {
@@ -104,6 +107,8 @@ impl Event {
             service: made.map_err(|error| open::failed(&name, error))?,
             name,
             limits,
+            channel,
+            bits: doorbell_slot(key).bits(channel),
         })
     }
 
@@ -173,25 +178,18 @@ pub(crate) struct WakeSender {
     event: Event,
     /// Not the session: a former port may be the last thing that the session's own thread drops.
     membership: Arc<Membership>,
-    bits: Bits,
     /// Listeners of subscribers that there were when it last notified.
     known: Option<Cell<usize>>,
 }
 
 impl WakeSender {
     /// Making a sender announces its port to those who listen to events.
-    pub(crate) fn make(
-        session: &Arc<Session>,
-        event: Event,
-        slot: DoorbellSlot,
-        channel: Channel,
-    ) -> Result<WakeSender, OpenError> {
+    pub(crate) fn make(session: &Arc<Session>, event: Event) -> Result<WakeSender, OpenError> {
         Ok(WakeSender {
             notifier: event.notifier()?,
+            known: (event.channel == Channel::Samples).then(Cell::default),
             event,
             membership: Arc::clone(session.membership()),
-            bits: slot.bits(channel),
-            known: (channel == Channel::Samples).then(Cell::default),
         })
     }
 
@@ -207,7 +205,7 @@ impl WakeSender {
             let listeners = self.event.listeners();
             (known.replace(listeners) != listeners).then(reserve::hold_descriptors)
         });
-        self.membership.doorbell().ring(self.bits);
+        self.membership.doorbell().ring(self.event.bits);
         if let Err(error) = self.notifier.notify() {
             tracing::debug!(event = self.event.name, ?error, "nobody was notified");
         }

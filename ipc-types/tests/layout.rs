@@ -19,6 +19,7 @@ use ipc_types::payload::{
     BridgeJournal, Layout, Number, RelayLink, RelayStations, RequestReport, SharedStruct,
     StatusJournal, export,
 };
+use ipc_types::schema::generate;
 use ipc_types::service::{Contract, EVENT_ID_MAX, EventCode, SERVICES};
 use ipc_types::{Schema, TelemetryGroup};
 
@@ -106,7 +107,7 @@ fn constant(name: &str) -> String {
 }
 
 /// Offset, size, type and name of each field.
-fn struct_table(layout: &Layout) -> String {
+fn struct_table(layout: &'static Layout) -> String {
     let Layout {
         name,
         type_name,
@@ -240,6 +241,20 @@ fn python_module() -> String {
     text
 }
 
+/// The types of the same module, for `mypy` and editors.
+fn python_stub() -> String {
+    let module = python_module();
+    let (numbers, _) = module.split_once("(ctypes.Structure)").unwrap();
+    let (numbers, _) = numbers.rsplit_once("\n\n\nclass ").unwrap();
+    let numbers = numbers.replace("import ctypes\n", "");
+    let structs = layouts().into_iter().map(generate::python_stub);
+    format!(
+        "{numbers}\n\n{}{}",
+        generate::PYTHON_STUB_HEAD,
+        structs.collect::<String>()
+    )
+}
+
 fn check(file: &str, made: &str) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("layouts")
@@ -272,6 +287,11 @@ fn the_c_header_is_pinned() {
 #[test]
 fn the_python_module_is_pinned() {
     check("hero_ipc.py", &python_module());
+}
+
+#[test]
+fn the_types_of_the_python_module_are_pinned() {
+    check("hero_ipc.pyi", &python_stub());
 }
 
 /// Whether a compiler takes `source`, and what it says; nothing when there is no such compiler.

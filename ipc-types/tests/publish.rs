@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::os::fd::AsFd;
+use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
@@ -96,7 +97,7 @@ fn a_subscriber_may_be_there_first() {
         let ipc = join(domain, "consumer");
         let mut subscriber = ipc.subscriber::<HeroTelemetry>().unwrap();
         assert_eq!(ipc.provider("hero_telemetry").unwrap(), None);
-        let (seen, is_seen) = std::sync::mpsc::channel::<()>();
+        let (seen, is_seen) = mpsc::channel::<()>();
         let domain = domain.clone();
         let status = thread::spawn(move || {
             let ipc = join(&domain, "status");
@@ -258,6 +259,32 @@ fn one_subscriber_too_many_is_refused_with_the_number() {
         assert!(error.to_string().ends_with(&own), "{error}");
         drop(subscribers);
         assert!(ipc.subscriber::<DspTelemetry>().is_ok());
+    });
+}
+
+#[test]
+fn one_subscriber_too_many_is_refused_also_while_samples_come() {
+    in_robot(|ipc| {
+        let mut publisher = ipc.publisher::<DspTelemetry>().unwrap();
+        let _subscribers: Vec<_> = (0..MAX_SUBSCRIBERS)
+            .map(|_| ipc.subscriber::<DspTelemetry>().unwrap())
+            .collect();
+        let (end, ended) = mpsc::channel::<()>();
+        thread::scope(|scope| {
+            scope.spawn(move || {
+                // Each sample wakes whoever waits for a place.
+                let period = Duration::from_millis(5);
+                while ended.recv_timeout(period) == Err(mpsc::RecvTimeoutError::Timeout) {
+                    publisher.publish(|_| {}).unwrap();
+                }
+            });
+            let refused = ipc.subscriber::<DspTelemetry>().err();
+            drop(end);
+            assert!(
+                matches!(refused, Some(OpenError::Full { .. })),
+                "{refused:?}"
+            );
+        });
     });
 }
 

@@ -161,6 +161,31 @@ fn a_client_that_is_dropped_or_gives_up_is_seen_as_vanished() {
     });
 }
 
+/// The server's table gives the place of an ended request to the next one.
+#[test]
+fn an_old_ticket_never_stands_for_a_new_request() {
+    in_service(|mut client: Client<ModuleControl>, mut server| {
+        client.send(&start()).unwrap();
+        let (old, _) = take(&mut server)[0];
+        server.report(old, &report(Stage::Done)).unwrap();
+        client.send(&start()).unwrap();
+        let (new, _) = take(&mut server)[0];
+        assert_ne!(old, new);
+        let by_number = Ticket::from_bits(old.to_bits());
+        for ticket in [
+            old,
+            by_number,
+            Ticket::from_bits(0),
+            Ticket::from_bits(u64::MAX),
+        ] {
+            let result = server.report(ticket, &report(Stage::Done));
+            assert_eq!(result, Err(ReportError::NotOpen));
+        }
+        let by_number = Ticket::from_bits(new.to_bits());
+        server.report(by_number, &report(Stage::Done)).unwrap();
+    });
+}
+
 #[test]
 fn reporting_to_a_client_that_is_gone_says_so_once() {
     in_service(|mut client: Client<ModuleControl>, mut server| {

@@ -29,7 +29,7 @@ pub use process::{SetUp, Sources};
 pub use requests::Requests;
 pub use rules::OnStop;
 pub use runtime::{self, ranged};
-pub use work::{STATE_PERIOD, Work, main, run, run_with};
+pub use work::{STATE_PERIOD, Work, main, options, run, run_with};
 
 /// The configuration of a module that has none: an empty file.
 #[derive(Clone, Copy, Debug, Default, serde::Deserialize)]

@@ -58,6 +58,11 @@ pub trait Process {
         None
     }
 
+    /// Whether the process ends by itself, as if a signal had asked for it.
+    fn is_done(&self, _now: MonotonicNs) -> bool {
+        false
+    }
+
     /// Whether the process may end, which was asked for: called at each wake from then on, until it may.
     fn may_end(&mut self, _now: MonotonicNs) -> bool {
         true
@@ -123,7 +128,7 @@ impl<K: Copy> Entry<'_, K> {
     }
 }
 
-/// Runs the process until `termination` asks it to end and it may.
+/// Runs the process until `termination` or the process itself wants the end and it may end.
 ///
 /// # Errors
 /// Those of [`Process::drain`], and when the operating system cannot wait any more.
@@ -141,7 +146,11 @@ pub fn run<P: Process>(
     supervisor.ready();
     // Nothing is known yet of what there is.
     let mut wake = Wake::TimedOut;
-    while !(termination.requested() && process.may_end(MonotonicNs::now())) {
+    loop {
+        let now = MonotonicNs::now();
+        if (termination.requested() || process.is_done(now)) && process.may_end(now) {
+            break;
+        }
         process.drain(wake)?;
         let now = MonotonicNs::now();
         if now >= next_round {
@@ -238,7 +247,7 @@ impl<C: DeserializeOwned + Default + Debug> SetUp<C> {
             termination,
             supervisor: Notifier::from_env(),
             domain: Domain::from_environment().or_fail(ExitCode::Configuration)?,
-            robot: RobotId::from(args.robot),
+            robot: RobotId::from(args.robot()),
         }))
     }
 

@@ -103,7 +103,11 @@ fn too_late<R: Request>(request: &R, now: MonotonicNs) -> Option<RequestReport> 
         field.name == "begin_by_ns" && field.kind == FieldKind::Number(Number::U64)
     })?;
     let bytes = request.bytes().get(field.offset..)?.first_chunk()?;
-    let begin_by = MonotonicNs(u64::from_ne_bytes(*bytes));
+    late(MonotonicNs(u64::from_ne_bytes(*bytes)), now)
+}
+
+/// The refusal of a request that had to begin by `begin_by`, with by how many seconds it is late; `None` if it is in time. 0 is no moment.
+pub fn late(begin_by: MonotonicNs, now: MonotonicNs) -> Option<RequestReport> {
     (begin_by.0 > 0 && begin_by < now).then(|| RequestReport {
         value: now.since(begin_by).as_secs_f64(),
         value_valid: 1,
@@ -126,21 +130,29 @@ fn send<R: Request>(
     }
 }
 
-/// Which requests are under way, and how those before them ended. A pure value.
-struct Answers {
+/// Which requests are under way, and how those before them ended. A pure value: [`Requests`] asks it, and so does a server of another
+/// language.
+pub struct Answers {
     completed: Completed,
-    under_way: Vec<Work>,
+    under_way: Vec<Execution>,
 }
 
 /// What is done for a request, from its first report to its final one.
-struct Work {
+struct Execution {
     request_id: u64,
     /// `None` while the client is gone.
     client: Option<Ticket>,
 }
 
+impl Default for Answers {
+    fn default() -> Answers {
+        Answers::new()
+    }
+}
+
 impl Answers {
-    fn new() -> Answers {
+    /// No request was there yet.
+    pub fn new() -> Answers {
         Answers {
             completed: Completed::with_capacity(REMEMBERED),
             under_way: Vec::new(),
@@ -148,7 +160,7 @@ impl Answers {
     }
 
     /// The answer to a request that must not be carried out; `None` if it is to be.
-    fn known(&mut self, request_id: u64, ticket: Ticket) -> Option<RequestReport> {
+    pub fn known(&mut self, request_id: u64, ticket: Ticket) -> Option<RequestReport> {
         if let Some(report) = self.completed.report_of(request_id) {
             return Some(RequestReport {
                 reported_ns: 0,
@@ -158,7 +170,7 @@ impl Answers {
         let is_full = self.under_way.len() >= UNDER_WAY;
         let mut under_way = self.under_way.iter_mut();
         let (stage, reason) = match under_way.find(|work| work.request_id == request_id) {
-            Some(Work { client, .. }) if client.is_none() => {
+            Some(Execution { client, .. }) if client.is_none() => {
                 *client = Some(ticket);
                 (Stage::Accepted, Reason::None)
             }
@@ -171,11 +183,11 @@ impl Answers {
     }
 
     /// The first report about a request that is carried out.
-    fn begin(&mut self, ticket: Ticket, report: &RequestReport) {
+    pub fn begin(&mut self, ticket: Ticket, report: &RequestReport) {
         if report.is_final() {
             self.completed.note(report);
         } else {
-            self.under_way.push(Work {
+            self.under_way.push(Execution {
                 request_id: report.request_id,
                 client: Some(ticket),
             });
@@ -183,7 +195,7 @@ impl Answers {
     }
 
     /// A further report: which client it is for. `None` if its request is not under way.
-    fn go_on(&mut self, report: &RequestReport) -> Option<Option<Ticket>> {
+    pub fn go_on(&mut self, report: &RequestReport) -> Option<Option<Ticket>> {
         let mut under_way = self.under_way.iter();
         let index = under_way.position(|work| work.request_id == report.request_id)?;
         let client = self.under_way[index].client;
@@ -195,7 +207,7 @@ impl Answers {
     }
 
     /// The client that has this ticket is gone. What it has asked for goes on.
-    fn vanished(&mut self, ticket: Ticket) {
+    pub fn vanished(&mut self, ticket: Ticket) {
         for work in &mut self.under_way {
             work.client = work.client.filter(|client| *client != ticket);
         }

@@ -1,5 +1,6 @@
 //! [`Work`]: what the author of a module writes, and [`Running`], the process around it.
 
+use std::ffi::OsString;
 use std::fmt::Debug;
 use std::time::Duration;
 
@@ -82,10 +83,21 @@ pub trait Work: Module + Sized {
 /// ```
 pub fn main<W: Work>() -> std::process::ExitCode {
     exit::main_with(|| {
-        let command = CommonArgs::augment_args(Command::new(W::NAME));
-        let args = CommonArgs::from_arg_matches(&command.get_matches());
-        run::<W>(&args.map_err(Failure::usage)?)
+        let args = options(W::NAME, std::env::args_os()).unwrap_or_else(|error| error.exit());
+        run::<W>(&args)
     })
+}
+
+/// The options that every module takes, from the words of its command line, the program first.
+///
+/// # Errors
+/// What there is to print, and how to end: a usage error, or the help that was asked for.
+pub fn options(
+    name: &'static str,
+    words: impl IntoIterator<Item = OsString>,
+) -> Result<CommonArgs, clap::Error> {
+    let command = CommonArgs::augment_args(Command::new(name));
+    CommonArgs::from_arg_matches(&command.try_get_matches_from(words)?)
 }
 
 /// Runs a module in the foreground until SIGINT or SIGTERM, for a program with options of its own.

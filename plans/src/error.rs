@@ -1,89 +1,58 @@
-//! Why a file is no plan.
+//! The bounds of files, and why one is no plan. What is beyond a bound is refused as a whole.
 
 use std::fmt;
 
-use crate::limits::MAX_ELEMENT_DEPTH;
-use crate::limits::{MAX_AREAS, MAX_ELEMENTS, MAX_FILE_BYTES, MAX_ITEMS};
+/// Longest file, bytes: an item of a `.plan` takes about 500 bytes, so 8 MiB hold twice [`MAX_ITEMS`].
+pub const MAX_FILE_BYTES: usize = 8 << 20;
 
-/// Where in a file a mistake is.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Place {
-    /// The file as a whole.
-    File,
-    /// A line, from 1.
-    Line(usize),
-    /// An item, from 1, or another part that has a name.
-    Part(String),
-}
+/// Most items, those inside of a survey counted each: eight of the longest paths that the bridge takes (1,024 waypoints), more
+/// than a tank of fuel lasts.
+pub const MAX_ITEMS: usize = 8 * 1024;
 
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Place::File => f.write_str("the file"),
-            Place::Line(number) => write!(f, "line {number}"),
-            Place::Part(name) => f.write_str(name),
-        }
-    }
-}
+/// Most fence areas of a plan: as many as the bridge takes.
+pub const MAX_AREAS: usize = bridge::safety::fence::MAX_AREAS;
 
-/// Why a file was not read.
+/// Most elements of an XML file: 12 for each of [`MAX_ITEMS`] track points.
+pub const MAX_ELEMENTS: usize = 12 * MAX_ITEMS;
+
+/// How deep XML elements may lie in each other. Folders of KML lie a few deep; the readers of XML call themselves for each
+/// level, so a bound keeps the stack small.
+pub const MAX_ELEMENT_DEPTH: usize = 64;
+
+/// Longest name that is kept, characters: a line on a terminal stays readable.
+pub const MAX_NAME_CHARS: usize = 48;
+
+/// Longest reason of another library that is repeated, characters: three lines on a terminal.
+pub const MAX_REASON_CHARS: usize = 240;
+
+/// Why a file was not read: where the mistake is, and what it is.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ReadError {
-    /// Neither its content nor its extension is that of a format.
-    #[error(
-        "neither content nor name is that of a plan: QGroundControl .plan, QGC WPL 110, GeoJSON, KML and GPX are read"
-    )]
-    UnknownFormat,
-    /// It is longer than [`MAX_FILE_BYTES`].
-    #[error("{0} bytes; at most {MAX_FILE_BYTES} are read")]
-    TooLong(usize),
-    /// It has more items than [`MAX_ITEMS`].
-    #[error("more than {MAX_ITEMS} items; divide the plan")]
-    TooManyItems,
-    /// It has more fence areas than [`MAX_AREAS`].
-    #[error("more than {MAX_AREAS} fence areas")]
-    TooManyAreas,
-    /// It has more XML elements than [`MAX_ELEMENTS`].
-    #[error("more than {MAX_ELEMENTS} XML elements")]
-    TooManyElements,
-    /// Its XML elements lie deeper in each other than [`MAX_ELEMENT_DEPTH`].
-    #[error("line {0}: XML elements lie more than {MAX_ELEMENT_DEPTH} deep in each other")]
-    TooDeep(usize),
-    /// It is not UTF-8.
-    #[error("line {0}: the bytes are not UTF-8 text")]
-    NotText(usize),
-    /// Something in it is wrong.
-    #[error("{place}: {reason}")]
-    Wrong {
-        /// Where.
-        place: Place,
-        /// Why.
-        reason: String,
-    },
-}
+#[error("{0}")]
+pub struct ReadError(String);
 
 impl ReadError {
-    /// Something is wrong at a line.
-    pub(crate) fn line(number: usize, reason: impl Into<String>) -> ReadError {
-        ReadError::Wrong {
-            place: Place::Line(number),
-            reason: reason.into(),
-        }
+    /// The file was not looked into, or not to its end.
+    pub(crate) fn new(reason: impl Into<String>) -> ReadError {
+        ReadError(reason.into())
     }
 
-    /// Something is wrong in a part of the file that has a name.
-    pub(crate) fn part(name: impl Into<String>, reason: impl Into<String>) -> ReadError {
-        ReadError::Wrong {
-            place: Place::Part(name.into()),
-            reason: reason.into(),
-        }
+    /// Something is wrong at a line, from 1.
+    pub(crate) fn line(number: usize, reason: impl fmt::Display) -> ReadError {
+        ReadError(format!("line {number}: {reason}"))
+    }
+
+    /// Something is wrong in an item, or in another part of the file that has a name.
+    pub(crate) fn part(name: impl fmt::Display, reason: impl fmt::Display) -> ReadError {
+        ReadError(format!("{name}: {reason}"))
     }
 
     /// Something is wrong with the file as a whole.
-    pub(crate) fn file(reason: impl Into<String>) -> ReadError {
-        ReadError::Wrong {
-            place: Place::File,
-            reason: reason.into(),
-        }
+    pub(crate) fn file(reason: impl fmt::Display) -> ReadError {
+        ReadError::part("the file", reason)
+    }
+
+    /// There are more items than [`MAX_ITEMS`].
+    pub(crate) fn too_many_items() -> ReadError {
+        ReadError(format!("more than {MAX_ITEMS} items; divide the plan"))
     }
 }

@@ -7,7 +7,6 @@ use bridge::flight::assembly::MAX_WAYPOINTS;
 use bridge::geodesy::distance_m;
 use dsp_protocol::Waypoint;
 
-use crate::altitude::in_telemetry;
 use crate::finding::Findings;
 use crate::model::{Action, Altitude, Item, OtherKind, Plan, Position};
 use crate::site::{Site, Start};
@@ -28,7 +27,7 @@ impl Flight {
             Start::Ground(at) => (at, false),
             Start::Flying(at) => (at, true),
         };
-        let mut builder = Builder {
+        let mut builder = FlightBuilder {
             site,
             here,
             is_flying,
@@ -47,7 +46,7 @@ impl Flight {
     }
 }
 
-struct Builder<'a> {
+struct FlightBuilder<'a> {
     site: &'a Site,
     here: Waypoint,
     is_flying: bool,
@@ -57,7 +56,7 @@ struct Builder<'a> {
     flight: Flight,
 }
 
-impl Builder<'_> {
+impl FlightBuilder<'_> {
     fn build(&mut self, plan: &Plan) {
         self.left_out(plan);
         let (skipped, items) = plan
@@ -392,7 +391,8 @@ impl Builder<'_> {
 
     /// The telemetry altitude, m; `None`, and a finding, if it is not known.
     fn resolve(&mut self, item: &Item, altitude: Altitude) -> Option<f64> {
-        in_telemetry(altitude, self.site)
+        self.site
+            .altitude_m(altitude)
             .map_err(|finding| self.find(finding.about(item.number)))
             .ok()
     }

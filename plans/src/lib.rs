@@ -44,13 +44,11 @@
 //! # Ok::<(), plans::ReadError>(())
 //! ```
 
-mod altitude;
 pub mod check;
 pub mod error;
 pub mod finding;
 pub mod flight;
 pub mod format;
-pub mod limits;
 pub mod mavlink;
 pub mod meaning;
 pub mod model;

@@ -23,13 +23,13 @@ impl Meaning {
     ///
     /// Why it cannot be read, as a clause: a coordinate that is none.
     pub fn of(item: &MissionItem) -> Result<Meaning, String> {
-        Reader(item).meaning()
+        ItemReader(item).meaning()
     }
 }
 
-struct Reader<'a>(&'a MissionItem);
+struct ItemReader<'a>(&'a MissionItem);
 
-impl Deref for Reader<'_> {
+impl Deref for ItemReader<'_> {
     type Target = MissionItem;
 
     fn deref(&self) -> &MissionItem {
@@ -37,7 +37,7 @@ impl Deref for Reader<'_> {
     }
 }
 
-impl Reader<'_> {
+impl ItemReader<'_> {
     fn meaning(&self) -> Result<Meaning, String> {
         let action = match self.command {
             command::TAKE_OFF => self.take_off(),

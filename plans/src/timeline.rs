@@ -26,7 +26,7 @@ pub struct Mark {
 /// The marks of a flight, in order.
 pub fn timeline(flight: &Flight, endurance: &Endurance) -> Vec<Mark> {
     let at_boot = port::port32(port::CLIMB_SPEED_MPS).map_or(1.0, |port| f64::from(port.boot));
-    let mut clock = Clock {
+    let mut clock = FlightClock {
         cruise_mps: endurance.cruise_speed_mps,
         climb_mps: endurance.climb_speed_mps.unwrap_or(at_boot),
         time_s: Some(0.0),
@@ -61,7 +61,7 @@ pub fn timeline(flight: &Flight, endurance: &Endurance) -> Vec<Mark> {
     clock.marks
 }
 
-struct Clock {
+struct FlightClock {
     cruise_mps: Option<f64>,
     climb_mps: f64,
     time_s: Option<f64>,
@@ -71,7 +71,7 @@ struct Clock {
     marks: Vec<Mark>,
 }
 
-impl Clock {
+impl FlightClock {
     fn climb(&mut self, item: Option<u32>, height_m: f64) {
         let duration_s = height_m / self.climb_mps;
         self.mark(item, None, height_m, Some(duration_s));

@@ -13,14 +13,11 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::error::ErrorKind;
-use clap::parser::ValueSource;
-use clap::{
-    ArgAction, ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum,
-};
+use clap::{ArgAction, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use runtime::args::CommonArgs;
 use runtime::manual::ManualArgs;
 
-use crate::options::{EXIT_CODES, RequestArgs, RobotChoice, duration};
+use crate::options::{EXIT_CODES, RequestArgs, duration};
 use crate::verbs::check::options::{DoctorArgs, PreflightArgs};
 use crate::verbs::demo;
 use crate::verbs::log::options::LogArgs;
@@ -32,7 +29,9 @@ use crate::verbs::relay::RelayArgs;
 use crate::verbs::replay::options::ReplayArgs;
 use crate::verbs::robots::RobotsArgs;
 use crate::verbs::status::StatusArgs;
-use crate::verbs::topic::options::{EchoArgs, MeasureArgs, TopicArgs};
+use crate::verbs::topic::TopicArgs;
+use crate::verbs::topic::echo::EchoArgs;
+use crate::verbs::topic::measure::MeasureArgs;
 use crate::verbs::wait::WaitArgs;
 use crate::verbs::watch::WatchArgs;
 
@@ -58,9 +57,7 @@ impl Cli {
     /// # Errors
     ///
     /// A usage error, or a text that was asked for, such as the help.
-    pub fn read(
-        args: impl IntoIterator<Item = OsString>,
-    ) -> Result<(Cli, RobotChoice), clap::Error> {
+    pub fn read(args: impl IntoIterator<Item = OsString>) -> Result<Cli, clap::Error> {
         let mut command = Cli::command();
         let args = behind_the_verb(protect_coordinates(args), &command);
         let matches = command.try_get_matches_from_mut(args)?;
@@ -74,7 +71,7 @@ impl Cli {
                 command.error(ErrorKind::ValueValidation, text)
             })?;
         }
-        Ok((cli, robot_choice(&matches)))
+        Ok(cli)
     }
 }
 
@@ -105,20 +102,6 @@ pub struct GlobalArgs {
     /// Log less: -q warnings, -qq errors, -qqq nothing
     #[arg(short, long, action = ArgAction::Count)]
     quiet: u8,
-}
-
-/// How the robot of the innermost command came about.
-fn robot_choice(matches: &ArgMatches) -> RobotChoice {
-    let mut innermost = matches;
-    while let Some((_, inner)) = innermost.subcommand() {
-        innermost = inner;
-    }
-    // A command without this option has no robot to choose.
-    let is_known = innermost.try_contains_id("robot").unwrap_or(false);
-    match is_known.then(|| innermost.value_source("robot")).flatten() {
-        Some(ValueSource::DefaultValue) => RobotChoice::Default,
-        _ => RobotChoice::Explicit,
-    }
 }
 
 /// The command line with the options that stand before the verb written behind it: before a `--`, or else at the end.
@@ -298,12 +281,12 @@ pub enum RunCommand {
 pub struct CompletionsArgs {
     /// Which shell the script is for
     #[arg(value_enum)]
-    pub shell: Shell,
+    pub shell: CompletionShell,
 }
 
 /// Shells whose command lines can be completed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Shell {
+pub enum CompletionShell {
     /// bash 4.4 or later
     Bash,
     /// zsh

@@ -20,7 +20,7 @@ pub struct Config {
     /// Samples.
     pub observe: ObserveConfig,
     /// Limits of the checks before a flight.
-    pub preflight: Limits,
+    pub preflight: PreflightLimits,
     /// Plans.
     pub plan: PlanConfig,
 }
@@ -97,7 +97,7 @@ impl ObserveConfig {
 /// The defaults fit the helicopter of `dsp-sim.toml` (six cells, a tank for 40 minutes) and are derived in `ril.toml`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Limits {
+pub struct PreflightLimits {
     /// Samples older than this are no present, s.
     #[serde(deserialize_with = "age_s")]
     pub max_age_s: f64,
@@ -123,9 +123,9 @@ pub struct Limits {
     pub may_be_unchecked: Vec<String>,
 }
 
-impl Default for Limits {
+impl Default for PreflightLimits {
     fn default() -> Self {
-        Limits {
+        PreflightLimits {
             max_age_s: 1.0,
             link_loss_percent: Threshold {
                 warn: 0.1,

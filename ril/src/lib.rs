@@ -44,11 +44,12 @@ use std::process::ExitCode;
 
 use clap::CommandFactory;
 use cli::RunCommand;
-use options::RobotChoice;
-use render::messages::ErrorObject;
+use render::messages::object::ErrorObject;
 use runtime::exit::{self, Failure, OrFail};
 use runtime::manual;
+use runtime::signal::end_with_parent;
 use verbs::check::{doctor, preflight};
+use verbs::topic::meter::Quantity;
 use verbs::topic::{self, echo, measure};
 use verbs::{demo, log, order, param, plan, record, relay, replay, robots, wait, watch};
 
@@ -62,7 +63,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     }
     let args: Vec<OsString> = args.into_iter().collect();
     let json = options::wants_json(&args);
-    let (cli, choice) = match cli::Cli::read(args) {
+    let cli = match cli::Cli::read(args) {
         Ok(read) => read,
         Err(error) => {
             if json && error.use_stderr() {
@@ -72,8 +73,8 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         }
     };
     let run = || {
-        demo::end_with_parent().map_err(Failure::internal)?;
-        run(cli.command, choice)
+        end_with_parent().map_err(Failure::internal)?;
+        run(cli.command)
     };
     exit::main_and_report(run, |failure| {
         if json {
@@ -108,7 +109,7 @@ fn print_error(error: &ErrorObject) {
     let _ = out.flush();
 }
 
-fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
+fn run(command: cli::Command) -> Result<(), Failure> {
     use cli::Command;
     match command {
         Command::Demo(args) => demo::run(&args),
@@ -116,15 +117,15 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Bridge(args) => process(RunCommand::Bridge(args)),
         Command::Sim(args) => process(RunCommand::Sim(args)),
         Command::Relay(args) => relay::relay(&args),
-        Command::Start(args) => order::start(&args, choice, preflight::warn),
-        Command::Stop(args) => order::stop(&args, choice),
-        Command::Takeoff(args) => order::take_off(&args, choice),
-        Command::Land(args) => order::land(&args, choice),
-        Command::Hold(args) => order::hold(&args, choice),
-        Command::Goto(args) => order::go_to(&args, choice),
-        Command::Plan(args) => plan::plan(&args.command, choice),
-        Command::Param(args) => param::param(&args.command, choice),
-        Command::Fence(args) => order::fence(&args.command, choice),
+        Command::Start(args) => order::start(&args, preflight::warn),
+        Command::Stop(args) => order::stop(&args),
+        Command::Takeoff(args) => order::take_off(&args),
+        Command::Land(args) => order::land(&args),
+        Command::Hold(args) => order::hold(&args),
+        Command::Goto(args) => order::go_to(&args),
+        Command::Plan(args) => plan::plan(&args.command),
+        Command::Param(args) => param::param(&args.command),
+        Command::Fence(args) => order::fence(&args.command),
         Command::Status(args) => verbs::status::status(&args),
         Command::Watch(args) => watch::watch(&args),
         Command::Echo(args) => echo::echo(&args),
@@ -133,12 +134,12 @@ fn run(command: cli::Command, choice: RobotChoice) -> Result<(), Failure> {
         Command::Preflight(args) => preflight::preflight(&args),
         Command::Wait(args) => wait::wait(&args),
         Command::Record(args) => record::record(&args),
-        Command::Log(args) => log::log(&args, choice),
-        Command::Replay(args) => replay::replay(&args, choice),
+        Command::Log(args) => log::log(&args),
+        Command::Replay(args) => replay::replay(&args),
         Command::Robots(args) => robots::robots(&args),
-        Command::Hz(args) => measure::hz(&args),
-        Command::Delay(args) => measure::delay(&args),
-        Command::Bw(args) => measure::bw(&args),
+        Command::Hz(args) => measure::measure(Quantity::Rate, &args),
+        Command::Delay(args) => measure::measure(Quantity::Age, &args),
+        Command::Bw(args) => measure::measure(Quantity::Bandwidth, &args),
         Command::Completions(args) => {
             let script = completion::script(args.shell).or_fail(exit::ExitCode::Internal)?;
             let mut out = std::io::stdout();

@@ -1,10 +1,17 @@
 //! What is in a flight record: how topics are called, and the messages that the recorder makes of the bridge's journal, with their
-//! definitions (`ros2msg`) and their bytes (CDR). [`check`] says what is complete of a record.
+//! definitions (`ros2msg`) and their bytes (CDR). [`check`] says what is complete of a record; [`new_file`] writes one anew.
 
 pub mod check;
 
+use std::fs::{self, File};
+use std::io::{BufWriter, ErrorKind, Write};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+
 use ipc_types::{RobotId, ServiceId};
+use recording::read::{ReadError, Recovered};
 use ros_messages::cdr::{Reader, Writer};
+use runtime::exit::Failure;
 
 /// In the place of a process: a line of the log that is made of what the robot publishes.
 pub const FLIGHT: &str = "flight";
@@ -26,18 +33,6 @@ pub fn topic_of(robot: RobotId, key: &str) -> String {
 pub fn topic(robot: RobotId, name: &str) -> String {
     format!("/robot{robot}/{name}")
 }
-
-/// Type of `SerialBytes`.
-pub const SERIAL_BYTES: &str = "hero_msgs/msg/SerialBytes";
-
-/// Its definition.
-pub const SERIAL_BYTES_TEXT: &str = "\
-# Bytes of the serial line between bridge and DSP, as they were read or written at once.
-
-# When, host monotonic [ns].
-uint64 at_ns
-uint8[] data
-";
 
 /// Type of [`RequestEvent`].
 pub const REQUEST_EVENT: &str = "hero_msgs/msg/RequestEvent";
@@ -74,16 +69,33 @@ float64 longitude_deg
 float64 altitude_m
 ";
 
-/// Bytes of the serial line, in CDR.
-pub fn serial_bytes(at_ns: u64, data: &[u8]) -> Vec<u8> {
-    let mut writer = Writer::with_capacity(16 + data.len());
-    writer.u64(at_ns);
-    // The line carries far fewer at once.
-    writer.u32(u32::try_from(data.len()).unwrap_or(u32::MAX));
-    for byte in data {
-        writer.u8(*byte);
-    }
-    writer.finish()
+/// Writes a record anew: what `write` gives, onto the disk, into a file that only its owner may write and its group may read.
+///
+/// # Errors
+///
+/// Code 2 when the file is there already or cannot be written; what was written of it is removed, because it would look like all.
+pub fn new_file(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<Recovered, ReadError>,
+) -> Result<Recovered, Failure> {
+    let name = path.display();
+    let mut options = File::options();
+    let file = options.write(true).create_new(true).mode(0o640).open(path);
+    let file = file.map_err(|error| match error.kind() {
+        ErrorKind::AlreadyExists => Failure::usage(format!("{name} exists already"))
+            .with_next_step("remove it, or name another file or folder"),
+        _ => Failure::usage(format!("{name} cannot be written: {error}")),
+    })?;
+    let mut to = BufWriter::new(file);
+    let written = write(&mut to).and_then(|written| {
+        to.flush()?;
+        to.get_ref().sync_all()?;
+        Ok(written)
+    });
+    written.map_err(|error| {
+        let _ = fs::remove_file(path);
+        Failure::usage(error).context(name.to_string())
+    })
 }
 
 /// A request, or a report about one.
@@ -161,16 +173,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bytes_are_a_sequence_with_its_length() {
-        let expected = [
-            0, 1, 0, 0, // header
-            7, 0, 0, 0, 0, 0, 0, 0, // at_ns
-            2, 0, 0, 0, 0xaa, 0xbb,
-        ];
-        assert_eq!(serial_bytes(7, &[0xaa, 0xbb]), expected);
-    }
-
-    #[test]
     fn a_request_event_has_the_fields_of_its_definition_in_their_order() {
         let event = RequestEvent {
             at_ns: 1,
@@ -199,6 +201,32 @@ mod tests {
         let fields = REQUEST_EVENT_TEXT.lines();
         let fields = fields.filter(|line| !line.starts_with('#') && !line.is_empty());
         assert_eq!(fields.count(), 13);
+    }
+
+    #[test]
+    fn the_documents_name_topics_of_robot_1_as_its_files_do() {
+        let robot = RobotId::DEFAULT;
+        let ours =
+            ["dsp_telemetry", "hero_telemetry", "module_state"].map(|key| topic_of(robot, key));
+        for (file, document) in [
+            ("recording.md", include_str!("../../docs/recording.md")),
+            ("README.md", include_str!("../../bindings/python/README.md")),
+        ] {
+            let quoted = document.split('"').chain(document.split('`'));
+            let named = quoted.filter(|word| word.starts_with("/robot1/"));
+            let of_python = document.split("flight[\"").skip(1);
+            let of_python = of_python.filter_map(|rest| rest.split('"').next());
+            let named = named.map(str::to_owned);
+            let named: Vec<String> = named
+                .chain(of_python.map(|name| topic(robot, name)))
+                .collect();
+            assert!(!named.is_empty(), "{file}");
+            for name in named {
+                // That of a module is an example.
+                let is_module = name.starts_with("/robot1/battery_watch/");
+                assert!(is_module || ours.contains(&name), "{file}: {name}");
+            }
+        }
     }
 
     #[test]

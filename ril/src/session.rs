@@ -25,7 +25,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 
 use crate::config::{Config, DEFAULT_FILE};
-use crate::options::{RobotChoice, wants_json};
+use crate::options::wants_json;
 use crate::render::json_line;
 
 /// Most users that are named who have a domain.
@@ -90,7 +90,7 @@ impl Session {
         let termination = Termination::install().or_fail(ExitCode::Internal)?;
         let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
         let ipc =
-            Ipc::join(&domain, RobotId::from(common.robot), "ril").or_fail(ExitCode::Internal)?;
+            Ipc::join(&domain, RobotId::from(common.robot()), "ril").or_fail(ExitCode::Internal)?;
         request_slice(SchedulingRole::Consumer);
         Ok(Session {
             ipc,
@@ -115,6 +115,26 @@ impl Session {
             .wait(&mut sources, timeout)
             .or_fail(ExitCode::Internal)?;
         Ok(())
+    }
+
+    /// Takes what comes of `topics` until it is enough, or `give_up`, or a signal comes; says whether it was enough.
+    pub(crate) fn gather<T: Topics>(
+        &self,
+        topics: &mut T,
+        give_up: MonotonicNs,
+        mut is_enough: impl FnMut(&mut T, MonotonicNs) -> Result<bool, Failure>,
+    ) -> Result<bool, Failure> {
+        loop {
+            topics.drain();
+            let now = MonotonicNs::now();
+            if is_enough(topics, now)? {
+                return Ok(true);
+            }
+            if now >= give_up || self.termination.requested() {
+                return Ok(false);
+            }
+            self.wait(topics.ports(), Some(give_up))?;
+        }
     }
 
     /// The live process that provides the service `key`.
@@ -204,20 +224,51 @@ impl<T: Topic> Latest<T> {
             false => Ok(None),
         }
     }
+}
 
-    /// Takes what came, and says whether something did.
-    pub fn drain(&mut self) -> bool {
+/// Topics of which the newest samples are gathered.
+pub(crate) trait Topics {
+    /// What to wait for.
+    fn ports(&mut self) -> Vec<&mut dyn Source>;
+
+    /// Takes what came.
+    fn drain(&mut self);
+}
+
+impl<T: Topic> Topics for Latest<T> {
+    fn ports(&mut self) -> Vec<&mut dyn Source> {
+        vec![&mut self.port]
+    }
+
+    fn drain(&mut self) {
         match self.port.latest() {
-            Ok(Some(sample)) => {
-                self.sample = Some(sample);
-                true
-            }
-            Ok(None) => false,
-            Err(error) => {
-                tracing::warn!(%error, "samples could not be received");
-                false
-            }
+            Ok(Some(sample)) => self.sample = Some(sample),
+            Ok(None) => {}
+            Err(error) => tracing::warn!(%error, "samples could not be received"),
         }
+    }
+}
+
+impl<A: Topics> Topics for Option<A> {
+    fn ports(&mut self) -> Vec<&mut dyn Source> {
+        self.as_mut().map(A::ports).unwrap_or_default()
+    }
+
+    fn drain(&mut self) {
+        self.as_mut().map(A::drain);
+    }
+}
+
+impl<A: Topics, B: Topics> Topics for (A, B) {
+    fn ports(&mut self) -> Vec<&mut dyn Source> {
+        let mut ports = self.0.ports();
+        ports.extend(self.1.ports());
+        ports
+    }
+
+    fn drain(&mut self) {
+        self.0.drain();
+        self.1.drain();
     }
 }
 
@@ -248,13 +299,13 @@ pub fn commandable(domain: &Domain) -> Result<Vec<RobotId>, DomainError> {
     domain.robots(MovementData::KEY)
 }
 
-/// Refuses a default robot when several are alive.
+/// Refuses the default robot, when none was named and several are alive.
 ///
 /// # Errors
 ///
 /// Code 2 with the robots that are alive; code 1 or 78 when the domain cannot be read.
-pub(crate) fn refuse_to_guess(choice: RobotChoice) -> Result<(), Failure> {
-    if choice == RobotChoice::Explicit {
+pub(crate) fn refuse_to_guess(common: &CommonArgs) -> Result<(), Failure> {
+    if common.robot.is_some() {
         return Ok(());
     }
     match ambiguity(&commandable_here()?) {

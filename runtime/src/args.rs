@@ -9,12 +9,12 @@ use crate::logging::Verbosity;
 
 /// Options common to all processes; `#[command(flatten)]` them into a parser.
 ///
-/// The command line rules over the environment (`RIL_ROBOT`, `RIL_CONFIG`), and that over the built-in default.
+/// Precedence: command line, environment (`RIL_ROBOT`, `RIL_CONFIG`), built-in default.
 #[derive(Args, Clone, Debug)]
 pub struct CommonArgs {
-    /// Which robot: an integer greater than 0
-    #[arg(long, value_name = "N", env = "RIL_ROBOT", default_value = "1", value_parser = robot)]
-    pub robot: NonZeroU32,
+    /// Which robot: an integer greater than 0 [default: 1]
+    #[arg(long, value_name = "N", env = "RIL_ROBOT", value_parser = robot)]
+    pub robot: Option<NonZeroU32>,
 
     /// Configuration file; it must exist when it is named here
     #[arg(long, value_name = "FILE", env = "RIL_CONFIG")]
@@ -34,6 +34,11 @@ pub struct CommonArgs {
 }
 
 impl CommonArgs {
+    /// The robot that was named, or else robot 1.
+    pub fn robot(&self) -> NonZeroU32 {
+        self.robot.unwrap_or(NonZeroU32::MIN)
+    }
+
     /// How much the log says.
     pub fn verbosity(&self) -> Verbosity {
         Verbosity::from_counts(self.verbose, self.quiet)
@@ -72,7 +77,7 @@ mod tests {
             Example::from_arg_matches(&matches)
                 .unwrap()
                 .common
-                .robot
+                .robot()
                 .get()
         };
         assert_eq!(robot(&["x"]), 1);

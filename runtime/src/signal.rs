@@ -11,6 +11,7 @@ use std::os::unix::net::UnixStream;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
+use rustix::process::{Pid, Signal, getppid, set_parent_process_death_signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::low_level::{pipe, unregister};
 use signal_hook::{SigId, flag};
@@ -64,7 +65,7 @@ impl Termination {
         };
         // From the first handler on a signal does not end the process, but what is to be done with it is not known before all are
         // registered. Until then it waits.
-        let _waiting = Waiting::begin(SIGNALS)?;
+        let _waiting = BlockedSignals::begin(SIGNALS)?;
         // The handlers of a signal run in the order of their registration.
         for signal in SIGNALS {
             if signal == SIGHUP && is_ignored(signal) {
@@ -122,13 +123,13 @@ impl Termination {
 }
 
 /// Lets signals wait, for the calling thread, until it is dropped. Processes take their signals before they have other threads.
-struct Waiting {
+struct BlockedSignals {
     before: libc::sigset_t,
 }
 
-impl Waiting {
+impl BlockedSignals {
     #[allow(unsafe_code)]
-    fn begin<const N: usize>(signals: [i32; N]) -> io::Result<Waiting> {
+    fn begin<const N: usize>(signals: [i32; N]) -> io::Result<BlockedSignals> {
         // SAFETY: a set is filled by the call before it is read, and each call is given sets of this function alone.
         let (before, error) = unsafe {
             let (mut set, mut before) = (mem::zeroed(), mem::zeroed());
@@ -140,13 +141,13 @@ impl Waiting {
             (before, error)
         };
         match error {
-            0 => Ok(Waiting { before }),
+            0 => Ok(BlockedSignals { before }),
             error => Err(io::Error::from_raw_os_error(error)),
         }
     }
 }
 
-impl Drop for Waiting {
+impl Drop for BlockedSignals {
     #[allow(unsafe_code)]
     fn drop(&mut self) {
         // SAFETY: the set is the one that the kernel gave, and nothing is to be given back.
@@ -189,6 +190,27 @@ pub fn survive_file_size_limits() -> io::Result<()> {
     // A handler must do something; the flag is read by no one.
     let flag = Arc::new(AtomicBool::new(false));
     flag::register(SIGXFSZ, flag).map(|_handler| ())
+}
+
+/// Environment variable that makes a process of the RIL end with the process that started it, even when that is killed.
+pub const WITH_PARENT: &str = "RIL_ENDS_WITH_PARENT";
+
+/// Makes this process end with its parent, if [`WITH_PARENT`] asks for that.
+///
+/// # Errors
+/// The operating system refuses, or the parent has gone already.
+pub fn end_with_parent() -> io::Result<()> {
+    if std::env::var_os(WITH_PARENT).is_none() {
+        return Ok(());
+    }
+    set_parent_process_death_signal(Some(Signal::TERM))?;
+    // A parent that has gone meanwhile sends no signal any more.
+    if getppid().is_none_or(Pid::is_init) {
+        return Err(io::Error::other(
+            "the process that started this one is gone",
+        ));
+    }
+    Ok(())
 }
 
 fn pair() -> io::Result<(UnixStream, UnixStream)> {

@@ -1,4 +1,5 @@
-//! From the raw numbers of sensors and servos to SI units: straight lines, whose figures come from the configuration.
+//! The straight lines by which [`translate`](mod@crate::translate) makes SI units of the raw numbers of sensors and servos: figures of
+//! the configuration.
 
 use serde::{Deserialize, Serialize};
 
@@ -47,13 +48,6 @@ impl Default for Sonar {
     }
 }
 
-impl Sonar {
-    /// Height over ground, m.
-    pub fn height_m(&self, adc: u32) -> f32 {
-        linear(adc, self.zero_adc, self.m_per_step) as f32
-    }
-}
-
 /// Altitude by the barometer; by default −125 … 898.75 m over the 12 bits of the converter.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
@@ -72,13 +66,6 @@ impl Default for Barometer {
             zero_adc: 500.0,
             m_per_step: 0.25,
         }
-    }
-}
-
-impl Barometer {
-    /// Altitude, m.
-    pub fn altitude_m(&self, adc: u32) -> f32 {
-        linear(adc, self.zero_adc, self.m_per_step) as f32
     }
 }
 
@@ -103,13 +90,6 @@ impl Default for Potentiometer {
     }
 }
 
-impl Potentiometer {
-    /// Angle, rad, −π … π.
-    pub fn angle_rad(&self, adc: u32) -> f32 {
-        angle_rad(linear(adc, self.zero_adc, self.deg_per_step))
-    }
-}
-
 /// Travel of a servo by its pulse width.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(default, deny_unknown_fields)]
@@ -128,69 +108,5 @@ impl Default for Servo {
             centre_us: 1500.0,
             half_travel_us: 500.0,
         }
-    }
-}
-
-impl Servo {
-    /// −1 … 1 at the ends of the travel. A pulse beyond them gives more: it is shown, not hidden.
-    pub fn travel(&self, pulse_us: u32) -> f32 {
-        linear(pulse_us, self.centre_us, 1.0 / self.half_travel_us) as f32
-    }
-}
-
-/// The angle of `deg` degrees in radians, brought into −π … π. Angles within −180° … 180° keep their sign.
-pub fn angle_rad(deg: f64) -> f32 {
-    let wrapped = if deg.abs() <= 180.0 {
-        deg
-    } else {
-        (deg + 180.0).rem_euclid(360.0) - 180.0
-    };
-    wrapped.to_radians() as f32
-}
-
-fn linear(raw: u32, zero: f64, per_step: f64) -> f64 {
-    (f64::from(raw) - zero) * per_step
-}
-
-#[cfg(test)]
-mod tests {
-    use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
-
-    use super::*;
-
-    #[test]
-    fn the_defaults_are_the_documented_lines() {
-        let calibration = Calibration::default();
-        for (adc, expected_m) in [(0, 0.0), (400, 1.0), (4095, 10.2375)] {
-            assert_eq!(calibration.sonar.height_m(adc), expected_m);
-        }
-        for (adc, expected_m) in [(0, -125.0), (500, 0.0), (700, 50.0), (4095, 898.75)] {
-            assert_eq!(calibration.barometer.altitude_m(adc), expected_m);
-        }
-        for (adc, expected_rad) in [(0, -FRAC_PI_2), (2048, 0.0), (3072, FRAC_PI_4)] {
-            assert_eq!(calibration.pan.angle_rad(adc), expected_rad);
-            assert_eq!(calibration.tilt.angle_rad(adc), expected_rad);
-        }
-        for (pulse_us, expected) in [(1000, -1.0), (1500, 0.0), (2000, 1.0), (2500, 2.0)] {
-            assert_eq!(calibration.servo.travel(pulse_us), expected);
-        }
-    }
-
-    #[test]
-    fn angles_come_into_one_turn() {
-        for (deg, expected_rad) in [
-            (0.0, 0.0),
-            (90.0, FRAC_PI_2),
-            (180.0, PI),
-            (-180.0, -PI),
-            (270.0, -FRAC_PI_2),
-            (360.0, 0.0),
-            (-270.0, FRAC_PI_2),
-            (765.0, FRAC_PI_4),
-        ] {
-            assert_eq!(angle_rad(deg), expected_rad, "{deg}");
-        }
-        assert!(angle_rad(f64::NAN).is_nan());
-        assert!(angle_rad(f64::INFINITY).is_nan());
     }
 }

@@ -305,12 +305,19 @@ impl Status {
             }
         }
         let (dsp, implausible) = &self.checked;
-        let groups = implausible.without(self.input.implausible);
+        self.logs.record(dsp);
+        if *implausible != GroupSet::default() {
+            let groups = implausible.without(self.input.implausible);
+            self.report_implausible(groups);
+        }
+    }
+
+    /// Reports groups that hold implausible values, each once.
+    fn report_implausible(&mut self, groups: GroupSet) {
         if !groups.is_empty() {
             self.input.implausible = self.input.implausible.union(groups);
             self.events.push(Event::GroupsImplausible { groups });
         }
-        self.logs.record(dsp);
     }
 
     /// Takes note of what the subscriber has counted by `now`.

@@ -17,17 +17,15 @@ const MAX_FIELDS: usize = 6;
 /// The sample without its implausible groups, and those groups: they are marked as valid and hold a value outside the
 /// limits.
 pub fn plausible(dsp: &DspTelemetry) -> (DspTelemetry, GroupSet) {
-    let valid = GroupSet(dsp.valid_groups);
-    let implausible = valid
-        .groups()
+    let implausible = TelemetryGroup::in_mask(dsp.valid_groups)
         .filter(|group| !is_plausible(dsp, *group))
-        .collect();
+        .fold(0, |mask, group| mask | group.bit());
     let plausible = DspTelemetry {
-        valid_groups: valid.without(implausible).0,
+        valid_groups: dsp.valid_groups & !implausible,
         flying: u8::from(dsp.is_flying()),
         ..*dsp
     };
-    (plausible, implausible)
+    (plausible, GroupSet(implausible))
 }
 
 /// Whether all values of `group` lie within the limits.

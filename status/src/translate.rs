@@ -12,8 +12,7 @@ use ipc_types::payload::{
 };
 use ipc_types::{MonotonicNs, TelemetryGroup as Group};
 
-use crate::calibration::{Calibration, Servo, angle_rad};
-use crate::group::GroupSet;
+use crate::calibration::{Calibration, Potentiometer, Servo};
 
 /// The robot's telemetry of `dsp`, to be published at `now`.
 ///
@@ -45,7 +44,7 @@ pub fn translate(dsp: &DspTelemetry, calibration: &Calibration, now: MonotonicNs
         pan_tilt,
         references,
     } = *dsp;
-    let valid = Valid(GroupSet(valid_groups));
+    let valid = Valid(dsp);
     let servos = |pulses| servos(pulses, &calibration.servo);
     let (pan_rad, tilt_rad) = valid.or_zero(Group::PanTilt, || camera(pan_tilt, calibration));
     HeroTelemetry {
@@ -70,9 +69,13 @@ pub fn translate(dsp: &DspTelemetry, calibration: &Calibration, now: MonotonicNs
         angular_rate: valid.or_zero(Group::AngularRate, || body_angular_rate(angular_rate)),
         pilot: valid.or_zero(Group::PilotPwm, || servos(pilot_pwm)),
         actuation: valid.or_zero(Group::Actuation, || servos(actuation)),
-        sonar_height_m: valid.or_zero(Group::Sonar, || calibration.sonar.height_m(sonar_adc)),
+        sonar_height_m: valid.or_zero(Group::Sonar, || {
+            let sonar = &calibration.sonar;
+            linear(sonar_adc, sonar.zero_adc, sonar.m_per_step) as f32
+        }),
         barometer_altitude_m: valid.or_zero(Group::Barometer, || {
-            calibration.barometer.altitude_m(barometer_adc)
+            let barometer = &calibration.barometer;
+            linear(barometer_adc, barometer.zero_adc, barometer.m_per_step) as f32
         }),
         supply: valid.or_zero(Group::Supply, || supply_si(supply)),
         pan_rad,
@@ -83,13 +86,13 @@ pub fn translate(dsp: &DspTelemetry, calibration: &Calibration, now: MonotonicNs
     }
 }
 
-/// The valid groups of a sample.
-struct Valid(GroupSet);
+/// A sample, of which only valid groups are translated.
+struct Valid<'a>(&'a DspTelemetry);
 
-impl Valid {
+impl Valid<'_> {
     /// What `translate` makes of the group when it is valid, else zero.
     fn or_zero<T: Default>(&self, group: Group, translate: impl FnOnce() -> T) -> T {
-        if self.0.contains(group) {
+        if self.0.valid(group) {
             translate()
         } else {
             T::default()
@@ -174,6 +177,7 @@ fn body_angular_rate(dsp: DspAngularRate) -> HeroAngularRate {
     }
 }
 
+/// The travel of each channel: −1 … 1 between the ends. A pulse beyond them gives more: it is shown, not hidden.
 fn servos(dsp: DspServoPulses, servo: &Servo) -> HeroServos {
     let DspServoPulses {
         collective_us,
@@ -182,12 +186,13 @@ fn servos(dsp: DspServoPulses, servo: &Servo) -> HeroServos {
         tail_us,
         throttle_us,
     } = dsp;
+    let travel = |pulse_us| linear(pulse_us, servo.centre_us, 1.0 / servo.half_travel_us) as f32;
     HeroServos {
-        collective: servo.travel(collective_us),
-        roll: servo.travel(roll_us),
-        pitch: servo.travel(pitch_us),
-        tail: servo.travel(tail_us),
-        throttle: servo.travel(throttle_us),
+        collective: travel(collective_us),
+        roll: travel(roll_us),
+        pitch: travel(pitch_us),
+        tail: travel(tail_us),
+        throttle: travel(throttle_us),
     }
 }
 
@@ -208,9 +213,32 @@ fn supply_si(dsp: DspSupply) -> HeroSupply {
 fn camera(dsp: DspPanTilt, calibration: &Calibration) -> (f32, f32) {
     let DspPanTilt { pan_adc, tilt_adc } = dsp;
     (
-        calibration.pan.angle_rad(pan_adc),
-        calibration.tilt.angle_rad(tilt_adc),
+        camera_rad(pan_adc, &calibration.pan),
+        camera_rad(tilt_adc, &calibration.tilt),
     )
+}
+
+fn camera_rad(adc: u32, potentiometer: &Potentiometer) -> f32 {
+    angle_rad(linear(
+        adc,
+        potentiometer.zero_adc,
+        potentiometer.deg_per_step,
+    ))
+}
+
+/// What a raw number stands for, by the straight line of its calibration.
+fn linear(raw: u32, zero: f64, per_step: f64) -> f64 {
+    (f64::from(raw) - zero) * per_step
+}
+
+/// The angle of `deg` degrees in radians, brought into −π … π. Angles within −180° … 180° keep their sign.
+fn angle_rad(deg: f64) -> f32 {
+    let wrapped = if deg.abs() <= 180.0 {
+        deg
+    } else {
+        (deg + 180.0).rem_euclid(360.0) - 180.0
+    };
+    wrapped.to_radians() as f32
 }
 
 fn rotor_radps(rpm: u32) -> f32 {
@@ -414,5 +442,48 @@ mod tests {
                 [speeds, wide(&[r.roll_rad, r.pitch_rad, r.yaw_rad])].concat()
             }),
         ]
+    }
+
+    #[test]
+    fn the_default_calibrations_are_the_documented_lines() {
+        let at = |raw| {
+            let mut dsp = full_sample();
+            (dsp.sonar_adc, dsp.barometer_adc, dsp.pilot_pwm.roll_us) = (raw, raw, raw);
+            (dsp.pan_tilt.pan_adc, dsp.pan_tilt.tilt_adc) = (raw, raw);
+            hero(&dsp)
+        };
+        for (adc, expected_m) in [(0, 0.0), (400, 1.0), (4095, 10.2375)] {
+            assert_eq!(at(adc).sonar_height_m, expected_m);
+        }
+        for (adc, expected_m) in [(0, -125.0), (500, 0.0), (700, 50.0), (4095, 898.75)] {
+            assert_eq!(at(adc).barometer_altitude_m, expected_m);
+        }
+        for (adc, expected_rad) in [(0, -FRAC_PI_2), (2048, 0.0), (3072, FRAC_PI_4)] {
+            assert_eq!(
+                (at(adc).pan_rad, at(adc).tilt_rad),
+                (expected_rad, expected_rad)
+            );
+        }
+        for (pulse_us, expected) in [(1000, -1.0), (1500, 0.0), (2000, 1.0), (2500, 2.0)] {
+            assert_eq!(at(pulse_us).pilot.roll, expected);
+        }
+    }
+
+    #[test]
+    fn angles_come_into_one_turn() {
+        for (deg, expected_rad) in [
+            (0.0, 0.0),
+            (90.0, FRAC_PI_2),
+            (180.0, PI),
+            (-180.0, -PI),
+            (270.0, -FRAC_PI_2),
+            (360.0, 0.0),
+            (-270.0, FRAC_PI_2),
+            (765.0, FRAC_PI_4),
+        ] {
+            assert_eq!(angle_rad(deg), expected_rad, "{deg}");
+        }
+        assert!(angle_rad(f64::NAN).is_nan());
+        assert!(angle_rad(f64::INFINITY).is_nan());
     }
 }

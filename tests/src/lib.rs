@@ -7,7 +7,6 @@
 //! * [`garbage`]: payloads of any bit pattern; [`stranger`]: a struct that no program knows;
 //! * [`process`]: child processes in that domain, their lines, signals and exits;
 //! * [`sandbox`]: `ril` in a domain and a folder of its own, and what its processes hold; [`relayed`]: two of them with relays between;
-//! * [`chain`]: the real simulator, bridge and status, to start and to kill;
 //! * [`pty`]: a folder for links to pseudo-terminals;
 //! * [`languages`]: programs in C, C++ and Python with the RIL's library; [`readers`]: programs of others that read recordings;
 //! * [`watchdog`]: ends a test that hangs.
@@ -107,7 +106,6 @@
 //!
 //! `examples/consumer` and `examples/module` are projects of their own that use this library as a stranger would.
 
-pub mod chain;
 pub mod domain;
 pub mod garbage;
 pub mod languages;
@@ -123,7 +121,6 @@ pub mod stand_in;
 pub mod stranger;
 pub mod watchdog;
 
-pub use chain::Chain;
 pub use domain::TestDomain;
 pub use garbage::Garbage;
 pub use process::Process;

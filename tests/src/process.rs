@@ -55,6 +55,8 @@ pub struct Line {
 /// How a process ended, and everything that it has printed.
 #[derive(Clone, Debug)]
 pub struct Finished {
+    /// Program and arguments.
+    pub command: String,
     /// Exit code or signal.
     pub status: ExitStatus,
     /// Lines of standard output.
@@ -68,6 +70,27 @@ impl Finished {
     pub fn code(&self) -> Option<i32> {
         self.status.code()
     }
+
+    /// Asserts that a line of standard output contains `text`.
+    #[track_caller]
+    pub fn out_says(&self, text: impl AsRef<str>) -> &Finished {
+        let text = text.as_ref();
+        assert!(says(&self.stdout, text), "{text}: {self:#?}");
+        self
+    }
+
+    /// Asserts that a line of standard error contains `text`.
+    #[track_caller]
+    pub fn err_says(&self, text: impl AsRef<str>) -> &Finished {
+        let text = text.as_ref();
+        assert!(says(&self.stderr, text), "{text}: {self:#?}");
+        self
+    }
+}
+
+/// Whether one of the lines contains `text`.
+pub fn says(lines: &[String], text: &str) -> bool {
+    lines.iter().any(|line| line.contains(text))
 }
 
 /// What the threads in the background report.
@@ -266,10 +289,19 @@ impl Process {
             self.take_event(deadline, "has nothing left running that holds its output");
         }
         Finished {
+            command: self.name.clone(),
             status,
             stdout: self.text_of(Stream::Stdout),
             stderr: self.text_of(Stream::Stderr),
         }
+    }
+
+    /// As [`Process::wait_exit`]; the exit code must be this one.
+    #[track_caller]
+    pub fn exits(&mut self, code: i32) -> Finished {
+        let finished = self.wait_exit();
+        assert_eq!(finished.code(), Some(code), "{finished:#?}");
+        finished
     }
 
     /// Ends the process in order, and returns what it has printed.
@@ -280,9 +312,7 @@ impl Process {
     #[track_caller]
     pub fn end(mut self) -> Finished {
         self.signal(Signal::TERM);
-        let finished = self.wait_exit();
-        assert_eq!(finished.code(), Some(0), "{finished:#?}");
-        finished
+        self.exits(0)
     }
 
     /// Whether the process runs, by what the kernel says at this moment.

@@ -1,12 +1,28 @@
 //! [`PtyFolder`]: a temporary folder for the symbolic links that lead to pseudo-terminals.
 //!
 //! A simulator makes a pty with a name of the kernel's choice and puts a link to it where it is told; the bridge opens
-//! the link. Neither is made here.
+//! the link. Neither is made here. [`open`] makes a pty for a test that is at its other end itself.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use ipc_types::files;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use tempfile::TempDir;
+
+/// A new pseudo-terminal: its master, which no child inherits, and the path of its slave.
+///
+/// # Panics
+///
+/// When the machine has no pseudo-terminal left.
+pub fn open() -> (File, PathBuf) {
+    let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+    let master = openpt(flags).expect("a pseudo-terminal");
+    grantpt(&master).expect("a terminal of this user");
+    unlockpt(&master).expect("a terminal that can be opened");
+    let path = ptsname(&master, Vec::new()).expect("a name");
+    (master.into(), path.into_string().expect("a path").into())
+}
 
 /// A folder that is removed with everything in it when this is dropped.
 #[derive(Debug)]

@@ -8,6 +8,7 @@ use std::time::Duration;
 use ipc_types::code::{LinkState, RelayLinkState};
 use ipc_types::payload::{DspTelemetry, ModuleState, RelayLink};
 
+pub use crate::process::says;
 use crate::process::{Finished, Process};
 use crate::sandbox::{Robot, Sandbox};
 
@@ -108,8 +109,8 @@ impl Rig {
     /// Brings the helicopter into the air by the station's verbs, and returns its place: latitude, longitude, altitude.
     #[track_caller]
     pub fn take_off(&self) -> [f64; 3] {
-        self.station.expect("start", 0);
-        self.station.expect("takeoff --altitude 5", 0);
+        self.station.run("start", 0);
+        self.station.run("takeoff --altitude 5", 0);
         self.place()
     }
 
@@ -192,11 +193,6 @@ pub fn await_link(station: &Sandbox, robot: u32) {
 pub fn free_endpoint() -> String {
     let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
     format!("tcp/{}", listener.local_addr().expect("an address"))
-}
-
-/// Whether one of the lines contains `text`.
-pub fn says(lines: &[String], text: &str) -> bool {
-    lines.iter().any(|line| line.contains(text))
 }
 
 /// What bridges did, by what they logged about every request.

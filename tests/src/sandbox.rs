@@ -1,32 +1,98 @@
-//! [`Sandbox`]: `ril` in a domain and a folder of its own, for tests and for programs that measure.
+//! [`Sandbox`]: `ril` in a domain and a folder of its own, with real processes to start and to kill, for tests and for programs that
+//! measure. This library does not build `ril`: a test says where it is, or [`installed_or_skip`] looks for it.
 //!
 //! Whatever goes wrong, nothing is left: what was started is killed, and then the domain and the folder are removed.
 
 use std::cell::Cell;
 use std::ffi::{OsStr, OsString};
 use std::fs;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::thread;
 use std::time::Duration;
 
-use ipc_types::payload::HeroTelemetry;
+use ipc_types::code::LinkState;
+use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{Ipc, MonotonicNs, RobotId, Subscriber, Topic, Wake};
 
-use crate::chain::{FOR_SLOW_MACHINES, place};
 use crate::domain::TestDomain;
 use crate::process::{Finished, Process, Signal, WAIT_LIMIT};
 use crate::pty::PtyFolder;
 use crate::watchdog::Watchdog;
 
-/// Lets a process of `ril` end when the one that started it is killed, so that the domain can be removed.
+/// Environment variable that names the binary `ril`.
+pub const BINARY_VARIABLE: &str = "RIL_BINARY";
+
+/// Environment variable and value for commands of `ril`: how long each waits for an answer or a sample. A machine that stalls for
+/// longer than the usual two seconds must not make it give up.
+const LONGEST_WAIT: (&str, &str) = ("RIL_TIMEOUT", "80s");
+
+/// Variables of the environment that would change what the processes do.
+const VARIABLES: [&str; 5] = [
+    "RIL_ROBOT",
+    "RIL_CONFIG",
+    "RIL_PORT",
+    "RIL_LOG",
+    "RIL_DEADLINE",
+];
+
+/// A `bridge.toml` with which no machine that stalls for seconds ends a flight, loses the link or lets a request expire.
+pub const FOR_SLOW_MACHINES: &str = "\
+[link]
+pc_timeout_ms = 60000
+ack_timeout_ms = 5000
+silent_after_ms = 20000
+[movement]
+begin_within_ms = 60000
+";
+
+/// Lets a process of `ril` end when the one that started it is killed.
 const WITH_PARENT: &str = "RIL_ENDS_WITH_PARENT";
+
+/// The binary `ril` that `RIL_BINARY` names, or the one in a folder of `PATH`. `None` if there is none: a line on standard
+/// error then says that the test is skipped, also when tests that pass print nothing.
+pub fn installed_or_skip() -> Option<PathBuf> {
+    let installed = installed();
+    if installed.is_none() {
+        // Not `eprintln`, which is shown only if a test fails.
+        let _ = writeln!(
+            io::stderr(),
+            "SKIPPED: no `ril` in PATH, and {BINARY_VARIABLE} names none"
+        );
+    }
+    installed
+}
+
+/// As [`installed_or_skip`]; before `PATH` it looks beside `program` and in the folder above, where cargo puts the programs of all
+/// crates: for tests and examples of other crates than that of `ril`.
+pub fn beside_or_skip(program: &Path) -> Option<PathBuf> {
+    let folders = program.ancestors().skip(1).take(2);
+    let beside = folders
+        .map(|folder| folder.join("ril"))
+        .find(|candidate| candidate.is_file());
+    match beside {
+        Some(beside) if std::env::var_os(BINARY_VARIABLE).is_none() => Some(beside),
+        _ => installed_or_skip(),
+    }
+}
+
+fn installed() -> Option<PathBuf> {
+    if let Some(binary) = std::env::var_os(BINARY_VARIABLE) {
+        return Some(binary.into());
+    }
+    let folders = std::env::var_os("PATH")?;
+    let mut candidates = std::env::split_paths(&folders).map(|folder| folder.join("ril"));
+    candidates.find(|candidate| candidate.is_file())
+}
 
 /// Where processes run that no other test or measurement sees.
 #[derive(Debug)]
 pub struct Sandbox {
     ril: Vec<OsString>,
     folder: PtyFolder,
+    /// Its processes end when this one is killed, so that the domain can be removed.
+    ends_with_parent: bool,
     /// A process was killed that no other one cleans up after.
     has_kills: Cell<bool>,
     /// Last, because it asserts that nothing is left.
@@ -47,8 +113,20 @@ impl Sandbox {
                 .map(|word| word.as_ref().to_owned())
                 .collect(),
             folder: PtyFolder::new(),
+            ends_with_parent: true,
             has_kills: Cell::new(false),
             domain: TestDomain::watched_by(Watchdog::with_limit(name, limit)),
+        }
+    }
+
+    /// One with the binary `ril` at this path, for one test, which the usual watchdog watches over.
+    pub fn of(ril: impl AsRef<Path>) -> Sandbox {
+        Sandbox {
+            ril: vec![ril.as_ref().into()],
+            folder: PtyFolder::new(),
+            ends_with_parent: false,
+            has_kills: Cell::new(false),
+            domain: TestDomain::new(),
         }
     }
 
@@ -62,23 +140,45 @@ impl Sandbox {
         self.folder.link(name)
     }
 
-    /// Writes a file into the folder.
-    pub fn write(&self, name: &str, text: &str) {
-        fs::write(self.path(name), text).expect("a file in a temporary folder");
+    /// Writes a file into the folder, and returns where it is.
+    pub fn write(&self, name: &str, text: &str) -> PathBuf {
+        let path = self.path(name);
+        fs::write(&path, text).expect("a file in a temporary folder");
+        path
+    }
+
+    /// The command `ril` with these arguments, in the folder.
+    pub fn command(&self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Command {
+        let mut command = Command::new(&self.ril[0]);
+        command.args(&self.ril[1..]).args(args);
+        if self.ends_with_parent {
+            command.env(WITH_PARENT, "1");
+        }
+        self.place(command)
+    }
+
+    /// A shell's command line, in which `$0` is `ril`.
+    pub fn shell(&self, line: &str) -> Command {
+        let mut command = Command::new("sh");
+        command.args(["-c", line]).args(&self.ril);
+        self.place(command)
+    }
+
+    /// `command` in the folder, without the variables that change what `ril` does, and with so long a time-out that a machine that
+    /// stalls fails nothing.
+    pub fn place(&self, mut command: Command) -> Command {
+        place(&mut command, self.folder());
+        command
     }
 
     /// Starts a command in the folder and the domain.
-    pub fn spawn(&self, mut command: Command) -> Process {
-        place(&mut command, self.folder());
-        Process::spawn(&self.domain, command)
+    pub fn spawn(&self, command: Command) -> Process {
+        Process::spawn(&self.domain, self.place(command))
     }
 
     /// Starts `ril`; the words of `args` are separated by spaces.
     pub fn start(&self, args: &str) -> Process {
-        let mut command = Command::new(&self.ril[0]);
-        command.args(&self.ril[1..]).args(args.split_whitespace());
-        command.env(WITH_PARENT, "1");
-        self.spawn(command)
+        Process::spawn(&self.domain, self.command(args.split_whitespace()))
     }
 
     /// Starts `ril` by way of another program, such as `unshare`, which runs it and ends it with itself.
@@ -100,18 +200,16 @@ impl Sandbox {
         process
     }
 
-    /// Runs `ril` to its end.
+    /// Runs `ril` to its end, whatever its exit code.
     #[track_caller]
-    pub fn run(&self, args: &str) -> Finished {
+    pub fn finish(&self, args: &str) -> Finished {
         self.start(args).wait_exit()
     }
 
     /// Runs `ril` to its end, which must have this exit code.
     #[track_caller]
-    pub fn expect(&self, args: &str, code: i32) -> Finished {
-        let finished = self.run(args);
-        assert_eq!(finished.code(), Some(code), "ril {args}: {finished:#?}");
-        finished
+    pub fn run(&self, args: &str, code: i32) -> Finished {
+        self.start(args).exits(code)
     }
 
     /// Kills a process, and returns what it had printed. What it leaves in shared memory is removed when the sandbox is dropped, as the
@@ -123,28 +221,51 @@ impl Sandbox {
         process.wait_exit()
     }
 
+    /// Starts a simulator with its link `dsp-N`; it is there when this returns.
+    #[track_caller]
+    pub fn sim(&self, robot: u32, options: &str) -> Process {
+        self.start_ready(&format!(
+            "run sim --robot {robot} --link dsp-{robot} --seed 1 {options}"
+        ))
+    }
+
+    /// Starts a bridge at `dsp-N`; it is ready when this returns, its link may not be up yet. Without a `bridge.toml` in the folder it
+    /// gets [`FOR_SLOW_MACHINES`].
+    #[track_caller]
+    pub fn bridge(&self, robot: u32) -> Process {
+        let mut options = "";
+        if !self.path("bridge.toml").exists() {
+            self.write("patient.toml", FOR_SLOW_MACHINES);
+            options = "--config patient.toml";
+        }
+        self.start_ready(&format!(
+            "run bridge --robot {robot} --port dsp-{robot} {options}"
+        ))
+    }
+
+    /// Starts a status; it is ready when this returns.
+    #[track_caller]
+    pub fn status(&self, robot: u32) -> Process {
+        self.start_ready(&format!("run status --robot {robot}"))
+    }
+
     /// Starts simulator, bridge and status of `robot`, and returns when telemetry comes. The simulated clock is `speed` times as fast.
-    /// Without a `bridge.toml` in the folder the bridge gets one with which no machine that stalls for seconds ends a flight.
     #[track_caller]
     pub fn start_robot(&self, robot: u32, speed: u32) -> Robot {
-        if !self.path("bridge.toml").exists() {
-            self.write("bridge.toml", FOR_SLOW_MACHINES);
-        }
-        let sim = format!("run sim --robot {robot} --link dsp --seed 1 --speed {speed}");
-        let robot = Robot {
-            sim: self.start_ready(&sim),
-            bridge: self.start_bridge(robot),
-            status: self.start_ready(&format!("run status --robot {robot}")),
+        let processes = Robot {
+            sim: self.sim(robot, &format!("--speed {speed}")),
+            bridge: self.bridge(robot),
+            status: self.status(robot),
             number: robot,
         };
         // Not by a subscriber of this process: the clock of the sandbox may be another one.
-        self.expect(&format!("echo hero --robot {} --count 1", robot.number), 0);
-        robot
+        self.run(&format!("echo hero --robot {robot} --count 1"), 0);
+        processes
     }
 
-    #[track_caller]
-    fn start_bridge(&self, robot: u32) -> Process {
-        self.start_ready(&format!("run bridge --robot {robot} --port dsp"))
+    /// Watches the state of a robot's module.
+    pub fn watch(&self, robot: u32) -> TopicWatch<ModuleState> {
+        self.subscribe(robot)
     }
 
     /// Subscribes to a topic of `robot`.
@@ -186,8 +307,17 @@ impl Robot {
         sandbox.has_kills.set(true);
         self.bridge.signal(Signal::KILL);
         let killed = self.bridge.wait_exit();
-        self.bridge = sandbox.start_bridge(self.number);
+        self.bridge = sandbox.bridge(self.number);
         killed
+    }
+
+    /// Kills the status, and starts another one.
+    #[track_caller]
+    pub fn restart_status(&mut self, sandbox: &Sandbox) {
+        sandbox.has_kills.set(true);
+        self.status.signal(Signal::KILL);
+        self.status.wait_exit();
+        self.status = sandbox.status(self.number);
     }
 
     /// Ends all three in order. Returns what the bridge and the simulator had printed.
@@ -234,6 +364,27 @@ impl<T: Topic + Copy> TopicWatch<T> {
         let _ = self.port.latest();
         self.last = None;
         self.until("a sample", |_| true)
+    }
+}
+
+impl TopicWatch<ModuleState> {
+    /// Waits until the link is up and the position is known, so that movements are possible.
+    #[track_caller]
+    pub fn until_ready(&mut self) -> ModuleState {
+        self.until("the link is up", |state| {
+            state.link.state() == Some(LinkState::Up) && state.link.telemetry_published > 0
+        })
+    }
+}
+
+/// Puts a command of `ril` into `folder`, without the variables that change what it does, and with so long a time-out that a machine
+/// that stalls fails nothing.
+pub fn place(command: &mut Command, folder: &Path) {
+    command
+        .current_dir(folder)
+        .env(LONGEST_WAIT.0, LONGEST_WAIT.1);
+    for variable in VARIABLES {
+        command.env_remove(variable);
     }
 }
 

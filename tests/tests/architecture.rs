@@ -52,7 +52,7 @@ const ARROWS: [(&str, &[&str]); 17] = [
             "status",
         ],
     ),
-    ("hero-ril", &["ipc-types"]),
+    ("hero-ril", &["ipc-types", "module-kit", "runtime"]),
     (
         "ril-tests",
         &[

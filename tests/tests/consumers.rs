@@ -90,8 +90,7 @@ impl Consumers {
     fn take_off(&self) {
         let domain = TestDomain::new();
         let bridge = StandInBridge::start(&domain);
-        let finished = self.start(&domain, "take_off.py").wait_exit();
-        assert_eq!(finished.code(), Some(0), "{finished:#?}");
+        let finished = self.start(&domain, "take_off.py").exits(0);
         assert_eq!(finished.stdout, ["ACCEPTED NONE", "DONE NONE"]);
         let Received::Movement(request) = bridge.next_request() else {
             panic!("a movement was sent");
@@ -100,11 +99,10 @@ impl Consumers {
         assert_eq!(request.altitude_m, 10.0);
 
         bridge.answer_next(Answer::Die);
-        let finished = self.start(&domain, "take_off.py").wait_exit();
-        assert_eq!(finished.code(), Some(1), "{finished:#?}");
+        let finished = self.start(&domain, "take_off.py").exits(1);
+        // iceoryx2 may add that services are gone which the bridge takes down at the same moment.
         assert_eq!(
-            finished.stderr,
-            ["the bridge is gone: outcome unknown"],
+            finished.stderr[0], "the bridge is gone: outcome unknown",
             "{finished:#?}"
         );
         drop(bridge);

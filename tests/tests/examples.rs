@@ -3,15 +3,16 @@
 //! What a language needs and this machine does not have is skipped, and that is told past the capture of the tests' output:
 //! [`ril_tests::languages`].
 
+use std::os::unix::net::UnixDatagram;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
 use ipc_types::code::{Reason, Stage};
 use ipc_types::{Ipc, Publisher, Source, Waiter, fresh_request_id};
-use ril_tests::languages::{Compiler, built, python, python_example, root, skip};
+use ril_tests::languages::{Compiler, built, python, python_example, python_with, root, skip};
 use ril_tests::process::{Finished, Line, Signal, WAIT_LIMIT};
-use ril_tests::{Chain, Process, PtyFolder, TestDomain};
+use ril_tests::{Process, PtyFolder, Sandbox, TestDomain};
 
 /// Simulated seconds for one of the host: a mission takes about a second.
 const SPEED: u32 = 10;
@@ -35,10 +36,9 @@ fn requests(finished: &Finished) -> Vec<&str> {
 
 /// A program takes off, flies and lands, with a simulated helicopter.
 fn flies_a_mission(program: impl FnOnce() -> Command) {
-    let domain = TestDomain::new();
-    let chain = Chain::hurried(&domain, &ril(), SPEED);
-    let finished = Process::spawn(&domain, program()).wait_exit();
-    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    let rig = Sandbox::of(ril());
+    let robot = rig.start_robot(1, SPEED);
+    let finished = Process::spawn(&rig.domain, program()).exits(0);
     let requests = requests(&finished);
     let ends: Vec<_> = requests
         .iter()
@@ -48,14 +48,13 @@ fn flies_a_mission(program: impl FnOnce() -> Command) {
     assert_eq!(ends, expected.iter().collect::<Vec<_>>(), "{finished:#?}");
     let is_in_the_air = |line: &String| line.ends_with("m, flying 1");
     assert!(finished.stdout.iter().any(is_in_the_air), "{finished:#?}");
-    chain.end();
+    robot.end();
 }
 
 /// What is said when no bridge runs.
 fn says_that_nothing_runs(command: Command, text: &str) {
     let domain = TestDomain::new();
-    let finished = Process::spawn(&domain, command).wait_exit();
-    assert_eq!(finished.code(), Some(1), "{finished:#?}");
+    let finished = Process::spawn(&domain, command).exits(1);
     let is_told = finished.stderr.iter().any(|line| line.contains(text));
     assert!(is_told, "{finished:#?}");
 }
@@ -118,13 +117,34 @@ mod module {
         }
     }
     ipc_types::request!(Move, "gripper/move");
+
+    ipc_types::shared_struct! {
+        /// Sets how often `examples/c/beacon.c` blinks.
+        pub struct SetPeriod("beacon.SetPeriod.v1") = 16 {
+            /// Chosen by the sender; every report repeats it.
+            pub request_id: u64,
+            /// From one blink to the next.
+            pub period_s: f64,
+        }
+    }
+    ipc_types::request!(SetPeriod, "beacon/period");
+
+    ipc_types::shared_struct! {
+        /// Sets the limit of `examples/python/battery_watch.py`.
+        pub struct SetLimit("battery_watch.SetLimit.v1") = 16 {
+            /// Chosen by the sender; every report repeats it.
+            pub request_id: u64,
+            /// Mean voltage of a cell below which a landing is commanded.
+            pub limit_v: f64,
+        }
+    }
+    ipc_types::request!(SetLimit, "battery_watch/limits");
 }
 
 /// What a program of `bindings/c/tests` says at its end.
 fn passes(program: Command, how: &str) {
     let domain = TestDomain::new();
-    let finished = Process::spawn(&domain, program).wait_exit();
-    assert_eq!(finished.code(), Some(0), "{how}: {finished:#?}");
+    let finished = Process::spawn(&domain, program).exits(0);
     let last = finished.stdout.last().map(String::as_str);
     assert_eq!(last, Some("passed"), "{how}: {finished:#?}");
 }
@@ -215,8 +235,7 @@ fn a_topic_of_a_module_goes_from_rust_to_c_and_from_c_to_c() {
     let mut consumer = start(&domain, "print", "2");
     consumer.wait_for_text("subscribed");
     let mut publisher = start(&domain, "publish", "1000");
-    let finished = consumer.wait_exit();
-    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    let finished = consumer.exits(0);
     assert_eq!(finished.stdout.last().unwrap(), "2 3.70 V to 3.81 V");
     publisher.signal(Signal::KILL);
     publisher.wait_exit();
@@ -307,25 +326,17 @@ fn a_request_of_a_module_is_served_and_sent_in_every_language() {
         for client in &grippers {
             let what = format!("{} to {}", client.language, server.language);
             for width_m in ["0.05", "0.047"] {
-                let moved = client.start(&domain, &["move", width_m]).wait_exit();
-                assert_eq!(moved.code(), Some(0), "{what}: {moved:#?}");
+                let moved = client.start(&domain, &["move", width_m]).exits(0);
                 let last = moved.stdout.last().unwrap();
                 assert!(
                     last.starts_with(&format!("done: {width_m}")),
                     "{what}: {last}"
                 );
             }
-            let refused = client.start(&domain, &["move", "-1"]).wait_exit();
-            assert_eq!(refused.code(), Some(1), "{what}: {refused:#?}");
+            client.start(&domain, &["move", "-1"]).exits(1);
         }
         serving.signal(Signal::TERM);
-        let finished = serving.wait_exit();
-        assert_eq!(
-            finished.code(),
-            Some(0),
-            "{}: {finished:#?}",
-            server.language
-        );
+        serving.exits(0);
     }
 }
 
@@ -337,16 +348,15 @@ fn a_program_in_c_prints_telemetry_and_ends_in_order() {
     let folder = PtyFolder::new();
     let program = folder.link("example");
     compiler.with_shared_library("c/print_telemetry.c", &program);
-    let domain = TestDomain::new();
-    let chain = Chain::hurried(&domain, &ril(), SPEED);
-    let mut printing = Process::spawn(&domain, Command::new(&program));
+    let rig = Sandbox::of(ril());
+    let robot = rig.start_robot(1, SPEED);
+    let mut printing = Process::spawn(&rig.domain, Command::new(&program));
     printing.wait_for_text("m, flying 0, 0 lost");
     printing.signal(Signal::INT);
-    let finished = printing.wait_exit();
-    assert_eq!(finished.code(), Some(0), "{finished:#?}");
-    let finished = Process::start(&domain, &program, ["2"]).wait_exit();
+    printing.exits(0);
+    let finished = Process::start(&rig.domain, &program, ["2"]).wait_exit();
     assert_eq!(finished.stdout.len(), 2, "{finished:#?}");
-    chain.end();
+    robot.end();
 }
 
 #[test]
@@ -360,8 +370,7 @@ fn the_python_package_does_what_its_tests_say() {
         command
             .arg("-B")
             .arg(root().join("bindings/python/tests").join(tests));
-        let finished = Process::spawn(&domain, command).wait_exit();
-        assert_eq!(finished.code(), Some(0), "{finished:#?}");
+        Process::spawn(&domain, command).exits(0);
     }
 }
 
@@ -370,33 +379,26 @@ fn a_program_in_python_plots_a_recorded_flight() {
     let Some(python) = or_skip("Python", python()) else {
         return;
     };
-    let domain = TestDomain::new();
-    let folder = PtyFolder::new();
-    let chain = Chain::hurried(&domain, &ril(), SPEED);
-    let mut record = Command::new(ril());
-    record
-        .args(["record", "--min-free", "0", "--output"])
-        .arg(folder.link("log"));
-    let mut recorder = Process::spawn(&domain, record);
+    let rig = Sandbox::of(ril());
+    let robot = rig.start_robot(1, SPEED);
+    let mut recorder = rig.start("record --min-free 0 --output log");
     recorder.wait_for_text("recording file=");
-    for order in [&["start"][..], &["takeoff", "--altitude", "5"], &["land"]] {
-        assert_eq!(chain.run(&domain, order).code(), Some(0), "{order:?}");
+    for order in ["start", "takeoff --altitude 5", "land"] {
+        rig.run(order, 0);
     }
-    recorder.signal(Signal::TERM);
-    assert_eq!(recorder.wait_exit().code(), Some(0));
-    let picture = folder.link("flight.png");
+    recorder.end();
+    let picture = rig.path("flight.png");
     let mut plot = python_example(python, "plot_flight.py");
-    plot.arg(folder.link("log/*.mcap"))
+    plot.arg(rig.path("log/*.mcap"))
         .arg(&picture)
         .env("MPLBACKEND", "Agg")
-        .env("MPLCONFIGDIR", folder.path());
-    let finished = Process::spawn(&domain, plot).wait_exit();
-    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+        .env("MPLCONFIGDIR", rig.folder());
+    let finished = rig.spawn(plot).exits(0);
     assert!(
         std::fs::metadata(&picture).is_ok_and(|file| file.len() > 10_000),
         "{finished:#?}"
     );
-    chain.end();
+    robot.end();
 }
 
 #[test]
@@ -420,20 +422,385 @@ fn a_program_in_python_prints_telemetry_and_ends_in_order() {
     let Some(python) = or_skip("Python", python()) else {
         return;
     };
-    let domain = TestDomain::new();
-    let chain = Chain::hurried(&domain, &ril(), SPEED);
+    let rig = Sandbox::of(ril());
+    let robot = rig.start_robot(1, SPEED);
     let mut asynchronous = python_example(python, "mission_async.py");
     asynchronous.arg("3");
-    let mission = Process::spawn(&domain, asynchronous).wait_exit();
-    assert_eq!(mission.code(), Some(0), "{mission:#?}");
+    let mission = Process::spawn(&rig.domain, asynchronous).exits(0);
     assert!(
         mission.stdout.contains(&"land: done".to_owned()),
         "{mission:#?}"
     );
-    let mut printing = Process::spawn(&domain, python_example(python, "print_telemetry.py"));
+    let mut printing = Process::spawn(&rig.domain, python_example(python, "print_telemetry.py"));
     printing.wait_for_text("m, flying 0, 0 lost");
     printing.signal(Signal::INT);
-    let finished = printing.wait_exit();
+    printing.exits(0);
+    robot.end();
+}
+
+/// Runs `ril` to its end: its exit code and what it has printed.
+fn run_ril(domain: &TestDomain, arguments: &[&str]) -> (Option<i32>, String) {
+    let finished = Process::start(domain, ril(), arguments).wait_exit();
+    let text = [finished.stdout.join("\n"), finished.stderr.join("\n")].join("\n");
+    (finished.code(), text)
+}
+
+#[test]
+fn a_module_in_c_keeps_the_rules_of_the_kit_and_carries_each_request_out_once() {
+    let Some(compiler) = or_skip("C", Compiler::c()) else {
+        return;
+    };
+    let folder = PtyFolder::new();
+    let program = folder.link("beacon");
+    compiler.with_shared_library("c/beacon.c", &program);
+    let domain = TestDomain::new();
+    let supervisor = UnixDatagram::bind(folder.link("notify")).unwrap();
+    supervisor.set_read_timeout(Some(WAIT_LIMIT)).unwrap();
+    let told = || {
+        let mut text = [0; 64];
+        let length = supervisor.recv(&mut text).unwrap();
+        String::from_utf8(text[..length].to_vec()).unwrap()
+    };
+    let mut command = Command::new(&program);
+    command.env("NOTIFY_SOCKET", folder.link("notify"));
+    let mut beacon = Process::spawn(&domain, command);
+    assert_eq!(told(), "READY=1");
+    let ipc: Ipc = domain.join("operator");
+    let mut client = ipc.client::<module::SetPeriod>().unwrap();
+    let mut set = |request_id, period_s| {
+        let request = module::SetPeriod {
+            request_id,
+            period_s,
+        };
+        let mut handle = client.request(&request).unwrap();
+        let report = handle.result_timeout(WAIT_LIMIT).unwrap().unwrap();
+        (report.stage(), report.reason())
+    };
+    let (first, second) = (fresh_request_id(), fresh_request_id());
+    let done = (Some(Stage::Done), Some(Reason::None));
+    assert_eq!(set(first, 0.02), done);
+    assert_eq!(set(second, 0.03), done);
+    // Sent again: answered from memory.
+    assert_eq!(set(first, 0.02), done);
+    assert_eq!(set(fresh_request_id(), 99.0).1, Some(Reason::OutOfRange));
+
+    let control = |what| run_ril(&domain, &[what, "--module", "beacon"]);
+    assert_eq!(control("start").0, Some(0));
+    beacon.wait_for_text("blink");
+    let (code, text) = control("start");
+    assert_eq!(code, Some(5), "{text}");
+    assert!(text.contains("already-running"), "{text}");
+    assert_eq!(control("stop").0, Some(0));
+    let echo = ["topic", "echo", "beacon/state", "--count", "1", "--json"];
+    let (_, state) = run_ril(&domain, &echo);
+    assert!(state.contains("\"module_id\":1002"), "{state}");
+    assert!(state.contains("\"blocked\":1"), "{state}");
+    let mut another = Process::spawn(&domain, Command::new(&program));
+    let refused = another.wait_exit();
+    assert_eq!(refused.code(), Some(1));
+    let errors = refused.stderr.join("\n");
+    assert!(errors.contains("already provided by `beacon`"), "{errors}");
+    beacon.signal(Signal::TERM);
+    assert_eq!(told(), "STOPPING=1");
+    let finished = beacon.wait_exit();
     assert_eq!(finished.code(), Some(0), "{finished:#?}");
-    chain.end();
+    let periods: Vec<_> = finished
+        .stdout
+        .iter()
+        .filter(|line| line.starts_with("period"))
+        .collect();
+    assert_eq!(periods, ["period 0.02 s", "period 0.03 s"]);
+    assert!(finished.stdout.contains(&"dark".to_owned()));
+}
+
+#[test]
+fn a_module_in_python_is_started_stopped_and_configured_as_one_in_rust() {
+    let Some(python) = or_skip("Python", python()) else {
+        return;
+    };
+    let rig = Sandbox::of(ril());
+    let file = rig.path("battery_watch.toml");
+    let module = |arguments: &[&str]| {
+        let mut command = python_example(python, "battery_watch.py");
+        command.arg("--config").arg(&file).args(arguments);
+        Process::spawn(&rig.domain, command)
+    };
+    for (text, expected) in [
+        (
+            "cells = 6\nlimitv = 3.0\n",
+            ":2: unknown field `limitv`: did you mean `limit_v`?",
+        ),
+        (
+            "limit_v = 9.0\n",
+            ":1: `limit_v` is 9.0: it must be from 2.5 to 4.2",
+        ),
+        (
+            "cells = \"six\"\n",
+            ":1: `cells` is 'six': it must be a int",
+        ),
+    ] {
+        std::fs::write(&file, text).unwrap();
+        let refused = module(&[]).wait_exit();
+        let errors = refused.stderr.join("\n");
+        assert_eq!(refused.code(), Some(78), "{errors}");
+        assert!(errors.contains(expected), "{errors}");
+    }
+    std::fs::write(&file, "limit_v = 4\n").unwrap();
+    assert_eq!(module(&["--check-config"]).wait_exit().code(), Some(0));
+    assert_eq!(module(&["--robot", "0"]).wait_exit().code(), Some(2));
+
+    let robot = rig.start_robot(1, SPEED);
+    let mut watch = module(&[]);
+    watch.wait_for_text("ready");
+    let again = module(&[]).wait_exit();
+    assert_eq!(again.code(), Some(1), "{again:#?}");
+    let errors = again.stderr.join("\n");
+    assert!(
+        errors.contains("already provided by `battery_watch`"),
+        "{errors}"
+    );
+    let run = |line: &str| rig.run(line, 0).stdout.join("\n");
+    let topics = run("topic list");
+    assert!(topics.contains("battery_watch/cells") && topics.contains("battery_watch/state"));
+    let cells = run("topic echo battery_watch/cells --count 1 --json");
+    assert!(cells.contains("\"limit_v\":4.0"));
+    run("start");
+    run("takeoff 4m");
+    // Cells of a simulated battery have less than 4.2 V.
+    let ipc: Ipc = rig.domain.join("operator");
+    let mut limits = ipc.client::<module::SetLimit>().unwrap();
+    let set = module::SetLimit {
+        request_id: fresh_request_id(),
+        limit_v: 4.2,
+    };
+    let mut set = limits.request(&set).unwrap();
+    let set = set.result_timeout(WAIT_LIMIT).unwrap().unwrap();
+    assert_eq!(set.stage(), Some(Stage::Done));
+    run("start --module battery_watch");
+    watch.wait_for_text("doing=\"landing\"");
+    watch.wait_for_text("status=ended");
+    run("stop --module battery_watch");
+    watch.signal(Signal::TERM);
+    let finished = watch.wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    rig.run("stop --module battery_watch", 3);
+    robot.end();
+}
+
+/// What `ril topic generate` made of `examples/msg/Pack.msg`.
+mod made {
+    include!("../../examples/msg/pack.rs");
+}
+
+#[test]
+fn one_command_makes_the_same_struct_for_every_language() {
+    let domain = TestDomain::new();
+    let folder = PtyFolder::new();
+    let examples = root().join("examples/msg");
+    let definition = examples.join("Pack.msg");
+    let generate = |into: &str| {
+        let file = definition.to_str().unwrap();
+        run_ril(&domain, &["topic", "generate", file, "--output", into])
+    };
+    let into = folder.link("made");
+    std::fs::create_dir(&into).unwrap();
+    let (code, text) = generate(into.to_str().unwrap());
+    assert_eq!(code, Some(0), "{text}");
+    for name in ["pack.rs", "pack.h", "pack.py", "pack.pyi"] {
+        let read = |path: PathBuf| std::fs::read_to_string(path).unwrap();
+        let (made, kept) = (read(into.join(name)), read(examples.join(name)));
+        assert!(made == kept, "{name} is not what the command makes: {made}");
+    }
+    // It replaces its own files and no other.
+    std::fs::write(into.join("pack.h"), "/* by hand */\n").unwrap();
+    let (code, text) = generate(into.to_str().unwrap());
+    assert_eq!(code, Some(1));
+    assert!(text.contains("did not make it"), "{text}");
+
+    use ipc_types::payload::SharedStruct;
+    let schema = ipc_types::Schema::of::<made::Pack>();
+    let text = std::fs::read_to_string(&definition).unwrap();
+    let parsed = ipc_types::Schema::parse(&text).unwrap();
+    assert_eq!(schema.layout_hash(), parsed.layout_hash());
+    assert_eq!(made::Pack::ZERO.cells.len(), 6);
+    let main = "#include \"pack.h\"\n#include <stdio.h>\n\
+        int main(void) { fputs(BATTERY_WATCH_PACK_SCHEMA, stdout); return sizeof(Pack) != 72; }\n";
+    let mut compilers = Vec::new();
+    compilers.extend(or_skip("C", Compiler::c()).map(|compiler| ("c", compiler)));
+    compilers.extend(or_skip("C++", Compiler::cpp()).map(|compiler| ("cpp", compiler)));
+    for (ending, compiler) in compilers {
+        let source = folder.link(&format!("main.{ending}"));
+        std::fs::write(&source, main).unwrap();
+        std::fs::copy(examples.join("pack.h"), folder.link("pack.h")).unwrap();
+        let program = folder.link(&format!("in-{ending}"));
+        compiler.with_static_library(source.to_str().unwrap(), &program);
+        let printed = Process::spawn(&domain, Command::new(program)).wait_exit();
+        assert_eq!(printed.code(), Some(0), "{printed:#?}");
+        assert_eq!(printed.stdout, text.lines().collect::<Vec<_>>());
+    }
+    let Some(python) = or_skip("Python", python()) else {
+        return;
+    };
+    let mut command = Command::new(python);
+    let program = "import ctypes, sys, hero_ril, pack; sys.stdout.write(hero_ril.schema_of(pack.Pack)); \
+        assert ctypes.sizeof(pack.Pack) == 72";
+    command
+        .args(["-B", "-c", program])
+        .env("PYTHONPATH", &examples);
+    let printed = Process::spawn(&domain, command).wait_exit();
+    assert_eq!(printed.code(), Some(0), "{printed:#?}");
+    assert_eq!(printed.stdout, text.lines().collect::<Vec<_>>());
+}
+
+#[test]
+fn mypy_finds_a_field_that_is_misspelt() {
+    let folder = PtyFolder::new();
+    let found = python_with("mypy", &folder.link("environment"));
+    let Some(python) = or_skip("Python, by mypy", found) else {
+        return;
+    };
+    let domain = TestDomain::new();
+    let program = folder.link("program.py");
+    let text = |field: &str, cell: &str| {
+        format!(
+            "import hero_ril\nimport pack\n\n\
+             with hero_ril.Robot() as robot:\n\
+             \x20   cells = robot.advertise(\"battery_watch/cells\", pack.Pack)\n\
+             \x20   for sample in robot.telemetry():\n\
+             \x20       print(sample.geodetic.{field})\n\
+             \x20       battery = pack.Pack(charge=0.5)\n\
+             \x20       battery.cells[0].{cell} = 3.5\n\
+             \x20       cells.publish(battery)\n"
+        )
+    };
+    let check = |field, cell| {
+        std::fs::write(&program, text(field, cell)).unwrap();
+        let mut mypy = Command::new(&python);
+        let path = [
+            root().join("bindings/python/python"),
+            root().join("examples/msg"),
+        ];
+        mypy.args(["-m", "mypy", "--strict", "--no-incremental"])
+            .arg(&program)
+            .env("MYPYPATH", std::env::join_paths(path).unwrap());
+        let finished = Process::spawn(&domain, mypy).wait_exit();
+        (finished.code(), finished.stdout.join("\n"))
+    };
+    let (code, text) = check("altitude_m", "voltage_v");
+    assert_eq!(code, Some(0), "{text}");
+    let (code, text) = check("altitud_m", "voltag_v");
+    assert_eq!(code, Some(1));
+    for expected in [
+        "\"HeroGeodetic\" has no attribute \"altitud_m\"",
+        "\"Cell\" has no attribute \"voltag_v\"",
+    ] {
+        assert!(text.contains(expected), "{text}");
+    }
+}
+
+#[test]
+fn the_module_on_the_page_about_modules_is_the_example() {
+    let read = |path: &str| std::fs::read_to_string(root().join(path)).unwrap();
+    let page = read("docs/modules.md");
+    let shown = page.split("```python\n").nth(1).unwrap();
+    let (shown, _) = shown.split_once("```").unwrap();
+    let example = read("examples/python/battery_watch.py");
+    assert!(example.ends_with(shown), "{shown}");
+}
+
+/// Installs what is built already, with a stand-in for cargo, and says which name the library was to get.
+fn install(folder: &PtyFolder) -> Result<String, &'static str> {
+    use std::os::unix::fs::PermissionsExt;
+    let (tools, name) = (folder.link("tools"), folder.link("soname"));
+    std::fs::create_dir(&tools).unwrap();
+    let cargo = tools.join("cargo");
+    std::fs::write(
+        &cargo,
+        "#!/bin/sh\nprintf %s \"$HERO_RIL_SONAME\" > \"$SONAME_TO\"\n",
+    )
+    .unwrap();
+    std::fs::set_permissions(&cargo, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let path = std::env::join_paths([tools].into_iter().chain(std::env::split_paths(&path)));
+    let mut install = Command::new(root().join("bindings/c/install.sh"));
+    let profile = if cfg!(debug_assertions) {
+        "dev"
+    } else {
+        "release"
+    };
+    install
+        .arg(folder.link("prefix"))
+        .env("PATH", path.unwrap())
+        .env("SONAME_TO", &name)
+        .env("CARGO_PROFILE", profile)
+        .env("CARGO_TARGET_DIR", built()?.parent().unwrap());
+    ril_tests::languages::run(&mut install).unwrap();
+    Ok(std::fs::read_to_string(name).unwrap())
+}
+
+#[test]
+fn the_installed_library_has_a_versioned_name_and_is_found_by_pkg_config_and_cmake() {
+    let folder = PtyFolder::new();
+    let Some(name) = or_skip("C, installed", install(&folder)) else {
+        return;
+    };
+    assert_eq!(name, "libhero_ril.so.0.1");
+    let prefix = folder.link("prefix");
+    let library = std::fs::canonicalize(prefix.join("lib").join(&name)).unwrap();
+    assert!(library.ends_with("libhero_ril.so.0.1.0"), "{library:?}");
+    let newest = std::fs::canonicalize(prefix.join("lib/libhero_ril.so")).unwrap();
+    assert_eq!(newest, library);
+
+    let mut flags = Command::new("pkg-config");
+    flags
+        .args(["--cflags", "--libs", "hero_ril"])
+        .env("PKG_CONFIG_PATH", prefix.join("lib/pkgconfig"));
+    match flags.output() {
+        Ok(flags) => {
+            let flags = String::from_utf8(flags.stdout).unwrap();
+            assert!(flags.contains("-lhero_ril"), "{flags}");
+        }
+        Err(why) => skip("pkg-config", &why.to_string()),
+    }
+    let source = folder.link("program");
+    std::fs::create_dir(&source).unwrap();
+    std::fs::copy(
+        root().join("examples/c/print_telemetry.c"),
+        source.join("mission.c"),
+    )
+    .unwrap();
+    let page = std::fs::read_to_string(root().join("bindings/c/README.md")).unwrap();
+    let shown = page.split("```cmake\n").nth(1).unwrap();
+    let (shown, _) = shown.split_once("```").unwrap();
+    let project = format!("cmake_minimum_required(VERSION 3.16)\nproject(mission C)\n{shown}");
+    std::fs::write(source.join("CMakeLists.txt"), project).unwrap();
+    let cmake = |arguments: &[&str]| {
+        let mut cmake = Command::new("cmake");
+        cmake.args(arguments).current_dir(&source);
+        cmake.env("CMAKE_PREFIX_PATH", &prefix);
+        ril_tests::languages::run(&mut cmake)
+    };
+    if or_skip("C, by CMake", cmake(&["--version"])).is_none() {
+        return;
+    }
+    cmake(&["-S", ".", "-B", "out"]).unwrap();
+    cmake(&["--build", "out"]).unwrap();
+    starts_and_ends(&source.join("out/mission"));
+    // Another minor version is another library.
+    let project = std::fs::read_to_string(source.join("CMakeLists.txt")).unwrap();
+    std::fs::write(source.join("CMakeLists.txt"), project.replace("0.1", "0.2")).unwrap();
+    let refused = cmake(&["-S", ".", "-B", "other"]).unwrap_err();
+    assert!(
+        refused.contains("compatible with requested version"),
+        "{refused}"
+    );
+}
+
+/// The program starts with the library that it finds.
+fn starts_and_ends(program: &std::path::Path) {
+    let domain = TestDomain::new();
+    let mut printing = Process::spawn(&domain, Command::new(program));
+    printing.wait_for_text("subscribed");
+    printing.signal(Signal::INT);
+    assert_eq!(printing.wait_exit().code(), Some(0));
 }

@@ -7,7 +7,8 @@ use std::path::Path;
 
 use bridge::config::SerialConfig;
 use bridge::shell::serial::SerialPort;
-use dsp_sim::pty::{Link, Pty};
+use dsp_sim::port::Terminal;
+use dsp_sim::pty::{Pty, SymbolicLink};
 use ril_tests::process::WAIT_LIMIT;
 use ril_tests::{PtyFolder, Watchdog};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -100,7 +101,7 @@ fn a_bridge_may_come_and_go_and_hears_only_what_is_said_to_it() {
     let _watchdog = Watchdog::start();
     let folder = PtyFolder::new();
     let mut pty = Pty::open().expect("a pty");
-    let link = Link::create(&folder.link("dsp"), pty.path()).expect("a link");
+    let link = SymbolicLink::create(&folder.link("dsp"), pty.path()).expect("a link");
     let settings = |path: &Path| {
         let terminal = File::open(path).expect("a terminal");
         let settings = tcgetattr(&terminal).expect("settings");

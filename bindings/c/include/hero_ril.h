@@ -28,6 +28,9 @@ typedef enum hero_ril_result {
     HERO_RIL_NOTHING = 1,     /* The time is over, or there is nothing. */
     HERO_RIL_INTERRUPTED = 2, /* A signal came first. Nothing is lost: call again, or end. */
     HERO_RIL_GONE = 3,        /* The client of a request gave it up or died. */
+    HERO_RIL_STARTED = 4,     /* The module was started. */
+    HERO_RIL_STOPPED = 5,     /* The module was stopped. */
+    HERO_RIL_ENDING = 6,      /* SIGINT, SIGTERM or SIGHUP asks the process to end. */
     HERO_RIL_INVALID = -1,    /* An argument makes no sense. */
     HERO_RIL_LAYOUT = -2,     /* The service carries another struct than this program was built with. */
     HERO_RIL_NOT_THERE = -3,  /* No process serves the request, or no schema of the service is there. */
@@ -49,6 +52,14 @@ typedef struct hero_ril_subscriber hero_ril_subscriber;
 typedef struct hero_ril_publisher hero_ril_publisher;
 typedef struct hero_ril_client hero_ril_client;
 typedef struct hero_ril_server hero_ril_server;
+typedef struct hero_ril_module hero_ril_module;
+
+/* What a stop does to a module's work. */
+typedef enum hero_ril_on_stop {
+    HERO_RIL_ABORTS = 0, /* The work ends early: the module is aborted. */
+    HERO_RIL_ENDS = 1,   /* The work may end at any time: the module is stopped, as if it had rested. */
+    HERO_RIL_REFUSES = 2 /* The work cannot be stopped: the stop is refused. */
+} hero_ril_on_stop;
 
 /* Which topic, and the struct that this program expects in it. */
 typedef struct hero_ril_topic {
@@ -221,6 +232,38 @@ static inline int hero_ril_answer(hero_ril_server *server, uint64_t ticket, uint
  * subscribers meanwhile, and do not end it. 16 sources are possible, each handle once; a client counts for each service that it
  * has sent to. */
 int hero_ril_wait(const hero_ril_source *sources, size_t count, int32_t timeout_ms);
+
+/* ---- A module ---- */
+
+/* Becomes the module `name`, one word in lower snake case, with an `id` from 1000 to 9999: publishes "<name>/state" at every change and
+ * at least once a second, and serves "<name>/control", by the rules of docs/modules.md. A second process of the name gets
+ * HERO_RIL_TAKEN. With `takes_signals` other than 0, SIGINT, SIGTERM and SIGHUP end the loop: only one module of a process may take
+ * them. */
+int hero_ril_module_open(hero_ril_robot *robot, const char *name, uint32_t id, int takes_signals, hero_ril_module **out);
+void hero_ril_module_close(hero_ril_module *module);
+
+/* As hero_ril_wait, for at most 13 sources, or none; also serves the control and publishes the state. The first call tells systemd that the
+ * process is ready; later ones keep its watchdog content. After HERO_RIL_STOPPED end what is under way before the next call, which
+ * reports the stop as done. After HERO_RIL_ENDING close everything and return from main. Call it at once after every event. */
+int hero_ril_module_wait(hero_ril_module *module, const hero_ril_source *sources, size_t count, int32_t timeout_ms);
+
+/* As hero_ril_serve; each request is taken once: one that is sent again with the same id gets the reports of the first, and one whose
+ * `begin_by_ns` has passed is refused. HERO_RIL_GONE never comes: carry a request out, and report its end, whether or not its client is
+ * there. */
+int hero_ril_module_serve(hero_ril_robot *robot, const hero_ril_service *service, hero_ril_server **out);
+
+/* Whether the module may command anything: it was started, and neither a stop nor an error has ended that. */
+int hero_ril_module_is_started(hero_ril_module *module);
+
+/* Begins work: `functionality` is the module's own number of what it does, `doing` the same in up to 48 letters of ASCII, `on_stop` a
+ * hero_ril_on_stop. HERO_RIL_NOTHING, and no work begins, when the module was not started. */
+int hero_ril_module_begin(hero_ril_module *module, uint32_t functionality, const char *doing, int on_stop);
+
+/* The work ended as it should. */
+int hero_ril_module_done(hero_ril_module *module);
+
+/* The work ended early, with an error of the module's own from 1000 to 9999: the module is blocked until the next start. */
+int hero_ril_module_fail(hero_ril_module *module, uint32_t error);
 
 /* ---- The robot's own topics and request services ---- */
 

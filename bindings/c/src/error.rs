@@ -37,6 +37,8 @@ pub enum Error {
     Load(#[from] LoadError),
     #[error(transparent)]
     Forked(#[from] Forked),
+    #[error(transparent)]
+    Signal(#[from] runtime::signal::SignalError),
     #[error("the schema cannot be read")]
     Schema(#[from] SchemaError),
     /// The caller's struct is not the one that lies in the topic.

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 /// Types of the C ABI as the header writes them.
-const TYPES: [(&str, &str); 28] = [
+const TYPES: [(&str, &str); 30] = [
     ("*const c_char", "const char *"),
     ("*const c_void", "const void *"),
     ("*mut c_void", "void *"),
@@ -20,6 +20,8 @@ const TYPES: [(&str, &str); 28] = [
     ("*mut Requests", "hero_ril_client *"),
     ("*mut *mut Serving", "hero_ril_server **"),
     ("*mut Serving", "hero_ril_server *"),
+    ("*mut *mut OwnModule", "hero_ril_module **"),
+    ("*mut OwnModule", "hero_ril_module *"),
     ("*const Topic", "const hero_ril_topic *"),
     ("*const Service", "const hero_ril_service *"),
     ("*const Waypoint", "const hero_ril_waypoint *"),
@@ -60,7 +62,9 @@ fn words(text: &str) -> String {
 
 /// By name: the prototype, with single spaces.
 fn of_rust() -> BTreeMap<String, String> {
-    let files = ["mod", "robot", "topics", "requests", "serving", "waiting"];
+    let files = [
+        "mod", "robot", "topics", "requests", "serving", "module", "waiting",
+    ];
     let source: String = files
         .iter()
         .map(|file| read(&format!("src/capi/{file}.rs")))

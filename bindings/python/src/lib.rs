@@ -4,13 +4,16 @@
 //! handle that one thread waits with is busy for the others: pyo3 then raises `RuntimeError`. Servers can be used by several threads at
 //! a time, so that one takes requests and others answer them. A panic becomes `PanicException`.
 
-use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::ffi::OsString;
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd, OwnedFd};
+use std::os::unix::net::UnixStream;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use hero_ril::error::{Error, Kind};
 use hero_ril::joining::join;
+use hero_ril::module::{Event, OwnModule};
 use hero_ril::requests::{Answer, Requests, reason_name, stage_name};
 use hero_ril::service::ServiceName;
 use hero_ril::serving::{Order, Reported, Serving};
@@ -20,10 +23,14 @@ use ipc_types::dynamic::topics;
 use ipc_types::payload::{RequestReport, SharedStruct, WaypointPosition};
 use ipc_types::schema::{Kind as FieldKind, Message};
 use ipc_types::{
-    Descriptor, Domain, DynamicPublisher, DynamicSubscriber, Forked, Ipc, SchedulingRole, Schema,
-    Ticket, Waiter,
+    Descriptor, Domain, DynamicPublisher, DynamicSubscriber, Forked, Ipc, MonotonicNs,
+    SchedulingRole, Schema, Source, Ticket, Waiter,
 };
-use pyo3::exceptions::PyValueError;
+use module_kit::runtime::config::Fault;
+use module_kit::runtime::exit::{self, ExitCode, Failure};
+use module_kit::runtime::signal::Termination;
+use module_kit::{OnStop, SetUp};
+use pyo3::exceptions::{PySystemExit as SystemExit, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyList};
 
@@ -228,29 +235,33 @@ impl Robot {
             size,
         };
         let ipc = self.ipc()?;
-        let publisher = py.detach(|| topic.publisher(ipc)).map_err(raise)?;
-        Ok(Publisher {
-            publisher: Handle::new(publisher),
-        })
+        py.detach(|| Publisher::new(topic.publisher(ipc)?))
+            .map_err(raise)
     }
 
-    #[pyo3(signature = (key, layout_hash=None, schema=None, size=0))]
+    /// With `once` each request is handed on once, as a module serves it.
+    #[pyo3(signature = (key, schema=None, size=0, once=false))]
     fn serve(
         &self,
         py: Python<'_>,
         key: &str,
-        layout_hash: Option<&str>,
         schema: Option<&str>,
         size: usize,
+        once: bool,
     ) -> PyResult<Server> {
         let service = ServiceName {
             key,
-            layout_hash,
+            layout_hash: None,
             schema,
             size,
         };
         let ipc = self.ipc()?;
-        let serving = py.detach(|| Serving::open(ipc, &service)).map_err(raise)?;
+        let open = if once {
+            Serving::open_once
+        } else {
+            Serving::open
+        };
+        let serving = py.detach(|| open(ipc, &service)).map_err(raise)?;
         Ok(Server {
             serving: Mutex::new(Some(serving)),
             waits_on: OnceLock::new(),
@@ -382,35 +393,85 @@ fn fields<'py>(py: Python<'py>, message: &Message) -> PyResult<Bound<'py, PyList
     Ok(list)
 }
 
-#[pyclass(module = "hero_ril._native")]
+/// A publisher with a thread of its own, which gives the latest sample to subscribers that join.
+#[pyclass(module = "hero_ril._native", frozen)]
 struct Publisher {
-    publisher: Handle<DynamicPublisher>,
+    shared: Arc<Mutex<Option<DynamicPublisher>>>,
+    /// Closed to end the thread.
+    end: Mutex<Option<UnixStream>>,
+    maker: Maker,
+}
+
+impl Publisher {
+    fn new(publisher: DynamicPublisher) -> Result<Publisher, Error> {
+        let joins = publisher.descriptor()?.try_clone_to_owned();
+        let failed = |error: std::io::Error| Error::Invalid(format!("no thread: {error}"));
+        let (joins, (end, ended)) = (joins.map_err(failed)?, UnixStream::pair().map_err(failed)?);
+        let shared = Arc::new(Mutex::new(Some(publisher)));
+        let tended = Arc::clone(&shared);
+        let thread = std::thread::Builder::new().name("hero-ril-tend".to_owned());
+        let spawned = thread.spawn(move || {
+            let waiter = Waiter::new();
+            loop {
+                let mut joins = Descriptor::new(joins.as_fd());
+                let mut ended = Descriptor::new(ended.as_fd());
+                let sources: &mut [(bool, &mut dyn Source)] =
+                    &mut [(false, &mut joins), (true, &mut ended)];
+                match waiter.wait(sources, None) {
+                    Ok(wake) if !wake.has(true) => {}
+                    _ => return,
+                }
+                match &mut *lock(&tended) {
+                    Some(publisher) => publisher.tend(),
+                    None => return,
+                }
+            }
+        });
+        spawned.map_err(failed)?;
+        Ok(Publisher {
+            shared,
+            end: Mutex::new(Some(end)),
+            maker: Maker::this_process(),
+        })
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[pymethods]
 impl Publisher {
-    fn publish(&mut self, sample: &[u8]) -> PyResult<u64> {
-        let publisher = self.publisher.get()?;
-        let size = publisher.schema().size();
-        if sample.len() != size {
-            return Err(LayoutError::new_err(format!(
-                "a sample has {size} bytes, {} were given",
-                sample.len()
-            )));
+    fn publish(&self, py: Python<'_>, sample: &[u8]) -> PyResult<u64> {
+        self.maker.check()?;
+        let publish = |publisher: &mut Option<DynamicPublisher>| {
+            let publisher = publisher.as_mut().ok_or_else(closed)?;
+            let size = publisher.schema().size();
+            if sample.len() != size {
+                return Err(LayoutError::new_err(format!(
+                    "a sample has {size} bytes, {} were given",
+                    sample.len()
+                )));
+            }
+            publisher.tend();
+            publisher
+                .publish(|bytes| bytes.copy_from_slice(sample))
+                .map_err(|error| raise(error.into()))
+        };
+        // Python's lock is released only when the thread is at work just now.
+        if let Ok(mut publisher) = self.shared.try_lock() {
+            return publish(&mut publisher);
         }
-        publisher.tend();
-        publisher
-            .publish(|bytes| bytes.copy_from_slice(sample))
-            .map_err(|error| raise(error.into()))
+        py.detach(|| publish(&mut lock(&self.shared)))
     }
 
-    fn tend(&mut self) -> PyResult<()> {
-        self.publisher.get()?.tend();
-        Ok(())
-    }
-
-    fn close(&mut self, py: Python<'_>) {
-        self.publisher.close(py);
+    fn close(&self, py: Python<'_>) {
+        if self.maker.check().is_ok() {
+            py.detach(|| {
+                drop(lock(&self.end).take());
+                drop(lock(&self.shared).take());
+            });
+        }
     }
 }
 
@@ -620,6 +681,191 @@ impl Server {
     }
 }
 
+/// A module: its rules, state and control, and its one wait.
+#[pyclass(module = "hero_ril._native")]
+struct Module {
+    module: Handle<OwnModule>,
+}
+
+#[pymethods]
+impl Module {
+    /// Begins as the module's command line says, and joins its robot: that, and the module. `check` gets the configuration as JSON, and
+    /// returns None, or the keys that lead to a wrong value and what is wrong. Raises `SystemExit` after printing why the process ends.
+    #[staticmethod]
+    fn begin(
+        py: Python<'_>,
+        name: &str,
+        id: u32,
+        words: Vec<OsString>,
+        check: &Bound<'_, PyAny>,
+    ) -> PyResult<(Robot, Module)> {
+        // Once in a process.
+        let leaked: &'static str = name.to_owned().leak();
+        let args = module_kit::options(leaked, words).map_err(|error| {
+            let _ = error.print();
+            SystemExit::new_err(error.exit_code())
+        })?;
+        let mut raised = None;
+        let set_up =
+            SetUp::<toml::Table>::begin_with(&args, &format!("{name}.toml"), |configuration| {
+                fault_of(check, configuration).unwrap_or_else(|error| {
+                    let fault = Fault::at(&[], error.to_string());
+                    raised = Some(error);
+                    Err(fault)
+                })
+            });
+        if let Some(error) = raised {
+            return Err(error);
+        }
+        let set_up = set_up
+            .map_err(end)?
+            .ok_or_else(|| SystemExit::new_err(ExitCode::Ok.code()))?;
+        let ipc = py.detach(|| join(&set_up.domain, set_up.robot.get(), name));
+        let ipc = ipc.map_err(|error| end(Failure::internal(error)))?;
+        let module = Module::of(py, &ipc, name, id, Some(set_up.termination));
+        let robot = Robot {
+            ipc: Some(ipc),
+            maker: Maker::this_process(),
+        };
+        Ok((
+            robot,
+            module.map_err(|error| end(Failure::internal(error)))?,
+        ))
+    }
+
+    /// Without a command line and without signals: within another program.
+    #[new]
+    fn new(py: Python<'_>, robot: &Robot, name: &str, id: u32) -> PyResult<Module> {
+        Module::of(py, robot.ipc()?, name, id, None).map_err(raise)
+    }
+
+    /// Sleeps until the descriptor can be read, something happens with the module, or the time is over: which of them.
+    #[pyo3(signature = (descriptor, timeout_s=None))]
+    fn wait(
+        &mut self,
+        py: Python<'_>,
+        descriptor: i32,
+        timeout_s: Option<f64>,
+    ) -> PyResult<&'static str> {
+        let (module, timeout) = (self.module.get()?, duration(timeout_s)?);
+        let event = py.detach(|| {
+            let mut descriptor = borrowed(descriptor)?;
+            module.wait(&mut [&mut descriptor], timeout)
+        });
+        let event = event.map_err(raise)?;
+        py.check_signals()?;
+        Ok(match event {
+            Event::Ready => "ready",
+            Event::TimedOut => "time",
+            Event::Interrupted => "signal",
+            Event::Started => "started",
+            Event::Stopped => "stopped",
+            Event::Ending => "ending",
+        })
+    }
+
+    /// Whether the module is `started`, `ready` or `working`.
+    fn is_so(&mut self, what: &str) -> PyResult<bool> {
+        let manager = self.module.get()?.manager();
+        Ok(match what {
+            "ready" => manager.is_ready(),
+            "working" => manager.is_working(),
+            _ => manager.is_started(),
+        })
+    }
+
+    fn work(&mut self, functionality: u32, doing: &str, on_stop: &str) -> PyResult<bool> {
+        let on_stop = match on_stop {
+            "aborts" => OnStop::Aborts,
+            "ends" => OnStop::Ends,
+            "refused" => OnStop::Refused,
+            _ => {
+                return Err(PyValueError::new_err(format!(
+                    "`{on_stop}` is none of aborts, ends, refused"
+                )));
+            }
+        };
+        let manager = self.module.get()?.manager();
+        Ok(manager.begin(MonotonicNs::now(), functionality, doing, on_stop))
+    }
+
+    fn done(&mut self) -> PyResult<()> {
+        self.module.get()?.manager().done(MonotonicNs::now());
+        Ok(())
+    }
+
+    fn fail(&mut self, error: u32) -> PyResult<()> {
+        self.module.get()?.manager().fail(MonotonicNs::now(), error);
+        Ok(())
+    }
+
+    fn close(&mut self, py: Python<'_>) {
+        self.module.close(py);
+    }
+}
+
+impl Module {
+    fn of(
+        py: Python<'_>,
+        ipc: &Ipc,
+        name: &str,
+        id: u32,
+        termination: Option<Termination>,
+    ) -> Result<Module, Error> {
+        let module = py.detach(|| OwnModule::open(ipc, name, id, termination))?;
+        Ok(Module {
+            module: Handle::new(module),
+        })
+    }
+}
+
+/// Prints why the process ends, and is the exception that ends it.
+fn end(failure: Failure) -> PyErr {
+    let code = failure.code().code();
+    exit::main_with(|| Err(failure));
+    SystemExit::new_err(code)
+}
+
+/// What `check` says about a configuration.
+fn fault_of(check: &Bound<'_, PyAny>, configuration: &toml::Table) -> PyResult<Result<(), Fault>> {
+    let configuration = serde_json::to_string(configuration)
+        .map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let said = check.call1((configuration,))?;
+    let said: Option<(Vec<String>, String)> = said.extract()?;
+    Ok(match said {
+        None => Ok(()),
+        Some((keys, reason)) => {
+            // Once in a process, which ends after it.
+            let keys: Vec<&'static str> = keys.into_iter().map(|key| &*key.leak()).collect();
+            Err(Fault::at(keys.leak(), reason))
+        }
+    })
+}
+
+/// A descriptor that Python has open.
+fn borrowed<'fd>(descriptor: i32) -> Result<Descriptor<'fd>, Error> {
+    if descriptor < 0 {
+        return Err(Error::Invalid(format!("{descriptor} is no descriptor")));
+    }
+    // SAFETY: the caller keeps it open for the wait; one that is closed is an error of the wait.
+    #[allow(unsafe_code)]
+    Ok(Descriptor::new(unsafe {
+        BorrowedFd::borrow_raw(descriptor)
+    }))
+}
+
+/// Sleeps until the descriptor can be read or the time is over.
+#[pyfunction]
+#[pyo3(signature = (descriptor, timeout_s=None))]
+fn wait_for(py: Python<'_>, descriptor: i32, timeout_s: Option<f64>) -> PyResult<bool> {
+    let is_ready = wait(py, timeout_s, |slice| {
+        let mut descriptor = borrowed(descriptor)?;
+        let wake = Waiter::new().wait(&mut [((), &mut descriptor)], Some(slice))?;
+        Ok(wake.is_ready().then_some(()))
+    })?;
+    Ok(is_ready.is_some())
+}
+
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Robot>()?;
@@ -627,6 +873,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Publisher>()?;
     module.add_class::<Client>()?;
     module.add_class::<Server>()?;
+    module.add_class::<Module>()?;
     let py = module.py();
     module.add("RilError", py.get_type::<RilError>())?;
     module.add("LayoutError", py.get_type::<LayoutError>())?;
@@ -635,6 +882,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("FullError", py.get_type::<FullError>())?;
     module.add_function(wrap_pyfunction!(count_fork, module)?)?;
     module.add_function(wrap_pyfunction!(request_slice, module)?)?;
+    module.add_function(wrap_pyfunction!(wait_for, module)?)?;
     module.add_function(wrap_pyfunction!(stage, module)?)?;
     module.add_function(wrap_pyfunction!(reason, module)?)?;
     module.add_function(wrap_pyfunction!(stage_code, module)?)?;

@@ -1,16 +1,22 @@
 """The package with itself: a publisher and a subscriber in one process. `ril-tests` runs it in shared memory of its own."""
 
 import asyncio
+import contextlib
 import ctypes
 import gc
+import io
+import itertools
+import math
 import multiprocessing
 import os
 import signal
 import subprocess
 import sys
+import textwrap
 import threading
 import time
 import unittest
+import unittest.mock
 
 import hero_ril
 
@@ -229,9 +235,7 @@ class Topics(InRobot):
         thread.start()
         publisher = self.robot.advertise(KEY, Battery)
         publisher.publish(battery(1))
-        while thread.is_alive():
-            thread.join(0.01)
-            publisher.tend()
+        thread.join(WATCHDOG_S)
         self.assertEqual(received, [1])
 
     def test_asyncio(self):
@@ -251,6 +255,214 @@ class Topics(InRobot):
             await publishing
 
         asyncio.run(consume())
+
+
+class Loops(InRobot):
+    KEY = "battery_watch/limits"
+
+    def test_a_timer_keeps_its_grid_and_counts_what_it_leaves_out(self):
+        now_s = 0.0
+        with unittest.mock.patch("hero_ril.loop.time.monotonic", lambda: now_s):
+            timer = hero_ril.every(0.02)
+            for number in range(1, 51):
+                # Sleeps until the tick, and works three quarters of the period.
+                now_s += timer.left_s()
+                self.assertEqual(timer.take(), number)
+                now_s += 0.015
+            self.assertAlmostEqual(now_s, 1.015)
+            now_s += 0.05
+            self.assertEqual((timer.take(), timer.missed), (53, 2))
+            self.assertAlmostEqual(timer.left_s(), 0.015)
+
+    def test_a_loop_calls_its_timers_until_it_is_stopped(self):
+        loop, began, ticks = hero_ril.Loop(), time.monotonic(), []
+
+        def tick():
+            ticks.append(time.monotonic() - began)
+            if len(ticks) == 10:
+                loop.stop()
+
+        loop.every(0.005, tick)
+        loop.run(WATCHDOG_S)
+        self.assertEqual(len(ticks), 10)
+        for number, at in enumerate(ticks, start=1):
+            self.assertGreaterEqual(at, number * 0.005)
+
+    def test_timers_of_a_program_with_a_loop_of_its_own(self):
+        timer, began = hero_ril.every(0.01), time.monotonic()
+        for number in timer:
+            if number >= 10:
+                break
+        self.assertGreaterEqual(time.monotonic() - began, 0.1)
+
+        async def ticks():
+            timer = hero_ril.every(0.01)
+            async for number in timer:
+                if number >= 10:
+                    return
+
+        began = time.monotonic()
+        asyncio.run(ticks())
+        self.assertGreaterEqual(time.monotonic() - began, 0.1)
+        for period_s in (0, -1, float("nan"), float("inf")):
+            with self.assertRaisesRegex(ValueError, "above 0"):
+                hero_ril.every(period_s)
+
+    def test_callbacks_for_samples_orders_and_reports(self):
+        loop, calls = hero_ril.Loop(), []
+        publisher = self.robot.advertise(KEY, Battery)
+
+        def on_report(report):
+            calls.append(report.stage)
+            if report.is_final:
+                loop.stop()
+
+        def on_order(order):
+            calls.append(order.data.least_v)
+            order.done()
+
+        def on_sample(sample):
+            calls.append(sample.sequence)
+            loop.on(self.robot.send(self.KEY, SetLimit(least_v=3.5)), on_report)
+
+        subscriber = loop.on(self.robot.subscribe(KEY, Battery), on_sample)
+        loop.on(self.robot.serve(self.KEY, SetLimit), on_order)
+        publisher.publish(battery(1))
+        loop.run(WATCHDOG_S)
+        self.assertEqual(calls, [1, 3.5, "done"])
+        loop.off(subscriber)
+        publisher.publish(battery(2))
+        loop.run(0.05)
+        self.assertEqual(len(calls), 3)
+
+    def test_a_subscriber_that_joins_gets_the_latest_sample_of_a_publisher_that_does_nothing(self):
+        publisher = self.robot.advertise(KEY, Battery)
+        publisher.publish(battery(3.5))
+        late = self.robot.subscribe(KEY, Battery)
+        self.assertEqual(late.receive(WATCHDOG_S).cells[11].voltage_v, 3.5)
+
+    def test_a_request_is_handed_on_once_where_that_is_asked_for(self):
+        server = self.robot.serve(self.KEY, SetLimit, once=True)
+        with hero_ril.Robot(name="other") as other:
+            other.send(self.KEY, SetLimit(request_id=7, least_v=3.5))
+            order = server.receive(WATCHDOG_S)
+            order.accept()
+        # Its client is gone, and one that asks again gets the reports.
+        self.assertIsNone(server.receive(0.01))
+        self.assertFalse(order.is_vanished)
+        stages = []
+        deadline = time.monotonic() + WATCHDOG_S
+        while stages[-1:] != ["accepted"] and time.monotonic() < deadline:
+            again = self.robot.send(self.KEY, SetLimit(request_id=7, least_v=3.5))
+            self.assertIsNone(server.receive(0.01))
+            stages.append(again.next(WATCHDOG_S).stage)
+        self.assertTrue(order.done())
+        self.assertEqual(again.wait().stage, "done")
+        # From memory.
+        once_more = self.robot.send(self.KEY, SetLimit(request_id=7, least_v=3.5))
+        self.assertIsNone(server.receive(0.01))
+        self.assertEqual(once_more.wait().stage, "done")
+
+
+class Blinker(hero_ril.Module):
+    """Counts what happens with it."""
+
+    name, id = "blinker", 1003
+
+    def open(self):
+        self.happened = []
+
+    def step(self):
+        pass
+
+    def started(self):
+        self.happened.append(("started", self.is_ready, self.begin(1, "blinking", "ends")))
+
+    def stopped(self):
+        self.happened.append(("stopped", self.is_started))
+        self.stop()
+
+
+class Modules(InRobot):
+    def control(self, command):
+        request = hero_ril.structs.ModuleControl(command=command)
+        return self.robot.send("blinker/control", request)
+
+    def test_a_module_within_a_program_is_started_and_stopped_by_the_rules(self):
+        with hero_ril.Robot(name="blinker") as own:
+            module = Blinker.within(own)
+            with self.assertRaisesRegex(hero_ril.TakenError, "already provided by `blinker`"):
+                Blinker.within(own)
+            states = self.robot.subscribe("blinker/state")
+            self.assertFalse(module.begin(1, "too early"))
+            module.run(0.01)
+            start = self.control(hero_ril.structs.ControlCommand.START)
+            module.run(0.05)
+            # The state is there from the first turn, and the start is done.
+            self.assertEqual(start.wait().stage, "done")
+            self.assertTrue(module.is_working)
+            module.done()
+            stop = self.control(hero_ril.structs.ControlCommand.STOP)
+            module.run(WATCHDOG_S)
+            # Done when `stopped` has returned and the module waits again.
+            self.assertIsNone(stop.next(0))
+            module.run(0.01)
+            self.assertEqual(stop.wait().stage, "done")
+            self.assertEqual(module.happened, [("started", True, True), ("stopped", False)])
+            seen = []
+            while (state := states.receive(0)) is not None:
+                seen.append((state.status, bytes(state.doing).rstrip(b"\0")))
+                self.assertEqual(state.module_id, 1003)
+            status = hero_ril.structs.ModuleStatus
+            self.assertEqual(seen[0], (status.WAITING_DATA_TO_START, b""))
+            self.assertIn((status.RUNNING, b"blinking"), seen)
+            self.assertEqual(seen[-1], (status.ENDED, b""))
+
+    def test_ids_and_names_are_those_that_a_module_can_have(self):
+        for name, number, wrong in [("blinker", 1, "1000 to 9999"), ("a/b", 1003, "no name"), ("Blinker", 1003, "key")]:
+            other = type("Other", (Blinker,), {"name": name, "id": number})
+            with self.assertRaisesRegex(ValueError, wrong):
+                other.within(self.robot)
+
+
+class Places(unittest.TestCase):
+    def test_a_moment_of_the_hosts_clock_is_utc(self):
+        moment = hero_ril.utc(time.clock_gettime_ns(time.CLOCK_MONOTONIC) - 10**9)
+        self.assertAlmostEqual(moment.timestamp(), time.time() - 1, delta=0.5)
+        self.assertIsNone(hero_ril.utc(0))
+
+    def test_a_sample_is_a_place_in_degrees(self):
+        sample = hero_ril.HeroTelemetry()
+        sample.geodetic.latitude_rad, sample.geodetic.altitude_m = math.pi / 4, 25
+        self.assertEqual(hero_ril.Place.of(sample), (45, 0, 25))
+
+    def test_a_local_frame_is_as_near_to_the_plane_as_it_says(self):
+        def earth(place):
+            latitude, longitude = math.radians(place.latitude_deg), math.radians(place.longitude_deg)
+            squared, height = 6.69437999014e-3, place.altitude_m
+            normal = 6378137.0 / math.sqrt(1 - squared * math.sin(latitude) ** 2)
+            across = (normal + height) * math.cos(latitude)
+            along = (normal * (1 - squared) + height) * math.sin(latitude)
+            return across * math.cos(longitude), across * math.sin(longitude), along
+
+        for (distance, bound), latitude in itertools.product([(1e3, 0.15), (1e4, 15)], [0, 37.4, -45, 60]):
+            origin = hero_ril.Place(latitude, -6.0, 50)
+            frame = hero_ril.LocalFrame(origin)
+            sine, cosine = math.sin(math.radians(latitude)), math.cos(math.radians(latitude))
+            west, south = math.sin(math.radians(6)), math.cos(math.radians(6))
+            for turn in range(24):
+                north, east = (distance * wave(turn * math.tau / 24) for wave in (math.cos, math.sin))
+                place = frame.place(north, east, 5)
+                back = frame.offset(place)
+                self.assertLess(math.dist(back, (north, east, 5)), 1e-6)
+                x, y, z = (there - here for there, here in zip(earth(place), earth(origin)))
+                plane = (-sine * south * x + sine * west * y + cosine * z, west * x + south * y)
+                self.assertLess(math.dist(plane, (north, east)), bound)
+
+    def test_a_local_frame_crosses_the_date_line(self):
+        frame = hero_ril.LocalFrame(hero_ril.Place(10, 179.9999, 0))
+        self.assertLess(frame.place(0, 100).longitude_deg, -179.99)
+        self.assertAlmostEqual(frame.offset(hero_ril.Place(10, -179.9999, 0)).east_m, 21.93, 2)
 
 
 class Requests(InRobot):
@@ -412,14 +624,53 @@ class Requests(InRobot):
         asyncio.run(both())
 
 
+class Documents(InRobot):
+    def run_block(self, word, **names):
+        """Runs the program of README.md that has the word in it."""
+        folder = os.path.dirname(os.path.abspath(__file__))
+        with open(os.path.join(folder, "../README.md"), encoding="utf-8") as readme:
+            blocks = [part.split("```")[0] for part in readme.read().split("```python\n")[1:]]
+        (block,) = (block for block in blocks if word in block)
+        names.update(hero_ril=hero_ril, ctypes=ctypes, robot=self.robot)
+        exec(textwrap.dedent(block), names)
+        return names
+
+    def test_the_programs_of_the_readme_do_what_it_says(self):
+        publisher = self.robot.advertise("hero_telemetry", hero_ril.HeroTelemetry)
+        publisher.publish(hero_ril.HeroTelemetry())
+        printed = io.StringIO()
+
+        class Loop(hero_ril.Loop):
+            def every(self, period_s, callback):
+                return super().every(period_s, lambda: callback(self))
+
+        with unittest.mock.patch("hero_ril.Loop", Loop), contextlib.redirect_stdout(printed):
+            self.run_block("Loop()", control=lambda loop: loop.stop())
+        self.assertEqual(printed.getvalue(), "0.0\n")
+
+        server, asked = self.robot.serve("movement", hero_ril.structs.MovementData), []
+
+        def serve():
+            with server.receive(WATCHDOG_S) as order:
+                asked.append(order.data.latitude_deg)
+
+        serving = threading.Thread(target=serve)
+        serving.start()
+        self.run_block("LocalFrame")
+        serving.join()
+        self.assertAlmostEqual(asked[0], 20 / 110574, 6)
+
+        struct = self.run_block("temperature_c")["Battery"]
+        self.assertEqual(hero_ril.schema_of(struct), hero_ril.schema_of(Battery))
+
+
 def publish_from_elsewhere(key):
     with hero_ril.Robot(name="child") as robot:
         end = robot.serve("child/end", SetLimit)
         publisher = robot.advertise(key, Battery)
         publisher.publish(battery(7))
         # Until its parent has it.
-        while end.receive(0.05) is None:
-            publisher.tend()
+        end.receive(WATCHDOG_S).done()
 
 
 class Processes(InRobot):
@@ -432,7 +683,6 @@ class Processes(InRobot):
         def in_child():
             for call in (
                 lambda: publisher.publish(battery(1)),
-                publisher.tend,
                 subscriber.receive,
                 subscriber.latest,
                 server.receive,
@@ -480,7 +730,7 @@ with tests.hero_ril.Robot(name="parent") as robot:
         child = multiprocessing.get_context("spawn").Process(target=publish_from_elsewhere, args=[KEY])
         child.start()
         self.assertEqual(subscriber.receive(WATCHDOG_S).cells[11].voltage_v, 7)
-        self.robot.send("child/end", SetLimit())
+        self.robot.send("child/end", SetLimit()).wait()
         child.join()
         self.assertEqual(child.exitcode, 0)
 

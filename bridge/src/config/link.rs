@@ -70,12 +70,11 @@ pub struct LinkConfig {
     /// at least this, and three observed periods.
     #[serde(deserialize_with = "milliseconds")]
     pub silent_after_ms: u64,
-    /// First pause after a start-up that was not answered; doubled up to `start_up_retry_max_ms`.
+    /// Longest time that the first command of a start-up waits for its acknowledgement, after a start-up that was not answered:
+    /// that begins at `ack_timeout_ms` and doubles. A little less than the period of the published state, which then leaves in the
+    /// same wake-up.
     #[serde(deserialize_with = "milliseconds")]
-    pub start_up_retry_min_ms: u64,
-    /// Longest pause after a start-up that was not answered.
-    #[serde(deserialize_with = "milliseconds")]
-    pub start_up_retry_max_ms: u64,
+    pub start_up_retry_ms: u64,
 }
 
 impl Default for LinkConfig {
@@ -85,8 +84,7 @@ impl Default for LinkConfig {
             pc_timeout_ms: 2000,
             ack_timeout_ms: 200,
             silent_after_ms: 1000,
-            start_up_retry_min_ms: 100,
-            start_up_retry_max_ms: 1000,
+            start_up_retry_ms: 900,
         }
     }
 }
@@ -120,13 +118,10 @@ impl LinkConfig {
         Duration::from_millis(self.silent_after_ms)
     }
 
-    /// Pause after `failures` failed start-ups in a row.
-    pub fn start_up_retry(&self, failures: u32) -> Duration {
-        back_off(
-            self.start_up_retry_min_ms,
-            self.start_up_retry_max_ms,
-            failures,
-        )
+    /// How long the first command of a start-up waits for its acknowledgement after `failures` failed start-ups in a row.
+    pub fn start_up_timeout(&self, failures: u32) -> Duration {
+        let longest_ms = self.start_up_retry_ms.max(self.ack_timeout_ms);
+        back_off(self.ack_timeout_ms, longest_ms, failures)
     }
 }
 

@@ -27,7 +27,7 @@
 //! | status | its order ([`DspOrder`]) | arrival | – | – | – |
 //! | flow control 1 | its order | the next waypoint | – | – | – |
 //! | a command acknowledged | its order | verifies a waypoint | – | – | errors cleared |
-//! | error 15, 30, 102, 240 | its order | may be about a waypoint | – | – | – |
+//! | error 15, 30, 100, 102 | its order | may be about a waypoint | – | – | – |
 //! | path buffer empty | – | may send; or done, if flown | done | – | done |
 //! | path buffer not emptied | – | fatal | unknown | – | unknown |
 //! | path dropped | – | fatal | – | – | – |

@@ -32,7 +32,7 @@ const LEAP_MS: u32 = 60_000;
 
 /// What to do after a sample arrived: at most two samples to send, in order.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Verdict<S> {
+pub struct Released<S> {
     /// The DSP's clock restarted before the samples of this verdict.
     pub rebooted: bool,
     /// Samples to send, oldest first.
@@ -41,9 +41,9 @@ pub struct Verdict<S> {
     pub dropped: u32,
 }
 
-impl<S> Verdict<S> {
+impl<S> Released<S> {
     const fn nothing() -> Self {
-        Verdict {
+        Released {
             rebooted: false,
             send: [None, None],
             dropped: 0,
@@ -84,15 +84,15 @@ impl<S> Coherence<S> {
     }
 
     /// Takes the next sample, measured at `time_ms` of the DSP's clock.
-    pub fn arrive(&mut self, time_ms: u32, sample: S) -> Verdict<S> {
+    pub fn arrive(&mut self, time_ms: u32, sample: S) -> Released<S> {
         match self.rule {
             Rule::Immediate => self.arrive_immediate(time_ms, sample),
             Rule::Confirmed => self.arrive_confirmed(time_ms, sample),
         }
     }
 
-    fn arrive_immediate(&mut self, time_ms: u32, sample: S) -> Verdict<S> {
-        let mut verdict = Verdict::nothing();
+    fn arrive_immediate(&mut self, time_ms: u32, sample: S) -> Released<S> {
+        let mut verdict = Released::nothing();
         let held = self.held.take();
         let in_order = |earlier_ms: u32| is_next(earlier_ms, time_ms);
         match (self.last_ms, held) {
@@ -122,8 +122,8 @@ impl<S> Coherence<S> {
         verdict
     }
 
-    fn arrive_confirmed(&mut self, time_ms: u32, sample: S) -> Verdict<S> {
-        let mut verdict = Verdict::nothing();
+    fn arrive_confirmed(&mut self, time_ms: u32, sample: S) -> Released<S> {
+        let mut verdict = Released::nothing();
         if let Some((held_ms, held)) = self.held.take() {
             let confirmed = is_newer(held_ms, time_ms);
             // Two samples in a row below the last one sent: the clock went back for good.

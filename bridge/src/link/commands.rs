@@ -125,12 +125,23 @@ struct Outstanding<P> {
     deadline: MonotonicNs,
 }
 
+/// A command that has not been sent.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Waiting<P> {
+    command: Command,
+    purpose: P,
+    /// No attempt after the first is sent later.
+    until: MonotonicNs,
+    /// How long an attempt waits; `None` if as long as those of every command.
+    timeout: Option<Duration>,
+}
+
 /// Commands on their way to the DSP; `P` says what each is for.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct CommandQueue<P> {
     #[serde(skip)]
     timeout: Duration,
-    waiting: VecDeque<(Command, P, MonotonicNs)>,
+    waiting: VecDeque<Waiting<P>>,
     outstanding: Option<Outstanding<P>>,
     next_number: Sequence,
     /// By code, until when a late acknowledgement may arrive.
@@ -162,6 +173,24 @@ impl<P: Copy> CommandQueue<P> {
         self.push_until(command, purpose, ALWAYS)
     }
 
+    /// Queues a command that is sent once and waits `timeout` for its acknowledgement.
+    ///
+    /// # Errors
+    /// [`QueueFull`]; nothing has changed.
+    pub fn push_once(
+        &mut self,
+        command: Command,
+        purpose: P,
+        timeout: Duration,
+    ) -> Result<(), QueueFull> {
+        self.queue(Waiting {
+            command,
+            purpose,
+            until: MonotonicNs(0),
+            timeout: Some(timeout),
+        })
+    }
+
     /// Queues a command that is not sent again after `until`. The caller takes it back when it has not been sent by then.
     ///
     /// # Errors
@@ -172,10 +201,19 @@ impl<P: Copy> CommandQueue<P> {
         purpose: P,
         until: MonotonicNs,
     ) -> Result<(), QueueFull> {
+        self.queue(Waiting {
+            command,
+            purpose,
+            until,
+            timeout: None,
+        })
+    }
+
+    fn queue(&mut self, waiting: Waiting<P>) -> Result<(), QueueFull> {
         if self.waiting.len() == QUEUE_LEN {
             return Err(QueueFull);
         }
-        self.waiting.push_back((command, purpose, until));
+        self.waiting.push_back(waiting);
         Ok(())
     }
 
@@ -184,7 +222,12 @@ impl<P: Copy> CommandQueue<P> {
         if self.outstanding.is_some() {
             return None;
         }
-        let (command, purpose, until) = self.waiting.pop_front()?;
+        let Waiting {
+            command,
+            purpose,
+            until,
+            timeout,
+        } = self.waiting.pop_front()?;
         let number = self.next_number;
         self.next_number = number.next();
         let sending = Sending { command, number };
@@ -196,7 +239,7 @@ impl<P: Copy> CommandQueue<P> {
             is_certain: now >= self.late_until(command),
             first_sent: now,
             sent: now,
-            deadline: now + self.timeout,
+            deadline: now + timeout.unwrap_or(self.timeout),
         });
         Some(sending)
     }
@@ -249,7 +292,7 @@ impl<P: Copy> CommandQueue<P> {
     /// cannot be called back: the next command waits for its acknowledgement, or until the time of its present attempt is up, so
     /// that the one is not taken for that of the other. It is not sent again.
     pub fn forget(&mut self, unwanted: impl Fn(&P) -> bool) {
-        self.waiting.retain(|(_, purpose, _)| !unwanted(purpose));
+        self.waiting.retain(|waiting| !unwanted(&waiting.purpose));
         if let Some(outstanding) = &mut self.outstanding {
             outstanding.purpose.take_if(|purpose| unwanted(purpose));
         }
@@ -264,13 +307,13 @@ impl<P: Copy> CommandQueue<P> {
     /// Takes back a command that has not been sent; false when it was sent, or is not here.
     pub fn withdraw(&mut self, unwanted: impl Fn(&P) -> bool) -> bool {
         let before = self.waiting.len();
-        self.waiting.retain(|(_, purpose, _)| !unwanted(purpose));
+        self.waiting.retain(|waiting| !unwanted(&waiting.purpose));
         self.waiting.len() < before
     }
 
     /// Whether a command with such a purpose waits or is outstanding.
     pub fn has(&self, wanted: impl Fn(&P) -> bool) -> bool {
-        self.waiting.iter().any(|(_, purpose, _)| wanted(purpose))
+        self.waiting.iter().any(|waiting| wanted(&waiting.purpose))
             || self
                 .outstanding
                 .iter()

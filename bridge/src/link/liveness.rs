@@ -221,11 +221,18 @@ impl Link {
         }
     }
 
-    pub(super) fn start_up_failed(&mut self, now: MonotonicNs) {
+    /// The start-up begins again. Each of its first commands is sent once and waits longer than the one before, so a bridge without a
+    /// DSP wakes about once a second.
+    pub(super) fn start_up_failed(&mut self) {
         self.abandon();
         self.failed_start_ups = self.failed_start_ups.saturating_add(1);
-        let pause = self.config.link.start_up_retry(self.failed_start_ups);
-        self.timers.arm(LinkTimer::StartUpRetry, now + pause);
+        self.state = State::Connecting(StartUp::FIRST);
+        let command = Step::FIRST.command(&self.config, &self.parameters);
+        let timeout = self.config.link.start_up_timeout(self.failed_start_ups);
+        let queued = self
+            .commands
+            .push_once(command, Purpose::StartUp(Step::FIRST), timeout);
+        debug_assert_eq!(queued, Ok(()));
     }
 
     /// Gives up every command and all bytes that have not left.

@@ -52,8 +52,6 @@ timers! {
     enum LinkTimer {
         /// The acknowledgement of the outstanding command.
         Command,
-        /// The next attempt at the start-up.
-        StartUpRetry,
         /// A valid message.
         Silence,
         /// A status in our mask.
@@ -199,7 +197,6 @@ impl Link {
                     self.command_timed_out(now, timeout);
                 }
             }
-            LinkTimer::StartUpRetry => self.begin_start_up(now),
             LinkTimer::Silence => self.silence(now),
             LinkTimer::Status => self.status_overdue(now),
             LinkTimer::KeepAlive => self.keep_alive(now),
@@ -420,7 +417,7 @@ impl Link {
         increment(&mut self.health.commands_failed);
         self.is_changed = true;
         match purpose {
-            Purpose::StartUp(_) => self.start_up_failed(now),
+            Purpose::StartUp(_) => self.start_up_failed(),
             // Something else may have arrived meanwhile; then the link is not lost.
             Purpose::Probe if self.is_up() => {}
             Purpose::Probe => {

@@ -31,8 +31,8 @@ use serial::SerialPort;
 /// Bytes of one read. At 115200 baud a third of a second; at most 32 full status frames.
 const READ_LEN: usize = 4096;
 
-/// A read that brings fewer bytes has emptied the line: while more than its queue of 4095 bytes waits for a terminal, the kernel
-/// keeps that queue full.
+/// A read that brings fewer bytes has emptied the line, unless there was a backlog: of that a terminal's queue holds 4095 bytes, and a
+/// worker of the kernel, which may be late, brings the rest.
 const SHORT_READ: usize = 2048;
 
 /// Bytes that are taken from the line before requests and deadlines have their turn: 5.7 s at 115200 baud. A terminal keeps
@@ -232,7 +232,9 @@ impl Shell<'_> {
                 Ok(count) => {
                     len += count;
                     let waits = || serves || self.bridge.deadline() <= MonotonicNs::now();
-                    if count < SHORT_READ || len + READ_LEN > DRAIN_LEN || !waits() {
+                    let is_empty =
+                        || count < SHORT_READ && !(len >= SHORT_READ && port.brings_more());
+                    if !waits() || len + READ_LEN > DRAIN_LEN || is_empty() {
                         break None;
                     }
                 }

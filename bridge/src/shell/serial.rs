@@ -15,13 +15,20 @@ use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FlockOperation, OFlags, flock};
 use rustix::io::Errno;
 use rustix::termios::{OptionalActions, QueueSelector, Termios, tcflush, tcgetattr, tcsetattr};
 use serialport::TTYPort;
 
-use self::holders::{Hold, Holder, Holders, Occupant, Terminal};
+use self::holders::{Hold, Holder, Holders, Occupant, TerminalDevice};
 use crate::config::SerialConfig;
+
+/// How long the kernel's worker may take to bring the next bytes of a backlog to the terminal's queue.
+const BACKLOG_COMES: Timespec = Timespec {
+    tv_sec: 0,
+    tv_nsec: 10_000_000,
+};
 
 /// Why a port could not be opened. Each says what the operator can do.
 #[derive(Debug, thiserror::Error)]
@@ -135,7 +142,7 @@ impl SerialPort {
         let port = config.port.as_path();
         let metadata = std::fs::metadata(port);
         metadata.is_ok_and(|metadata| {
-            Terminal::new(port, &metadata).is_some_and(|terminal| terminal.is_pty())
+            TerminalDevice::new(port, &metadata).is_some_and(|terminal| terminal.is_pty())
         })
     }
 
@@ -153,6 +160,13 @@ impl SerialPort {
                 Err(errno) => return Err(Gone(errno.to_string())),
             }
         }
+    }
+
+    /// Whether the kernel brings more of a backlog within 10 ms.
+    pub fn brings_more(&self) -> bool {
+        let mut line = [PollFd::new(&self.file, PollFlags::IN)];
+        let ready = poll(&mut line, Some(&BACKLOG_COMES));
+        ready.is_ok_and(|count| count > 0)
     }
 
     /// Writes what the device takes now; 0 when it takes nothing.
@@ -228,8 +242,8 @@ fn configure(port: &Path, file: &File, baud_rate: u32) -> Result<TTYPort, OpenEr
 
 /// Checks that the device at `port`, to which `metadata` belongs, is a terminal that no other process uses.
 fn check_free(port: &Path, metadata: &Metadata) -> Result<(), OpenError> {
-    let terminal =
-        Terminal::new(port, metadata).ok_or_else(|| OpenError::NotATerminal(port.to_owned()))?;
+    let terminal = TerminalDevice::new(port, metadata)
+        .ok_or_else(|| OpenError::NotATerminal(port.to_owned()))?;
     let holders = Holders::find(&terminal).map_err(|error| cannot_open(port, error))?;
     match holders.occupant(std::process::id()) {
         Some(by) => Err(OpenError::InUse {
@@ -244,7 +258,7 @@ fn check_free(port: &Path, metadata: &Metadata) -> Result<(), OpenError> {
 fn refused_by_its_holder(port: &Path) -> OpenError {
     let terminal = std::fs::metadata(port)
         .ok()
-        .and_then(|metadata| Terminal::new(port, &metadata));
+        .and_then(|metadata| TerminalDevice::new(port, &metadata));
     let holders = terminal.and_then(|terminal| Holders::find(&terminal).ok());
     let occupant = holders.and_then(|holders| holders.occupant(std::process::id()));
     OpenError::InUse {

@@ -49,7 +49,7 @@ enum Motion {
     /// It slows down straight ahead, to rest or to descend.
     Brake { velocity_mps: Vector, descend: bool },
     /// It flies along a line.
-    Leg(Leg),
+    Leg(GuidedLeg),
     /// It goes over from one line to the next.
     Blend {
         velocity_mps: Vector,
@@ -57,7 +57,7 @@ enum Motion {
         left_s: f64,
         /// Where the blend ends, and how it goes on.
         exit_m: Vector,
-        next: Leg,
+        next: GuidedLeg,
     },
     /// It sinks through the ground.
     Descend { speed_mps: f64 },
@@ -65,7 +65,7 @@ enum Motion {
 
 /// A line that is being flown.
 #[derive(Clone, Copy, Debug)]
-struct Leg {
+struct GuidedLeg {
     /// Nothing for a climb, which no waypoint asked for.
     number: Option<u64>,
     target_m: Vector,
@@ -172,7 +172,7 @@ impl Guidance {
 
     fn start_leg(&mut self, number: Option<u64>, target_m: Vector) {
         self.number = number;
-        self.motion = Motion::Leg(Leg {
+        self.motion = Motion::Leg(GuidedLeg {
             number,
             target_m,
             line: Line::between(self.position_m, target_m),
@@ -209,7 +209,13 @@ impl Guidance {
         0.0
     }
 
-    fn follow(&mut self, path: &PathBuffer, limits: &Limits, mut leg: Leg, left_s: f64) -> f64 {
+    fn follow(
+        &mut self,
+        path: &PathBuffer,
+        limits: &Limits,
+        mut leg: GuidedLeg,
+        left_s: f64,
+    ) -> f64 {
         let to_go_m = (leg.target_m - self.position_m).dot(leg.line.direction);
         let next = next_point(path, &leg);
         let speed_mps = leg.speed_mps;
@@ -258,7 +264,7 @@ impl Guidance {
     }
 
     /// Begins to round the corner at the end of `leg`, which is `to_go_m` away.
-    fn start_blend(&mut self, leg: &Leg, to_go_m: f64, next: PathPoint, line: Line) {
+    fn start_blend(&mut self, leg: &GuidedLeg, to_go_m: f64, next: PathPoint, line: Line) {
         let left_s = 2.0 * to_go_m / leg.speed_mps;
         let change_mps = (line.direction - leg.line.direction) * leg.speed_mps;
         self.number = Some(next.number);
@@ -268,7 +274,7 @@ impl Guidance {
             acceleration_mps2: change_mps * (1.0 / left_s.max(1e-9)),
             left_s,
             exit_m: leg.target_m + line.direction * to_go_m,
-            next: Leg {
+            next: GuidedLeg {
                 number: Some(next.number),
                 target_m: next.position_m,
                 line,
@@ -336,7 +342,7 @@ impl LegEnd {
 }
 
 /// The speed at the end of the leg that is being flown, such that every corner after it can be met.
-fn corner_speed(path: &PathBuffer, limits: &Limits, leg: &Leg, to_go_m: f64) -> LegEnd {
+fn corner_speed(path: &PathBuffer, limits: &Limits, leg: &GuidedLeg, to_go_m: f64) -> LegEnd {
     let mut points = [leg.target_m; PATH_PLACES + 1];
     let mut last = 0;
     if next_point(path, leg).is_some() {
@@ -373,7 +379,7 @@ fn corner_speed(path: &PathBuffer, limits: &Limits, leg: &Leg, to_go_m: f64) -> 
 
 /// The greatest speed at the corner for which the leg's present speed is not too high: a waypoint that is appended late
 /// finds the point already braking to stop.
-fn reachable_speed(limits: &Limits, leg: &Leg, corner: &Corner, to_go_m: f64) -> f64 {
+fn reachable_speed(limits: &Limits, leg: &GuidedLeg, corner: &Corner, to_go_m: f64) -> f64 {
     let brake_mps2 = limits.acceleration_along(leg.line.direction);
     let sharpness = corner.turn * brake_mps2 / corner.acceleration_mps2 - 1.0;
     if sharpness <= 1e-6 {
@@ -384,7 +390,7 @@ fn reachable_speed(limits: &Limits, leg: &Leg, corner: &Corner, to_go_m: f64) ->
 }
 
 /// The waypoint after `leg`, unless the helicopter has yet to reach one before it.
-fn next_point(path: &PathBuffer, leg: &Leg) -> Option<PathPoint> {
+fn next_point(path: &PathBuffer, leg: &GuidedLeg) -> Option<PathPoint> {
     let number = leg.number?;
     if path.front().is_some_and(|first| first.number < number) {
         return None;

@@ -6,8 +6,7 @@ use std::time::Duration;
 use altitude_guard::{Guard, Notice, watch};
 use ipc_types::TelemetryGroup;
 use ipc_types::payload::HeroTelemetry;
-use ril_tests::process::Signal;
-use ril_tests::{Chain, Process, Recording, Script, StandInStatus, TestDomain, chain};
+use ril_tests::{Process, Recording, Sandbox, Script, StandInStatus, TestDomain, sandbox};
 
 /// Longer than any flight here, so that nothing counts as silence.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -128,29 +127,24 @@ fn the_program_follows_a_status_that_dies_and_comes_back() {
     drop(first);
     let _second = publish(down);
     guard.wait_for_text("below the limit again");
-    let finished = guard.wait_exit();
-    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    guard.exits(0);
 }
 
 #[test]
 fn the_program_bears_a_bridge_that_is_killed_in_flight() {
-    let Some(ril) = chain::installed_or_skip() else {
+    let Some(ril) = sandbox::installed_or_skip() else {
         return;
     };
-    let domain = TestDomain::new();
-    let mut chain = Chain::start(&domain, &ril);
-    let mut guard = program(&domain);
-    for command in [&["start"][..], &["takeoff", "--altitude", "4"]] {
-        assert_eq!(chain.run(&domain, command).code(), Some(0));
-    }
+    let sandbox = Sandbox::of(ril);
+    let mut robot = sandbox.start_robot(1, 1);
+    let mut guard = program(&sandbox.domain);
+    sandbox.run("start", 0);
+    sandbox.run("takeoff --altitude 4", 0);
     guard.wait_for_text("above the limit");
-    chain.bridge.signal(Signal::KILL);
-    chain.bridge.wait_exit();
-    chain.restart_bridge(&domain);
-    for command in [&["start"][..], &["land"]] {
-        assert_eq!(chain.run(&domain, command).code(), Some(0));
-    }
+    robot.restart_bridge(&sandbox);
+    sandbox.run("start", 0);
+    sandbox.run("land", 0);
     guard.wait_for_text("landed");
-    assert_eq!(guard.wait_exit().code(), Some(0));
-    chain.end();
+    guard.exits(0);
+    robot.end();
 }

@@ -169,7 +169,7 @@ impl Work for BatteryWatch {
         if watch.is_low && manager.is_ready() {
             let land = MovementData::land(fresh_request_id()).preempting();
             match movement.send(&land) {
-                Ok(()) => _ = manager.begin(now, LANDING, "landing", OnStop::Refused),
+                Ok(_) => _ = manager.begin(now, LANDING, "landing", OnStop::Refused),
                 Err(_) => manager.fail(now, NOT_LANDED),
             }
         }

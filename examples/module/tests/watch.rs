@@ -11,7 +11,7 @@ use ipc_types::{
 };
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{
-    Answer, Chain, Process, Received, Script, StandInBridge, StandInStatus, TestDomain, chain,
+    Answer, Process, Received, Sandbox, Script, StandInBridge, StandInStatus, TestDomain, sandbox,
 };
 
 /// The module as a process, and an operator beside it.
@@ -142,8 +142,7 @@ impl Rig {
 
     fn end(mut self) {
         self.module.signal(Signal::TERM);
-        let finished = self.module.wait_exit();
-        assert_eq!(finished.code(), Some(0), "{finished:#?}");
+        self.module.exits(0);
     }
 }
 
@@ -251,8 +250,7 @@ fn the_limit_is_set_by_request_and_each_request_counts_once() {
 fn a_second_one_of_the_same_robot_is_refused_by_name() {
     let rig = Rig::new();
     let mut second = Process::start::<&str>(&rig.domain, env!("CARGO_BIN_EXE_battery-watch"), []);
-    let finished = second.wait_exit();
-    assert_eq!(finished.code(), Some(1));
+    let finished = second.exits(1);
     let errors = finished.stderr.join("\n");
     assert!(
         errors.contains("already provided by `battery_watch`"),
@@ -263,39 +261,27 @@ fn a_second_one_of_the_same_robot_is_refused_by_name() {
 
 #[test]
 fn in_the_real_chain_ril_sees_the_topic_and_the_helicopter_lands() {
-    let Some(ril) = chain::installed_or_skip() else {
+    let Some(ril) = sandbox::installed_or_skip() else {
         return;
     };
-    let domain = TestDomain::new();
-    let chain = Chain::start(&domain, &ril);
-    let mut module = module(&domain);
-    let mut operator = Operator::join(&domain.join("operator"));
+    let sandbox = Sandbox::of(ril);
+    let robot = sandbox.start_robot(1, 1);
+    let mut module = module(&sandbox.domain);
+    let mut operator = Operator::join(&sandbox.domain.join("operator"));
     operator.wait_for_cells(|_| true);
-    let run = |command: &[&str]| {
-        let finished = chain.run(&domain, command);
-        assert_eq!(finished.code(), Some(0), "{finished:#?}");
-        finished.stdout.join("\n")
-    };
-    let topics = run(&["topic", "list"]);
+    let run = |command: &str| sandbox.run(command, 0).stdout.join("\n");
+    let topics = run("topic list");
     assert!(topics.contains("battery_watch/cells") && topics.contains("battery_watch/state"));
-    let info = run(&["topic", "info", "battery_watch/cells"]);
+    let info = run("topic info battery_watch/cells");
     let field = info.lines().find(|line| line.contains("mean_v"));
     assert!(field.is_some_and(|line| line.contains("[V]")), "{info}");
-    let echo = [
-        "topic",
-        "echo",
-        "battery_watch/cells",
-        "--count",
-        "1",
-        "--json",
-    ];
-    assert!(run(&echo).contains("\"cells\":6"));
+    let echo = run("topic echo battery_watch/cells --count 1 --json");
+    assert!(echo.contains("\"cells\":6"));
 
-    run(&["start"]);
-    run(&["takeoff", "--altitude", "4"]);
-    run(&["start", "--module", "battery_watch"]);
-    let again = chain.run(&domain, &["start", "--module", "battery_watch"]);
-    assert_eq!(again.code(), Some(5), "{again:#?}");
+    run("start");
+    run("takeoff --altitude 4");
+    run("start --module battery_watch");
+    sandbox.run("start --module battery_watch", 5);
     let set = SetLimit {
         request_id: fresh_request_id(),
         limit_v: 4.2,
@@ -303,16 +289,16 @@ fn in_the_real_chain_ril_sees_the_topic_and_the_helicopter_lands() {
     assert_eq!(answer(&ask(&mut operator.limits, &set)), DONE);
     operator.wait_for_state(|state| state.functionality == LANDING);
     operator.wait_for_state(|state| state.status() == Some(ModuleStatus::Ended));
-    let mut telemetry = domain
+    let mut telemetry = sandbox
+        .domain
         .join("witness")
         .subscriber::<HeroTelemetry>()
         .unwrap();
     telemetry.wait(WAIT_LIMIT).unwrap();
     assert!(!telemetry.latest().unwrap().unwrap().is_flying());
-    run(&["stop", "--module", "battery_watch"]);
+    run("stop --module battery_watch");
     module.signal(Signal::TERM);
-    assert_eq!(module.wait_exit().code(), Some(0));
-    let absent = chain.run(&domain, &["stop", "--module", "battery_watch"]);
-    assert_eq!(absent.code(), Some(3), "{absent:#?}");
-    chain.end();
+    module.exits(0);
+    sandbox.run("stop --module battery_watch", 3);
+    robot.end();
 }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, SharedStruct};
 use ipc_types::{MonotonicNs, RobotId, Schema, Topic};
-use recording::read::{Bytes, check, summary_of};
+use recording::read::{RecordFile, check, summary_of};
 use recording::{Action, Anchor, Channel, ChannelId, FlightInfo, Recorder, Settings};
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -31,7 +31,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
 
     let began = Instant::now();
-    let summary = summary_of(&mut File::open(&path)?)?;
+    let summary = summary_of(&RecordFile::open(&path)?)?;
     let topics = summary.topics.len();
     println!(
         "summary: {topics} topics, {:.1} ms",
@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
 
     let began = Instant::now();
-    let checked = check(&Bytes::open(&path)?);
+    let checked = check(&RecordFile::open(&path)?);
     let chunks = checked.whole_chunks;
     println!(
         "check: {chunks} chunks, {:.1} ms",
@@ -60,7 +60,7 @@ fn anchor(now: MonotonicNs) -> Anchor {
 fn channel<T: Topic>(recorder: &mut Recorder) -> Option<ChannelId> {
     let schema = Schema::of::<T>();
     recorder.channel(Channel {
-        topic: format!("/robot1/{}", T::KEY),
+        topic: format!("/robot1/{}", T::KEY.replace('_', "/")),
         schema_name: schema.ros_resource_name(),
         schema_text: ipc_types::schema::text(T::LAYOUT),
         metadata: [].into(),

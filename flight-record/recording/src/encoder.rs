@@ -174,7 +174,7 @@ impl Encoder {
 
     /// The time by which a message lies in the file: its own, but not before earlier messages of its topic.
     fn in_order_of_topic(&mut self, entry: &Entry) -> u64 {
-        let time_ns = self.anchor.unix_ns_of(entry.order_at);
+        let time_ns = self.anchor.unix_ns_of(entry.at);
         let (_, latest_ns) = &mut self.channels[usize::from(entry.channel.0)];
         *latest_ns = time_ns.max(*latest_ns);
         *latest_ns

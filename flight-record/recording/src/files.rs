@@ -14,11 +14,10 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 
 use crate::action::{Action, DiskError, DiskErrorKind};
-use crate::file::OpenFile;
+use crate::encoder::Encoder;
 use crate::inbox::Inbox;
 use crate::notes::{Trouble, split_event};
 use crate::settings::{Anchor, FlightInfo, Settings};
-use crate::totals::Totals;
 
 /// Between two attempts after the disk did not take something.
 pub const RETRY_PERIOD: Duration = Duration::from_secs(5);
@@ -38,7 +37,7 @@ pub(crate) struct Files {
     is_ending: bool,
     file: Option<OpenFile>,
     /// What is to be done next; the first one is outstanding if `is_outstanding`.
-    steps: VecDeque<Step>,
+    steps: VecDeque<FileStep>,
     is_outstanding: bool,
     trouble: Option<Trouble>,
     next_index: u32,
@@ -56,7 +55,7 @@ enum Goal {
 
 /// An action, and what it means that it was done.
 #[derive(Debug)]
-struct Step {
+struct FileStep {
     action: Action,
     then: Then,
 }
@@ -68,8 +67,8 @@ enum Then {
     Written(u64),
     Synced,
     Closed,
-    /// Failures are ignored: the file failed already. What it has of a chunk lies within its filler.
-    CleanedUp,
+    /// A failure is ignored: the file failed already. What it has of a chunk lies within its filler.
+    LastSynced,
     GivenUp,
 }
 
@@ -112,7 +111,8 @@ impl Files {
             return;
         };
         match (result, step.then) {
-            (Ok(()), _) | (Err(_), Then::CleanedUp | Then::GivenUp) => self.succeed(),
+            (Err(_), Then::LastSynced) => drop(self.steps.pop_front()),
+            (Ok(()), _) | (Err(_), Then::GivenUp) => self.succeed(),
             (Err(error), _) => self.fail(&error),
         }
     }
@@ -203,7 +203,7 @@ impl Files {
                 }
             }
             Then::Written(len) => self.written(len),
-            Then::Synced => {
+            Then::Synced | Then::LastSynced => {
                 self.totals.synced += self.file.as_mut().map_or(0, OpenFile::synced);
             }
             Then::Closed => {
@@ -214,7 +214,6 @@ impl Files {
                     Goal::End | Goal::Ended => self.ended(),
                 }
             }
-            Then::CleanedUp => {}
             Then::GivenUp => self.without_file(),
         }
     }
@@ -256,7 +255,7 @@ impl Files {
             Some(file) if file.is_created => {
                 let messages = file.messages;
                 let is_whole = false;
-                self.then(Action::Sync, Then::CleanedUp);
+                self.then(Action::Sync, Then::LastSynced);
                 self.then(Action::Close { is_whole, messages }, Then::GivenUp);
                 // The file is closed at once; only the next one waits.
                 self.set_retry(None);
@@ -299,4 +298,72 @@ impl Files {
         }
         self.set_retry(Some(self.now + RETRY_PERIOD));
     }
+}
+
+/// The file that is being written.
+#[derive(Debug)]
+pub(crate) struct OpenFile {
+    /// Gone when the rest of the file was made.
+    pub(crate) encoder: Option<Encoder>,
+    pub(crate) index: u32,
+    /// Whether it was created; before that there is nothing to close.
+    pub(crate) is_created: bool,
+    /// When it was begun.
+    pub(crate) begun: MonotonicNs,
+    /// Bytes that the disk has taken as a whole.
+    pub(crate) len: u64,
+    /// Messages that the disk has taken.
+    pub(crate) messages: u64,
+    /// Messages of these that were not forced onto the disk yet.
+    pub(crate) unsynced: u64,
+    /// When the oldest of them was written.
+    pub(crate) unsynced_since: Option<MonotonicNs>,
+}
+
+impl OpenFile {
+    pub(crate) fn new(encoder: Encoder, index: u32, begun: MonotonicNs) -> OpenFile {
+        OpenFile {
+            encoder: Some(encoder),
+            index,
+            is_created: false,
+            begun,
+            len: 0,
+            messages: 0,
+            unsynced: 0,
+            unsynced_since: None,
+        }
+    }
+
+    /// The disk has taken the file up to `len`, with more `messages`.
+    pub(crate) fn written(&mut self, len: u64, messages: u64, now: MonotonicNs) {
+        self.len = len;
+        self.messages += messages;
+        self.unsynced += messages;
+        self.unsynced_since.get_or_insert(now);
+    }
+
+    /// All that was written was forced onto the disk; gives how many messages.
+    pub(crate) fn synced(&mut self) -> u64 {
+        self.unsynced_since = None;
+        std::mem::take(&mut self.unsynced)
+    }
+}
+
+/// Counts of a recorder since its start. `added = written + waiting + dropped`. Events are not counted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Totals {
+    /// Messages that were added, the dropped ones included.
+    pub added: u64,
+    /// Messages that the disk has taken.
+    pub written: u64,
+    /// Messages that were forced onto the disk, of those that were written.
+    pub synced: u64,
+    /// Messages that wait in memory.
+    pub waiting: u64,
+    /// Messages that were dropped.
+    pub dropped: u64,
+    /// Bytes that the disk has taken, endings and indexes included.
+    pub bytes: u64,
+    /// Files that were begun.
+    pub files: u32,
 }

@@ -1,13 +1,14 @@
 //! [`Inbox`]: what comes in to be recorded, and the events that say what was lost of it.
 
+use std::collections::HashMap;
+
 use ipc_types::{MonotonicNs, RobotId};
 
-use crate::channels::Channels;
 use crate::event::Event;
 use crate::event_message;
 use crate::notes::loss_event;
-use crate::queue::{Entry, Queue};
-use crate::settings::ChannelId;
+use crate::queue::{Entry, MessageQueue};
+use crate::settings::{Channel, ChannelId};
 
 /// The channel of the recording's own events is the first one.
 const EVENTS: ChannelId = ChannelId(0);
@@ -16,7 +17,7 @@ const EVENTS: ChannelId = ChannelId(0);
 #[derive(Debug)]
 pub(crate) struct Inbox {
     pub(crate) channels: Channels,
-    pub(crate) queue: Queue,
+    pub(crate) queue: MessageQueue,
     event_sequence: u32,
 }
 
@@ -27,7 +28,7 @@ impl Inbox {
         let _ = channels.add(event_message::channel(robot));
         Inbox {
             channels,
-            queue: Queue::new(queue_bytes),
+            queue: MessageQueue::new(queue_bytes),
             event_sequence: 0,
         }
     }
@@ -42,8 +43,7 @@ impl Inbox {
     ) {
         self.queue.push(Entry {
             channel,
-            at,
-            order_at: at.min(now),
+            at: at.min(now),
             added: now,
             sequence,
             data: cdr.to_vec(),
@@ -56,8 +56,7 @@ impl Inbox {
         self.event_sequence = self.event_sequence.wrapping_add(1);
         self.queue.push(Entry {
             channel: EVENTS,
-            at: event.at,
-            order_at: event.at.min(now),
+            at: event.at.min(now),
             added: now,
             sequence: self.event_sequence,
             data: event_message::write(event),
@@ -78,5 +77,42 @@ impl Inbox {
             let event = loss_event(now, self.channels.topic(channel), loss);
             self.event(now, &event);
         }
+    }
+}
+
+/// Channels of a recording, its own events included. A robot has some twenty topics.
+pub const MAX_CHANNELS: usize = 4096;
+
+/// The channels of a recording.
+#[derive(Debug, Default)]
+pub(crate) struct Channels {
+    list: Vec<Channel>,
+    ids: HashMap<Channel, ChannelId>,
+}
+
+impl Channels {
+    /// The id of a channel; the same one when it is known already, `None` if there are [`MAX_CHANNELS`].
+    pub(crate) fn add(&mut self, channel: Channel) -> Option<ChannelId> {
+        if let Some(known) = self.ids.get(&channel) {
+            return Some(*known);
+        }
+        if self.list.len() >= MAX_CHANNELS {
+            return None;
+        }
+        let id = ChannelId(self.list.len() as u16);
+        self.list.push(channel.clone());
+        self.ids.insert(channel, id);
+        Some(id)
+    }
+
+    /// All of them; an id is the place in it.
+    pub(crate) fn all(&self) -> &[Channel] {
+        &self.list
+    }
+
+    /// The topic of a channel.
+    pub(crate) fn topic(&self, id: ChannelId) -> &str {
+        let channel = self.list.get(usize::from(id.0));
+        channel.map_or("", |channel| &channel.topic)
     }
 }

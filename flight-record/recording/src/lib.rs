@@ -35,18 +35,16 @@
 //!
 //! assert!(recording::read::check(&file).is_complete);
 //! let found: Vec<_> = recording::read::messages(&file).collect::<Result<_, _>>()?;
-//! assert_eq!((found[0].topic, found[0].log_time_ns), ("/robot1/height", anchor.unix_ns));
-//! assert_eq!(found[0].data, message);
+//! assert_eq!((found[0].topic(), found[0].log_time_ns), ("/robot1/height", anchor.unix_ns));
+//! assert_eq!(found[0].data(), message);
 //! # Ok::<(), recording::read::ReadError>(())
 //! ```
 
 mod action;
-mod channels;
 mod encoder;
 mod ending;
 mod event;
 mod event_message;
-mod file;
 mod files;
 mod inbox;
 mod notes;
@@ -56,13 +54,11 @@ pub mod read;
 mod recorder;
 mod settings;
 mod sink;
-mod totals;
 
 pub use action::{Action, DiskError, DiskErrorKind, Part};
-pub use channels::MAX_CHANNELS;
 pub use event::{Event, EventKind};
-pub use files::RETRY_PERIOD;
+pub use files::{RETRY_PERIOD, Totals};
+pub use inbox::MAX_CHANNELS;
 pub use notes::FILE_METADATA;
 pub use recorder::Recorder;
 pub use settings::{Anchor, Attachment, Channel, ChannelId, FlightInfo, Settings};
-pub use totals::Totals;

@@ -1,4 +1,4 @@
-//! [`Queue`]: messages that wait for the disk, and the count of those that found no room.
+//! [`MessageQueue`]: messages that wait for the disk, and the count of those that found no room.
 
 use std::collections::{BTreeMap, VecDeque};
 
@@ -16,10 +16,8 @@ const EVENT_RESERVE: usize = 2 << 20;
 #[derive(Debug)]
 pub(crate) struct Entry {
     pub(crate) channel: ChannelId,
-    /// The time in the message.
+    /// The time in the message: not later than its arrival, whatever it says itself.
     pub(crate) at: MonotonicNs,
-    /// The time by which it lies in the file: not later than its arrival, whatever it says itself.
-    pub(crate) order_at: MonotonicNs,
     pub(crate) added: MonotonicNs,
     pub(crate) sequence: u32,
     pub(crate) data: Vec<u8>,
@@ -43,7 +41,7 @@ pub(crate) struct Loss {
 /// The one bound of a recorder. When it is reached, new messages are dropped and counted until a quarter is free, so that losses
 /// come in few long gaps.
 #[derive(Debug)]
-pub(crate) struct Queue {
+pub(crate) struct MessageQueue {
     entries: VecDeque<Entry>,
     bytes: usize,
     messages: u64,
@@ -55,9 +53,9 @@ pub(crate) struct Queue {
     in_flight: usize,
 }
 
-impl Queue {
-    pub(crate) fn new(limit: usize) -> Queue {
-        Queue {
+impl MessageQueue {
+    pub(crate) fn new(limit: usize) -> MessageQueue {
+        MessageQueue {
             entries: VecDeque::new(),
             bytes: 0,
             messages: 0,
@@ -165,9 +163,9 @@ impl Queue {
     /// Drops all that waits.
     pub(crate) fn clear(&mut self) {
         self.dropped += self.messages;
-        *self = Queue {
+        *self = MessageQueue {
             dropped: self.dropped,
-            ..Queue::new(self.limit)
+            ..MessageQueue::new(self.limit)
         };
     }
 }

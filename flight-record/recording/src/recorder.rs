@@ -4,10 +4,9 @@ use ipc_types::MonotonicNs;
 
 use crate::action::{Action, DiskError};
 use crate::event::Event;
-use crate::files::Files;
+use crate::files::{Files, Totals};
 use crate::notes::clock_event;
 use crate::settings::{Anchor, Channel, ChannelId, FlightInfo, Settings};
-use crate::totals::Totals;
 
 /// Makes the files of a recording out of messages.
 ///
@@ -47,8 +46,8 @@ impl Recorder {
 
     /// Records a message: `cdr` is the message with its header of four bytes, `at` the time in it.
     ///
-    /// `at` becomes its `publish_time`. Its `log_time` is the same, or later when messages of later times are in the file
-    /// already: within a file, `log_time` never goes back. Nor is it ever later than `now`.
+    /// `at`, or `now` if that is earlier, becomes its `publish_time`. Its `log_time` is the same, or later when messages of later times
+    /// are in the file already: within a file, `log_time` never goes back. Nor is it ever later than `now`.
     ///
     /// When the queue is full the message is dropped and counted; the file gets an event in its place.
     pub fn add(

@@ -8,10 +8,10 @@ use std::sync::{Arc, OnceLock};
 use std::thread::{self, JoinHandle};
 
 /// Something to be done in the thread.
-type Work = Box<dyn FnOnce() + Send>;
+type Task = Box<dyn FnOnce() + Send>;
 
 enum Job {
-    Do(Work),
+    Do(Task),
     End,
 }
 

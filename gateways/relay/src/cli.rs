@@ -153,7 +153,7 @@ fn station(args: StationArgs) -> Result<(), Failure> {
         Given("station.connect", "--connect", args.connect),
         Given("station.name", "--name", Vec::from_iter(args.name)),
     ];
-    let robot = args.common.robot;
+    let robot = args.common.robot();
     run_side(Side::Station, &args.common, given, false, |set_up| {
         let config = &set_up.config;
         let name = config.station.name.clone().unwrap_or_else(host_name);

@@ -28,10 +28,7 @@ pub struct RequestFields {
 impl RequestFields {
     /// Those of the requests that `schema` describes.
     pub fn of(schema: &Schema) -> RequestFields {
-        let offset = |path: &str, number: Number| {
-            let leaf = schema.number(path)?;
-            (leaf.number == number && leaf.len.is_none()).then_some(leaf.offset)
-        };
+        let offset = |path, number| schema.offset_of(path, number);
         let what = if schema.type_name() == MovementData::TYPE_NAME {
             let ends = [MovementKind::Hold.code(), MovementKind::Land.code()];
             offset("kind", Number::U32).zip(Some(ends))

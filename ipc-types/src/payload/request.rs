@@ -4,6 +4,7 @@
 //! bridge judges by them which of two orders is the newer one, whatever way they came; see `docs/ipc.md` section 4.
 
 use super::number::given;
+use super::text::{ascii_bytes, ascii_text};
 use crate::code::{
     ControlCommand, ImiCode, MovementKind, ParameterOperation, PortKind, Reason, SafetyRule, Stage,
 };
@@ -299,21 +300,12 @@ impl PortInfo {
 
     /// The port's name; `None` if it is not text.
     pub fn name(&self) -> Option<&str> {
-        let text = self
-            .name
-            .split(|byte| *byte == 0)
-            .next()
-            .unwrap_or_default();
-        std::str::from_utf8(text).ok()
+        ascii_text(&self.name)
     }
 
     /// A name as it lies in shared memory, cut to its length.
     pub fn name_bytes(name: &str) -> [u8; 32] {
-        let mut bytes = [0; 32];
-        for (place, byte) in bytes.iter_mut().zip(name.bytes()) {
-            *place = byte;
-        }
-        bytes
+        ascii_bytes(name)
     }
 }
 

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use super::leaf::{Leaf, collect, find};
 use super::message::Message;
 use super::parse::{MAX_TEXT_LEN, SchemaError, parse};
+use super::text::text;
 use crate::payload::{Layout, Number, RequestReport, SharedStruct};
 use crate::random::FNV_BASIS;
 
@@ -25,11 +26,12 @@ impl Schema {
     }
 
     /// The schema of a struct that this program was built with.
-    pub fn from_layout(layout: &Layout) -> Schema {
-        Schema {
-            type_name: layout.type_name.to_owned(),
-            root: Arc::new(Message::from_layout(layout)),
-        }
+    ///
+    /// # Panics
+    ///
+    /// When its text is none that others could read: its comments are longer than [`MAX_TEXT_LEN`].
+    pub fn from_layout(layout: &'static Layout) -> Schema {
+        Schema::parse(&text(layout)).unwrap_or_else(|error| panic!("{}: {error}", layout.type_name))
     }
 
     /// Reads the text of a schema.
@@ -77,8 +79,8 @@ impl Schema {
     /// The attribute `layout_hash` of a request service whose requests have this schema: the report's fields are hashed after
     /// the request's.
     pub fn request_layout_hash(&self) -> u64 {
-        let report = Message::from_layout(RequestReport::LAYOUT);
-        report.hash_fields(self.layout_hash())
+        let report = Schema::of::<RequestReport>();
+        report.root.hash_fields(self.layout_hash())
     }
 
     /// All numbers, in the order of their offsets. There are at most [`MAX_NUMBERS`](super::MAX_NUMBERS).
@@ -112,6 +114,12 @@ impl Schema {
     /// is no such field.
     pub fn find(&self, path: &str) -> Vec<Leaf<'_>> {
         find(&self.root, path).unwrap_or_default()
+    }
+
+    /// Where the one number of this type lies at `path`, bytes; `None` if there is no such number, or an array of them.
+    pub fn offset_of(&self, path: &str, number: Number) -> Option<usize> {
+        let leaf = self.number(path)?;
+        (leaf.number == number && leaf.len.is_none()).then_some(leaf.offset)
     }
 
     /// The one number at `path`, an element of an array for example; `None` if it is none, or more than one.
@@ -148,21 +156,12 @@ pub enum LoadError {
     },
 }
 
-/// Loads the schema at `path`.
+/// Loads the schema at `path`, and its text.
 ///
 /// # Errors
 ///
 /// See [`LoadError`].
-pub fn load(path: &Path) -> Result<Schema, LoadError> {
-    load_with_text(path).map(|(schema, _)| schema)
-}
-
-/// As [`load`], with the text itself.
-///
-/// # Errors
-///
-/// See [`LoadError`].
-pub fn load_with_text(path: &Path) -> Result<(Schema, String), LoadError> {
+pub fn load(path: &Path) -> Result<(Schema, String), LoadError> {
     let path = path.to_owned();
     let text = match read(&path) {
         Ok(text) => text,

@@ -4,7 +4,7 @@ use std::fmt;
 use std::sync::Arc;
 
 use super::text;
-use crate::payload::{FieldKind, FieldLayout, Layout, Number};
+use crate::payload::Number;
 use crate::random::fnv;
 
 /// A struct of a [`Schema`](super::Schema): the whole payload, or one that is nested in it.
@@ -136,28 +136,6 @@ impl Field {
 }
 
 impl Message {
-    /// The struct that this program was built with.
-    pub(super) fn from_layout(layout: &Layout) -> Message {
-        let fields = layout.fields.iter().map(Field::from_layout).collect();
-        let mut message = Message {
-            package: format!("{}_msgs", layout.package()),
-            name: layout.name.to_owned(),
-            comment: text::comment(layout),
-            size: layout.size,
-            align: layout.align,
-            fields,
-            numbers: 0,
-            listed_len: 0,
-            height: 1,
-        };
-        message.numbers = message.fields.iter().map(Field::numbers).sum();
-        message.listed_len = message.fields.iter().map(Field::listed_len).sum();
-        for field in &message.fields {
-            message.height = message.height.max(1 + field.kind.height());
-        }
-        message
-    }
-
     /// The hash of a layout that begins with `hash` and goes on with these fields: 64-bit FNV-1a over each field's name, offset, size
     /// and kind, nested structs included.
     ///
@@ -188,21 +166,4 @@ fn hash_text(hash: u64, text: &str) -> u64 {
 /// The number's low 32 bits, least significant byte first; layouts are far smaller than that.
 fn hash_number(hash: u64, number: usize) -> u64 {
     fnv(hash, &(number as u32).to_le_bytes())
-}
-
-impl Field {
-    fn from_layout(layout: &FieldLayout) -> Field {
-        let kind = match layout.kind {
-            FieldKind::Number(number) => Kind::Number(number),
-            FieldKind::Struct(nested) => Kind::Struct(Arc::new(Message::from_layout(nested))),
-        };
-        Field {
-            name: layout.name.to_owned(),
-            offset: layout.offset,
-            size: layout.size,
-            kind,
-            len: layout.len,
-            comment: text::field_comment(layout),
-        }
-    }
 }

@@ -41,6 +41,7 @@
 //! [`MAX_NUMBERS`], [`MAX_LISTED_LEN`], [`MAX_PAYLOAD_SIZE`](crate::payload::MAX_PAYLOAD_SIZE)), reading a value looks at the bytes that are there, and neither panics.
 
 mod definition;
+pub mod generate;
 mod leaf;
 mod message;
 mod parse;
@@ -48,7 +49,7 @@ mod parse;
 mod tests;
 mod text;
 
-pub use definition::{LoadError, Schema, load, load_with_text};
+pub use definition::{LoadError, Schema, load};
 pub use leaf::{Leaf, Value};
 pub use message::{Field, Kind, Message};
 pub use parse::{MAX_DEPTH, MAX_LISTED_LEN, MAX_NUMBERS, MAX_TEXT_LEN, SchemaError};

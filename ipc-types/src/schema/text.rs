@@ -79,7 +79,7 @@ fn comment_line(line: &str, text: &mut String) {
 }
 
 /// The comment of a struct: its doc comment, and the name of its type.
-pub(super) fn comment(layout: &Layout) -> String {
+fn comment(layout: &Layout) -> String {
     let mut lines = plain_lines(layout.doc);
     if !lines.is_empty() {
         lines.push(String::new());

@@ -31,7 +31,7 @@ pub struct Piece {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum State {
+enum WriterState {
     /// Nothing is recorded.
     Off,
     /// The next record must be a snapshot.
@@ -44,7 +44,7 @@ enum State {
 #[derive(Clone, Debug)]
 pub struct Writer {
     room: usize,
-    state: State,
+    state: WriterState,
     /// The piece that is being filled, and when it got its first byte.
     open: Piece,
     open_since: Option<MonotonicNs>,
@@ -66,7 +66,7 @@ impl Writer {
     pub fn new(room: usize) -> Writer {
         Writer {
             room: room.max(1),
-            state: State::Off,
+            state: WriterState::Off,
             open: Piece::default(),
             open_since: None,
             full: VecDeque::new(),
@@ -83,7 +83,7 @@ impl Writer {
     /// A new journal begins with the next snapshot. What waits of the one before is dropped.
     pub fn start(&mut self) {
         self.stop();
-        self.state = State::Begins;
+        self.state = WriterState::Begins;
     }
 
     /// A reader has come: there is a snapshot before the next record. For those that read already the journal goes on.
@@ -93,7 +93,7 @@ impl Writer {
 
     /// Nothing is recorded any more; what waits is dropped.
     pub fn stop(&mut self) {
-        self.state = State::Off;
+        self.state = WriterState::Off;
         self.open.bytes.clear();
         self.open_since = None;
         self.full.clear();
@@ -102,21 +102,21 @@ impl Writer {
 
     /// Whether a journal is written, or is about to be.
     pub fn is_started(&self) -> bool {
-        self.state != State::Off
+        self.state != WriterState::Off
     }
 
     /// Whether records are taken.
     pub fn is_on(&self) -> bool {
-        matches!(self.state, State::On { .. })
+        matches!(self.state, WriterState::On { .. })
     }
 
     /// Whether a snapshot is to be written before the next record.
     pub fn wants_snapshot(&self, now: MonotonicNs) -> bool {
         match self.state {
-            State::Off => false,
-            State::Begins => true,
-            State::On { .. } if self.is_asked => true,
-            State::On { since, length } => {
+            WriterState::Off => false,
+            WriterState::Begins => true,
+            WriterState::On { .. } if self.is_asked => true,
+            WriterState::On { since, length } => {
                 now.since(since) >= CHECKPOINT && self.since_snapshot >= SNAPSHOT_SHARE * length
             }
         }
@@ -124,21 +124,21 @@ impl Writer {
 
     /// Writes a snapshot, in a piece of its own beginning.
     pub fn snapshot(&mut self, now: MonotonicNs, snapshot: &[u8]) {
-        if self.state == State::Off {
+        if self.state == WriterState::Off {
             return;
         }
-        if self.state == State::Begins {
+        if self.state == WriterState::Begins {
             self.beginnings = self.beginnings.wrapping_add(1);
         }
         self.is_asked = false;
         self.close();
         self.open.begins = true;
-        self.state = State::On {
+        self.state = WriterState::On {
             since: now,
             length: 0,
         };
         self.write(now, |codec, out| codec.put_snapshot(now, snapshot, out));
-        if let State::On { length, .. } = &mut self.state {
+        if let WriterState::On { length, .. } = &mut self.state {
             *length = self.record.len() as u64;
         }
         self.since_snapshot = 0;

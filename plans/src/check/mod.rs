@@ -3,7 +3,6 @@
 //! What the bridge checks when a request comes is asked of the bridge's own code: how it reads requests, how it measures
 //! distances, and its geofence. So a plan without a finding is refused by none of these rules.
 
-mod endurance;
 mod fences;
 mod limits;
 
@@ -16,6 +15,7 @@ use crate::finding::Findings;
 use crate::flight::{Flight, ground_m};
 use crate::model::Plan;
 use crate::site::{Endurance, HomeSource, Site};
+use crate::timeline::{Mark, timeline};
 use runtime::finding::{Finding, Severity};
 
 /// A planned home farther away than this from the point of take-off is worth a word, m.
@@ -60,7 +60,7 @@ pub fn check(
         ),
     }
     fences::check_plan(plan, flight, site, &mut findings);
-    endurance::check(flight, endurance, &mut findings);
+    check_endurance(flight, endurance, &mut findings);
     findings.sorted()
 }
 
@@ -126,6 +126,54 @@ fn check_home(plan: &Plan, site: &Site, findings: &mut Findings) {
             .with_next_step("check `[plan] zero_above_sea_m` in ril.toml"),
         );
     }
+}
+
+/// Checks whether battery and fuel last for the whole flight; what is not configured is a finding, too.
+fn check_endurance(flight: &Flight, endurance: &Endurance, findings: &mut Findings) {
+    let marks = timeline(flight, endurance);
+    let (Some(last), Some(endurance_s)) = (marks.last(), endurance.endurance_s) else {
+        if !flight.steps.is_empty() {
+            findings.push(
+                Finding::unchecked(
+                    "endurance",
+                    "whether battery and fuel last is not checked: how long they do is not configured",
+                )
+                .with_next_step("set `endurance_s` and `cruise_speed_mps` under `[plan]` of ril.toml"),
+            );
+        }
+        return;
+    };
+    let Some(total_s) = last.time_s else {
+        findings.push(
+            Finding::unchecked(
+                "endurance",
+                "whether battery and fuel last is not checked: the cruise speed is not known",
+            )
+            .with_next_step("set `cruise_speed_mps` under `[plan]` of ril.toml"),
+        );
+        return;
+    };
+    let usable_s = endurance_s - endurance.reserve_s;
+    if total_s <= usable_s {
+        return;
+    }
+    let is_late = |mark: &&Mark| mark.time_s.is_some_and(|time_s| time_s > usable_s);
+    let first = marks.iter().find(is_late).unwrap_or(last);
+    let left_m = last.distance_m - (first.distance_m - first.step_m);
+    findings.push(Finding {
+        items: first.item.into_iter().collect(),
+        leg: first.leg,
+        ..Finding::new(Severity::Error,
+            "endurance",
+            format!(
+                "is reached too late: the flight takes {total_s:.0} s, battery and fuel last {endurance_s:.0} s, of which {:.0} s \
+                 are reserve",
+                endurance.reserve_s
+            ),
+        )
+        .by_m(left_m)
+        .with_next_step("divide the plan, or correct `[plan]` of ril.toml")
+    });
 }
 
 /// The parameter that the bridge writes to a 32-bit port at each start-up, if it is configured.

@@ -6,8 +6,8 @@
 use ::geojson::{Feature as Source, GeoJson, Geometry, GeometryValue, Position as Coordinates};
 use serde_json::Value;
 
-use super::json::json;
 use super::shapes::{Feature, Properties, Shapes, Vertex};
+use super::syntax::json;
 use crate::error::ReadError;
 use crate::format::Format;
 use crate::model::{Altitude, Plan};

@@ -3,7 +3,7 @@
 use ::gpx::{Gpx, Waypoint};
 
 use super::items::{clean_reason, push};
-use super::xml;
+use super::syntax::check_xml;
 use crate::error::ReadError;
 use crate::format::Format;
 use crate::model::{Action, Altitude, LeftOut, OtherKind, Plan, Position};
@@ -18,7 +18,7 @@ struct Candidate<'a> {
 }
 
 pub fn read(text: &str) -> Result<Plan, ReadError> {
-    xml::check(text)?;
+    check_xml(text)?;
     let gpx = ::gpx::read(text.as_bytes())
         .map_err(|error| ReadError::file(clean_reason(&format!("not valid GPX: {error}"))))?;
     let mut candidates = candidates(&gpx).into_iter();

@@ -1,7 +1,6 @@
 //! The items of a plan while it is read: numbered, and bounded.
 
-use crate::error::ReadError;
-use crate::limits::{MAX_AREAS, MAX_ITEMS, MAX_NAME_CHARS, MAX_REASON_CHARS};
+use crate::error::{MAX_AREAS, MAX_ITEMS, MAX_NAME_CHARS, MAX_REASON_CHARS, ReadError};
 use crate::mavlink::MissionItem;
 use crate::meaning::Meaning;
 use crate::model::{Action, FenceArea, Item, Plan};
@@ -45,7 +44,7 @@ fn add(
     mavlink: Option<MissionItem>,
 ) -> Result<(), ReadError> {
     if plan.items.len() == MAX_ITEMS {
-        return Err(ReadError::TooManyItems);
+        return Err(ReadError::too_many_items());
     }
     plan.items.push(Item {
         number: plan.items.len() as u32 + 1,
@@ -61,7 +60,7 @@ fn add(
 /// Adds an area of the fence. Without a name it is called by its kind and its number.
 pub fn push_area(plan: &mut Plan, area: FenceArea) -> Result<(), ReadError> {
     if plan.fence.len() == MAX_AREAS {
-        return Err(ReadError::TooManyAreas);
+        return Err(ReadError::new(format!("more than {MAX_AREAS} fence areas")));
     }
     let name = clean(&area.name);
     let kind = match area.is_inclusion {

@@ -8,13 +8,13 @@ use ::kml::{Kml, KmlReader};
 
 use super::items::clean_reason;
 use super::shapes::{Feature, Properties, Shapes, Vertex};
-use super::xml;
+use super::syntax::check_xml;
 use crate::error::ReadError;
 use crate::format::Format;
 use crate::model::{Altitude, Plan};
 
 pub fn read(text: &str) -> Result<Plan, ReadError> {
-    xml::check(text)?;
+    check_xml(text)?;
     let root: Kml = KmlReader::<_, f64>::from_string(text)
         .read()
         .map_err(|error| ReadError::file(clean_reason(&format!("not valid KML: {error}"))))?;
@@ -32,7 +32,7 @@ struct Placemarks {
 }
 
 impl Placemarks {
-    /// Folders lie in each other at most as deep as [`xml::check`] allows.
+    /// Folders lie in each other at most as deep as [`check_xml`] allows.
     fn read(&mut self, element: &Kml) -> Result<(), ReadError> {
         match element {
             Kml::KmlDocument(document) => self.read_all(&document.elements),

@@ -3,19 +3,19 @@
 mod geojson;
 mod gpx;
 mod items;
-mod json;
 mod kml;
 mod qgc_plan;
 mod shapes;
+mod syntax;
 mod waypoint_list;
-mod xml;
 
 use std::path::Path;
 
-use crate::error::ReadError;
+use crate::error::{MAX_FILE_BYTES, ReadError};
 use crate::format::Format;
-use crate::limits::MAX_FILE_BYTES;
 use crate::model::Plan;
+
+const UNKNOWN_FORMAT: &str = "neither content nor name is that of a plan: QGroundControl .plan, QGC WPL 110, GeoJSON, KML and GPX are read";
 
 /// Reads a plan. Its format is that of its content, or else that of the extension of `name`, which is not opened.
 ///
@@ -24,7 +24,10 @@ use crate::model::Plan;
 /// The first mistake, with item or line; also a file that is too long or has too many items.
 pub fn read(name: &Path, bytes: &[u8]) -> Result<Plan, ReadError> {
     if bytes.len() > MAX_FILE_BYTES {
-        return Err(ReadError::TooLong(bytes.len()));
+        let length = bytes.len();
+        return Err(ReadError::new(format!(
+            "{length} bytes; at most {MAX_FILE_BYTES} are read"
+        )));
     }
     if bytes.starts_with(b"PK") {
         return Err(ReadError::file(
@@ -36,10 +39,10 @@ pub fn read(name: &Path, bytes: &[u8]) -> Result<Plan, ReadError> {
             .iter()
             .filter(|byte| **byte == b'\n')
             .count();
-        ReadError::NotText(line + 1)
+        ReadError::line(line + 1, "the bytes are not UTF-8 text")
     })?;
     let text = text.trim_start_matches('\u{feff}');
-    match Format::of(text, name).ok_or(ReadError::UnknownFormat)? {
+    match Format::of(text, name).ok_or_else(|| ReadError::new(UNKNOWN_FORMAT))? {
         Format::QgcPlan => qgc_plan::read(text),
         Format::WaypointList => waypoint_list::read(text),
         Format::GeoJson => geojson::read(text),

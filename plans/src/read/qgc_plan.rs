@@ -6,7 +6,7 @@
 use serde_json::{Map, Value};
 
 use super::items::{clean, push, push_area, push_mavlink};
-use super::json::json;
+use super::syntax::json;
 use crate::error::ReadError;
 use crate::format::Format;
 use crate::mavlink::{FRAMES_TERRAIN, MissionItem};

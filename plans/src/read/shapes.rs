@@ -147,8 +147,8 @@ impl Shapes<'_> {
             true => String::new(),
             false => format!(" `{name}`"),
         };
-        if self.plan.left_out.len() == crate::limits::MAX_ITEMS {
-            return Err(ReadError::TooManyItems);
+        if self.plan.left_out.len() == crate::error::MAX_ITEMS {
+            return Err(ReadError::too_many_items());
         }
         self.plan.left_out.push(LeftOut {
             what: format!("{origin}{of}: {what}"),
@@ -232,7 +232,7 @@ impl Shapes<'_> {
             .map_err(|reason| self.wrong(reason))
     }
 
-    fn wrong(&self, reason: impl Into<String>) -> ReadError {
+    fn wrong(&self, reason: impl std::fmt::Display) -> ReadError {
         ReadError::part(&self.feature.origin, reason)
     }
 }

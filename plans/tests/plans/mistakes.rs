@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use plans::limits::{MAX_ELEMENT_DEPTH, MAX_ELEMENTS, MAX_FILE_BYTES, MAX_ITEMS};
+use plans::error::{MAX_ELEMENT_DEPTH, MAX_ELEMENTS, MAX_FILE_BYTES, MAX_ITEMS};
 
 fn error(name: &str, text: &[u8]) -> String {
     match plans::read(Path::new(name), text) {

@@ -24,7 +24,7 @@ use ril::render::terminal::Key;
 use ril::robot::chart::{Chart, FenceFile};
 use ril::verbs::watch::app::App;
 use ril::verbs::watch::model::Process as Kind;
-use ril::verbs::watch::view::{self, Clock, Glyphs};
+use ril::verbs::watch::view::{self, Glyphs, ScreenClock};
 use ril_tests::watchdog::DEFAULT_LIMIT;
 use ril_tests::{Process, Sandbox, TestDomain};
 
@@ -111,7 +111,7 @@ fn sandbox() -> Sandbox {
 fn check_and_draw() -> String {
     let sandbox = sandbox();
     sandbox.write("survey.waypoints", PLAN);
-    let lines = sandbox.run("plan check survey.waypoints").stdout;
+    let lines = sandbox.finish("plan check survey.waypoints").stdout;
     let height = u16::try_from(lines.len()).expect("a screen");
     let mut buffer = Buffer::empty(Rect::new(0, 0, PLAN_COLUMNS, height));
     for (row, line) in (0..).zip(&lines) {
@@ -242,7 +242,7 @@ impl Watched {
 
     fn drawn(&self) -> Buffer {
         let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
-        let clock = Clock {
+        let clock = ScreenClock {
             now: MonotonicNs::now(),
             utc_s: since_1970.as_secs(),
         };

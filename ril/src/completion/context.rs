@@ -3,11 +3,11 @@
 use std::ffi::OsString;
 use std::num::NonZeroU32;
 
-use clap::{ArgMatches, CommandFactory, ValueEnum};
+use clap::{ArgMatches, CommandFactory};
 use ipc_types::RobotId;
 
 use crate::cli::Cli;
-use crate::verbs::topic::options::Topic;
+use crate::verbs::topic::stream::key_of;
 
 /// What is said already.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,7 +38,7 @@ impl Context {
                 context.robot = RobotId::from(*robot);
             }
             if let Some(topic) = first_text(matches, "topic") {
-                context.topic = Some(key_of(&topic));
+                context.topic = Some(key_of(&topic).to_owned());
             }
             level = matches.subcommand().map(|(_, inner)| inner);
         }
@@ -50,14 +50,6 @@ impl Context {
 fn first_text(matches: &ArgMatches, id: &str) -> Option<String> {
     let mut values = matches.try_get_raw(id).ok()??;
     Some(values.next()?.to_str()?.to_owned())
-}
-
-/// The key that a topic's short name stands for.
-fn key_of(topic: &str) -> String {
-    match Topic::from_str(topic, false) {
-        Ok(own) => own.key().to_owned(),
-        Err(_) => topic.to_owned(),
-    }
 }
 
 #[cfg(test)]

@@ -1,17 +1,15 @@
 //! What lives now, for completion: looked up without taking part in shared memory, and for a bounded time.
 
-use std::sync::mpsc;
-use std::thread;
 use std::time::Duration;
 
-use clap::ValueEnum;
 use dsp_protocol::port::{PORTS_16, PORTS_32};
 use ipc_types::{Domain, RobotId};
 
 use super::context::Context;
 use crate::render::fields::field_names;
+use crate::robot::domain::Looking;
 use crate::session::alive;
-use crate::verbs::topic::options::Topic;
+use crate::verbs::topic::stream::SHORT_NAMES;
 
 /// How long a look-up may take. A person notices a delay of about 200 ms after the key; this leaves 50 ms to start the
 /// program. A look-up takes about a millisecond. One that takes longer is abandoned, and nothing is offered.
@@ -38,16 +36,7 @@ impl Offer {
 
 /// What `look` finds within [`LOOK_UP_LIMIT`]. When it takes longer, or fails in any way, that is nothing.
 pub(super) fn within_limit(look: impl FnOnce() -> Vec<Offer> + Send + 'static) -> Vec<Offer> {
-    let (sender, found) = mpsc::channel();
-    let look = move || {
-        // Its receiver may have gone: then it took too long.
-        let _ = sender.send(look());
-    };
-    // The thread ends with the process, which has nothing else to do.
-    match thread::Builder::new().spawn(look) {
-        Ok(_) => found.recv_timeout(LOOK_UP_LIMIT).unwrap_or_default(),
-        Err(_) => Vec::new(),
-    }
+    Looking::start(look).end(LOOK_UP_LIMIT).unwrap_or_default()
 }
 
 /// The robots of this user of which a bridge, a status or a relay lives.
@@ -73,13 +62,8 @@ pub(super) fn topics(context: &Context) -> Vec<Offer> {
 
 /// The short names of the robot's own topics.
 pub(super) fn own_topics() -> Vec<Offer> {
-    let own = Topic::value_variants().iter();
-    own.filter_map(|topic| {
-        let value = topic.to_possible_value()?;
-        let help = value.get_help().map(ToString::to_string);
-        Some(Offer::new(value.get_name(), help.unwrap_or_default()))
-    })
-    .collect()
+    let offer = |(name, _, help)| Offer::new(name, help);
+    SHORT_NAMES.map(offer).into()
 }
 
 /// The fields of the topic that is named.
@@ -128,7 +112,7 @@ mod tests {
 
     #[test]
     fn a_look_up_that_hangs_or_fails_offers_nothing() {
-        let (_never, hangs) = mpsc::channel::<()>();
+        let (_never, hangs) = std::sync::mpsc::channel::<()>();
         let hang = move || {
             let _ = hangs.recv();
             vec![Offer::new("late", "")]

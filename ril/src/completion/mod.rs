@@ -16,7 +16,7 @@ use clap::{Arg, Command, CommandFactory};
 use clap_complete::engine::{ArgValueCandidates, CompletionCandidate};
 use clap_complete::env::{Bash, CompleteEnv, EnvCompleter, Fish, Shells, Zsh};
 
-use crate::cli::{Cli, Shell};
+use crate::cli::{Cli, CompletionShell};
 use context::Context;
 use live::{Offer, within_limit};
 
@@ -39,21 +39,21 @@ const ZSH_AUTOLOAD: &str =
 /// # Errors
 ///
 /// Never in practice: it is written into memory.
-pub fn script(shell: Shell) -> io::Result<String> {
+pub fn script(shell: CompletionShell) -> io::Result<String> {
     let mut text = Vec::new();
     completer(shell).write_registration(VARIABLE, PROGRAM, PROGRAM, PROGRAM, &mut text)?;
     let mut text = String::from_utf8_lossy(&text).trim_start().to_owned();
-    if shell == Shell::Zsh {
+    if shell == CompletionShell::Zsh {
         text.push_str(ZSH_AUTOLOAD);
     }
     Ok(text)
 }
 
-fn completer(shell: Shell) -> &'static dyn EnvCompleter {
+fn completer(shell: CompletionShell) -> &'static dyn EnvCompleter {
     match shell {
-        Shell::Bash => &Bash,
-        Shell::Zsh => &Zsh,
-        Shell::Fish => &Fish,
+        CompletionShell::Bash => &Bash,
+        CompletionShell::Zsh => &Zsh,
+        CompletionShell::Fish => &Fish,
     }
 }
 
@@ -117,7 +117,7 @@ enum LookUp {
 fn look_up(verb: &str, arg: &Arg) -> Option<LookUp> {
     match arg.get_id().as_str() {
         "robot" => Some(LookUp::Robots),
-        "topic" if arg.get_possible_values().is_empty() => Some(LookUp::Topics),
+        "topic" => Some(LookUp::Topics),
         "fields" => Some(LookUp::Fields),
         "module" => Some(LookUp::Modules),
         // Elsewhere that is the serial port, a path.
@@ -194,7 +194,11 @@ mod tests {
 
     #[test]
     fn a_script_asks_this_program_and_has_no_path_of_this_machine() {
-        for shell in [Shell::Bash, Shell::Zsh, Shell::Fish] {
+        for shell in [
+            CompletionShell::Bash,
+            CompletionShell::Zsh,
+            CompletionShell::Fish,
+        ] {
             let script = script(shell).unwrap();
             assert!(script.contains(VARIABLE), "{script}");
             assert!(
@@ -202,6 +206,10 @@ mod tests {
                 "{script}"
             );
         }
-        assert!(script(Shell::Zsh).unwrap().starts_with("#compdef ril\n"));
+        assert!(
+            script(CompletionShell::Zsh)
+                .unwrap()
+                .starts_with("#compdef ril\n")
+        );
     }
 }

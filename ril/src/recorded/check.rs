@@ -183,7 +183,7 @@ impl fmt::Display for FileCheck {
         let events: Vec<String> = self
             .events
             .iter()
-            .map(|event| format!("{} {}: {}", event.utc, event.kind, event.text))
+            .map(|event| format!("{} {}: {}", event.utc, event.kind, plain(&event.text)))
             .collect();
         shown(f, "event", &events)?;
         if self.unexplained > 0 {
@@ -197,7 +197,8 @@ impl fmt::Display for FileCheck {
 impl FileCheck {
     /// A line for each topic.
     fn topics(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let width = self.topics.keys().map(String::len).max();
+        let names = self.topics.keys().map(|name| plain(name));
+        let width = names.map(|name| name.chars().count()).max();
         let width = width.unwrap_or_default().max("TOPIC".len());
         writeln!(
             f,
@@ -207,12 +208,28 @@ impl FileCheck {
         for (name, topic) in &self.topics {
             writeln!(
                 f,
-                "{name:width$} {:>9} {:>8} {:>8} {:>8}",
-                topic.messages, topic.missing, topic.dropped, topic.restarts
+                "{:width$} {:>9} {:>8} {:>8} {:>8}",
+                plain(name),
+                topic.messages,
+                topic.missing,
+                topic.dropped,
+                topic.restarts
             )?;
         }
         Ok(())
     }
+}
+
+/// A text of the file for a terminal, which would obey control characters. JSON has it as it is.
+fn plain(text: &str) -> String {
+    let mut plain = String::new();
+    for letter in text.chars() {
+        match letter {
+            '"' | '\'' | '\\' => plain.push(letter),
+            letter => plain.extend(letter.escape_debug()),
+        }
+    }
+    plain
 }
 
 /// The first of `lines`, each with its title, and how many more there are.
@@ -283,6 +300,19 @@ mod tests {
             assert_eq!(check.unexplained, unexplained);
             assert_eq!(check.is_in_order(), unexplained == 0);
         }
+    }
+
+    #[test]
+    fn no_name_in_a_file_commands_the_terminal() {
+        let mut check = check(0, vec![event(EventKind::Note, "\u{1b}]0;x\u{7}", 1)]);
+        let topic = check.topics.pop_first().unwrap().1;
+        check
+            .topics
+            .insert("/robot1/\u{1b}[2J\u{202e}'é'".to_owned(), topic);
+        let text = check.to_string();
+        let is_plain = |letter: char| letter == '\n' || !letter.is_control();
+        assert!(text.chars().all(is_plain), "{text:?}");
+        assert!(text.contains("/robot1/\\u{1b}[2J\\u{202e}'é'"), "{text}");
     }
 
     #[test]

@@ -1,23 +1,287 @@
 //! Reports as messages: a line for people, an object for programs, an exit code for scripts.
 //!
-//! Pure functions over values; nothing is printed here. [`mod@details`] says which rule, waypoint, amount or DSP error a report
-//! is about, [`object`] is the form for programs.
+//! Pure functions over values; nothing is printed here. [`Verb`] is the command that a report answers, [`FinalReport`] how its request
+//! ended; [`mod@details`] says which rule, waypoint, amount or DSP error a report is about, [`object`] is the form for programs.
 
 pub mod details;
-mod final_report;
 pub mod object;
 #[cfg(test)]
 mod tests;
-mod verb;
 
-use ipc_types::code::{Reason, Stage};
+use ipc_types::code::{PortKind, Reason, Stage};
 use ipc_types::payload::RequestReport;
+use runtime::exit::ExitCode;
 
-use details::{details, port_label, port_value};
-use final_report::explain_for_port;
-pub use final_report::{FinalReport, exit_code, explain};
-pub use object::{ErrorObject, ReportObject};
-pub use verb::Verb;
+use details::{details, port_label, port_range, port_value};
+
+/// Which command a report answers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verb {
+    /// `ril start`
+    Start,
+    /// `ril stop`
+    Stop,
+    /// `ril fence reload`
+    ReloadFence,
+    /// `ril takeoff`
+    TakeOff,
+    /// `ril land`
+    Land,
+    /// `ril hold`
+    Hold,
+    /// `ril goto`
+    GoTo,
+    /// `ril param list`
+    ListParameters,
+    /// `ril param get`
+    GetParameter,
+    /// `ril param set`
+    SetParameter,
+}
+
+impl Verb {
+    /// All commands that send requests.
+    pub const ALL: [Verb; 10] = [
+        Verb::Start,
+        Verb::Stop,
+        Verb::ReloadFence,
+        Verb::TakeOff,
+        Verb::Land,
+        Verb::Hold,
+        Verb::GoTo,
+        Verb::ListParameters,
+        Verb::GetParameter,
+        Verb::SetParameter,
+    ];
+
+    /// The command's name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Verb::Start => "start",
+            Verb::Stop => "stop",
+            Verb::ReloadFence => "fence reload",
+            Verb::TakeOff => "takeoff",
+            Verb::Land => "land",
+            Verb::Hold => "hold",
+            Verb::GoTo => "goto",
+            Verb::ListParameters => "param list",
+            Verb::GetParameter => "param get",
+            Verb::SetParameter => "param set",
+        }
+    }
+
+    /// What happens to an accepted request when the command that sent it ends.
+    pub const fn goes_on(self) -> &'static str {
+        match self {
+            Verb::Start | Verb::Stop | Verb::ReloadFence => {
+                "the bridge goes on with it; `ril status` shows how it ends"
+            }
+            Verb::TakeOff => {
+                "the take-off goes on and cannot be aborted; `ril status` shows how it ends"
+            }
+            Verb::Land => {
+                "the landing goes on and cannot be aborted; `ril status` shows how it ends"
+            }
+            Verb::Hold => {
+                "the bridge goes on stopping the helicopter; `ril status` shows how it ends"
+            }
+            Verb::GoTo => {
+                "the path is flown to its end; `ril hold` makes the helicopter hover at once"
+            }
+            Verb::ListParameters | Verb::GetParameter => "nothing was changed",
+            Verb::SetParameter => {
+                "the bridge may still write the port; `ril param get` shows the value that the DSP has"
+            }
+        }
+    }
+
+    const fn is_about_a_port(self) -> bool {
+        matches!(
+            self,
+            Verb::ListParameters | Verb::GetParameter | Verb::SetParameter
+        )
+    }
+}
+
+/// A final report, whose stage is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FinalReport {
+    /// One of the final stages.
+    pub stage: Stage,
+    /// Why; [`Reason::None`] also for a number that is not in the contract.
+    pub reason: Reason,
+    /// The whole report, for its details.
+    pub report: RequestReport,
+}
+
+impl FinalReport {
+    /// `report` if it is final; `None` if more follows.
+    pub fn of(report: &RequestReport) -> Option<FinalReport> {
+        let stage = report.stage().filter(|stage| stage.is_final())?;
+        let reason = report.reason().unwrap_or(Reason::None);
+        Some(FinalReport {
+            stage,
+            reason,
+            report: *report,
+        })
+    }
+
+    /// The exit code of a command whose request ended so.
+    pub const fn exit_code(&self) -> ExitCode {
+        exit_code(self.stage, self.reason)
+    }
+}
+
+/// The exit code for a final report. After a stage that is not final the outcome is unknown.
+pub const fn exit_code(stage: Stage, reason: Reason) -> ExitCode {
+    match (stage, reason) {
+        (Stage::Done, _) => ExitCode::Ok,
+        (
+            Stage::Refused | Stage::Aborted,
+            Reason::LinkDown | Reason::LinkLost | Reason::RelayLinkDown,
+        ) => ExitCode::LinkDown,
+        (
+            Stage::Aborted,
+            Reason::TooLate
+            | Reason::MovementTimeout
+            | Reason::CommunicationFatalError
+            | Reason::DeliveryFailed,
+        ) => ExitCode::Timeout,
+        (Stage::Refused | Stage::Aborted, _) => ExitCode::Refused,
+        (Stage::Unknown | Stage::Accepted | Stage::Progress, _) => ExitCode::OutcomeUnknown,
+    }
+}
+
+/// What the reason means, and what the operator can do: behind a colon, if there is something to do.
+pub const fn explain(reason: Reason) -> &'static str {
+    match reason {
+        Reason::None => "no reason was given",
+        Reason::InvalidRequest => {
+            "the request holds a number that the bridge does not know: install the same version of all programs"
+        }
+        Reason::NotFinite => "a coordinate or altitude is not finite",
+        Reason::OutOfRange => {
+            "a coordinate or altitude is out of range; the limits are in `[movement]` of bridge.toml"
+        }
+        Reason::TooFar => {
+            "the waypoint is farther from the helicopter than `max_distance_m` in bridge.toml: are latitude and longitude swapped?"
+        }
+        Reason::NotStarted => "the module has not been started, or was stopped: `ril start`",
+        Reason::AlreadyRunning => {
+            "the module is running: `ril stop` comes first if a restart is meant"
+        }
+        Reason::UnableToAbort => "a take-off or landing cannot be aborted: wait for its end",
+        Reason::Busy => {
+            "another movement or stop is under way: wait for its end, or replace a path with --preempt or `ril hold`"
+        }
+        Reason::LinkDown => {
+            "the DSP cannot be reached: `ril status` shows the link, the bridge's log says why"
+        }
+        Reason::NotFlying => "the helicopter is on the ground: `ril takeoff` comes first",
+        Reason::AlreadyFlying => "the helicopter is in the air already",
+        Reason::NoPosition => {
+            "the position is not known: `ril echo dsp --field geographic` shows it once the DSP sends it"
+        }
+        Reason::PathWithoutHead => "the waypoint belongs to a path that was never opened",
+        Reason::PathReplaced => "another movement was begun before the path was complete",
+        Reason::PathTooLong => "the path has too many waypoints: split it",
+        Reason::PathBroken => "another waypoint of the path was refused, or its sender vanished",
+        Reason::TooManyRequests => "the bridge has too many open requests: try again later",
+        Reason::TooLate => {
+            "the moment until which it might begin had passed, so nothing was done: look at `ril status`, then order it again"
+        }
+        Reason::Superseded => {
+            "an order that was issued later came first, and holds: look at `ril status`, then order it again if it is still meant"
+        }
+        Reason::MovementTimeout => {
+            "the movement took longer than `time_limit_s` in bridge.toml allows"
+        }
+        Reason::Stopped => "the module was stopped",
+        Reason::DspFatalError => "the DSP reported a fatal error: `ril status` shows which",
+        Reason::CommunicationFatalError => {
+            "the DSP did not acknowledge, or the link broke: `ril status` shows the link"
+        }
+        Reason::DspRebooted => "the DSP rebooted",
+        Reason::BridgeEnding => "the bridge was ended meanwhile",
+        Reason::BridgeGone => "the bridge vanished: start it again and look at `ril status`",
+        Reason::ModuleGone => "the module vanished: start it again and look at its state",
+        Reason::DeliveryFailed => {
+            "waypoints did not reach the DSP although they were sent again: `ril status` shows the link"
+        }
+        Reason::RefusedByDsp => {
+            "the DSP received the request and does not carry it out: `ril status` shows its errors"
+        }
+        Reason::Replaced => "another movement or `ril hold` took its place",
+        Reason::PilotHasControl => {
+            "the pilot's switch is on manual, so the pilot flies: movements are taken again when it is on auto"
+        }
+        Reason::FenceBreach => {
+            "the geofence forbids it: see `[fence]` of bridge.toml, and `ril fence reload` after a change"
+        }
+        Reason::SupplyLow => {
+            "battery or fuel is below its limit in `[safety]` of bridge.toml: land; `ril land` is taken in flight whatever the module's state is"
+        }
+        Reason::LinkLost => {
+            "the link to the DSP was lost in flight: `ril status` shows whether the DSP stops by itself"
+        }
+        Reason::NoSuchPort => {
+            "the port does not exist, or may not be written by request: `ril param list` shows all ports"
+        }
+        Reason::NotInFlight => "the port may not be written while the helicopter flies: land first",
+        Reason::InvalidFence => {
+            "the geofence in bridge.toml is not valid, so the one in force stays: the bridge's log says why"
+        }
+        Reason::RelayLinkDown => {
+            "the link to the robot was down, so nothing was sent: `ril relay status` shows the link, then send it again"
+        }
+        Reason::RelayLinkLost => {
+            "the link to the robot was lost before the outcome came, so the robot may be carrying it out: watch the helicopter, \
+             and look at `ril status` when `ril relay status` shows the link up"
+        }
+        Reason::RelayNotPermitted => {
+            "this station may not command the robot, so nothing was sent: `ril relay status` shows the station's name; add it to \
+             `[commands]` `stations` of relay.toml on the robot, and start the relay there again"
+        }
+        Reason::RelayTooManyStations => {
+            "eight other stations are active, from which the robot's relay takes requests, so nothing was sent: `ril relay status` \
+             on the robot shows them; end the relay of one that need not command, and send it again ten seconds later"
+        }
+        Reason::StillOpen => {
+            "a request with this id is under way and goes on: send a new request for something else"
+        }
+        Reason::Replayed => {
+            "this is a recorded flight that `ril replay` plays, and no robot: unset RIL_IPC_ROOT, or name the robot that is meant with --robot"
+        }
+        Reason::NotRemembered => {
+            "another bridge may have carried it out: look at the helicopter, then send a new request"
+        }
+    }
+}
+
+/// What the reason means for a request about a port, where that differs from [`explain`].
+fn explain_for_port(report: &FinalReport) -> Option<String> {
+    let text = match report.reason {
+        Reason::OutOfRange => match report.report.port {
+            port if port.kind().is_some() => {
+                let whole = match port.kind() {
+                    Some(PortKind::U16 | PortKind::I16) => "whole numbers from ",
+                    _ => "",
+                };
+                format!("{} takes {whole}{}", port_label(&port), port_range(&port))
+            }
+            _ => "the value is outside the port's range, which `ril param list` shows".to_owned(),
+        },
+        Reason::NotFinite => "the value is not finite".to_owned(),
+        Reason::InvalidRequest => {
+            "the value does not suit the port: a 16-bit port takes whole numbers only".to_owned()
+        }
+        Reason::RefusedByDsp => {
+            "the DSP did not take the value, or does not have the port".to_owned()
+        }
+        _ => return None,
+    };
+    Some(text)
+}
 
 /// How a request ended, in one line: what happened, why, and what to do next.
 pub fn ending(verb: Verb, end: &FinalReport) -> String {

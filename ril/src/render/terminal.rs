@@ -4,6 +4,9 @@
 use std::io::{self, Write};
 use std::os::fd::AsFd;
 
+use rustix::io::Errno;
+use rustix::stdio::stdin;
+
 /// How much a terminal shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
@@ -79,6 +82,20 @@ impl Block {
 /// Longest control sequence that is read as one, bytes; of a longer one the rest is taken as characters. Terminals send at most
 /// about twenty.
 const MAX_SEQUENCE: usize = 32;
+
+/// Most bytes of keys that one read takes; what is more wakes the next wait.
+const MAX_KEYS: usize = 256;
+
+/// The keys that wait at standard input; `None` if it is gone. To be called when the wait says so: else it waits for one.
+pub(crate) fn read_keys() -> Option<Vec<Key>> {
+    let mut bytes = [0; MAX_KEYS];
+    match rustix::io::read(stdin(), &mut bytes) {
+        Ok(0) => None,
+        Ok(count) => Some(keys(&bytes[..count])),
+        Err(Errno::INTR | Errno::AGAIN) => Some(Vec::new()),
+        Err(_) => None,
+    }
+}
 
 /// A key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

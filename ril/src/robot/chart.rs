@@ -7,7 +7,7 @@ use std::path::Path;
 use bridge::safety::fence::{AreaConfig, AreaKind};
 use ipc_types::payload::WaypointPosition;
 use plans::Plan;
-use plans::limits::MAX_FILE_BYTES;
+use plans::error::MAX_FILE_BYTES;
 use runtime::exit::Failure;
 use serde::Deserialize;
 

@@ -3,6 +3,8 @@
 //! Each look happens on a thread of its own and is given up at a deadline, because whatever stands in the place of a file, such as a
 //! pipe or a file system that does not answer, may keep a process that opens it waiting without end.
 
+use std::convert::Infallible;
+use std::error::Error;
 use std::fmt;
 use std::fs;
 use std::io;
@@ -13,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use ipc_types::inspect::{Entry, Inspection, Life};
 use ipc_types::service::SERVICES;
-use ipc_types::{Domain, Provider, RobotId, ServiceId};
+use ipc_types::{Domain, DomainError, Provider, RobotId, ServiceId};
 use runtime::duration::Shown;
 use runtime::exit::Failure;
 
@@ -88,39 +90,51 @@ pub enum Namespace {
 }
 
 /// A look that goes on in the background.
-pub(crate) struct Looking<T>(Receiver<T>);
+pub(crate) struct Looking<T> {
+    found: Receiver<Look<T>>,
+    began: Instant,
+}
 
 impl<T: Send + 'static> Looking<T> {
     pub(crate) fn start(look: impl FnOnce() -> T + Send + 'static) -> Looking<T> {
-        let (sender, receiver) = mpsc::sync_channel(1);
+        Looking::attempt(move || Ok::<T, Infallible>(look()))
+    }
+
+    /// The same of a look that may fail.
+    pub(crate) fn attempt<E: Into<Box<dyn Error + Send + Sync>>>(
+        look: impl FnOnce() -> Result<T, E> + Send + 'static,
+    ) -> Looking<T> {
+        let (sender, found) = mpsc::sync_channel(1);
         // When there is no thread the sender is gone at once, and `end` says so. A look that is given up keeps its
         // thread; it ends with the process.
         let _ = thread::Builder::new().spawn(move || {
-            let _ = sender.send(look());
+            let failed = |error| Trouble::Failed(Failure::internal(error).chain().join(": "));
+            let _ = sender.send(look().map_err(failed));
         });
-        Looking(receiver)
+        let began = Instant::now();
+        Looking { found, began }
     }
 
-    /// What it found by the time that `timeout` is over, counted from `began`.
-    pub(crate) fn end(self, began: Instant, timeout: Duration) -> Look<T> {
-        let left = timeout.saturating_sub(began.elapsed());
-        self.0.recv_timeout(left).map_err(|error| match error {
-            RecvTimeoutError::Timeout => Trouble::TookTooLong(timeout),
-            RecvTimeoutError::Disconnected => Trouble::Failed("it broke off".to_owned()),
-        })
+    /// What it found by the time that `timeout` is over, counted from its start.
+    pub(crate) fn end(self, timeout: Duration) -> Look<T> {
+        let left = timeout.saturating_sub(self.began.elapsed());
+        match self.found.recv_timeout(left) {
+            Ok(found) => found,
+            Err(RecvTimeoutError::Timeout) => Err(Trouble::TookTooLong(timeout)),
+            Err(RecvTimeoutError::Disconnected) => Err(Trouble::Failed("it broke off".to_owned())),
+        }
     }
 }
 
 impl DomainFacts {
     /// Looks at the domain, at the providers in it, and at the domains of other users.
     pub fn look(domain: &Domain) -> DomainFacts {
-        let began = Instant::now();
         let (inspected, asked) = (domain.clone(), domain.clone());
         let inspection = Looking::start(move || inspected.inspect());
-        let providers = Looking::start(move || providers(&asked));
+        let providers = Looking::attempt(move || providers(&asked));
         let others = Looking::start(Domain::others);
-        let inspection = inspection.end(began, LOOK_TIMEOUT);
-        let providers = providers.end(began, LOOK_TIMEOUT).and_then(|result| result);
+        let inspection = inspection.end(LOOK_TIMEOUT);
+        let providers = providers.end(LOOK_TIMEOUT);
         let stopped = match (&inspection, &providers) {
             (Ok(inspection), Ok(providers)) => stopped(domain.root(), inspection, providers),
             _ => Vec::new(),
@@ -131,7 +145,7 @@ impl DomainFacts {
             providers,
             stopped,
             // They are only a hint; what keeps this look from its end is reported for the memory.
-            others: others.end(began, LOOK_TIMEOUT).unwrap_or_default(),
+            others: others.end(LOOK_TIMEOUT).unwrap_or_default(),
         }
     }
 }
@@ -147,11 +161,11 @@ pub(crate) fn open_files(process: &Path) -> io::Result<Vec<(u32, PathBuf)>> {
 }
 
 /// The live providers of all robots.
-fn providers(domain: &Domain) -> Look<Vec<Provided>> {
+fn providers(domain: &Domain) -> Result<Vec<Provided>, DomainError> {
     let mut provided = Vec::new();
     for spec in &SERVICES {
-        for robot in domain.robots(spec.contract.key).map_err(failed)? {
-            let Some(by) = domain.provider(robot, spec.contract.key).map_err(failed)? else {
+        for robot in domain.robots(spec.contract.key)? {
+            let Some(by) = domain.provider(robot, spec.contract.key)? else {
                 continue;
             };
             provided.push(Provided {
@@ -221,10 +235,6 @@ fn is_stopped(stat: &str) -> bool {
     state.starts_with(['T', 't'])
 }
 
-pub(crate) fn failed(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Trouble {
-    Trouble::Failed(Failure::internal(error).chain().join(": "))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -235,10 +245,10 @@ mod tests {
         let timeout = Duration::from_millis(10);
         let look = Looking::start(move || never.recv());
         let given_up = Err(Trouble::TookTooLong(timeout));
-        assert_eq!(look.end(Instant::now(), timeout), given_up);
+        assert_eq!(look.end(timeout), given_up);
         drop(keeps_it_waiting);
         let look = Looking::start(|| 7);
-        assert_eq!(look.end(Instant::now(), LOOK_TIMEOUT), Ok(7));
+        assert_eq!(look.end(LOOK_TIMEOUT), Ok(7));
     }
 
     #[test]

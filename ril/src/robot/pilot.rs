@@ -7,6 +7,8 @@ use std::fmt;
 use ipc_types::code::{Functionality, PilotSwitch};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, TelemetryGroup};
+use status::calibration::Calibration;
+use status::translate::translate;
 
 use crate::robot::geo::Place;
 
@@ -116,34 +118,10 @@ impl From<&HeroTelemetry> for PilotView {
     }
 }
 
+/// By the code of status, with its default calibration: it is about sonar, barometer, camera and servos, which a pilot does not ask for.
 impl From<&DspTelemetry> for PilotView {
     fn from(dsp: &DspTelemetry) -> PilotView {
-        let group = |group, value: f64| dsp.valid(group).then_some(value);
-        let geographic = dsp.geographic;
-        let place = Place::new(geographic.latitude_deg, geographic.longitude_deg);
-        let velocity = |value: f32| group(TelemetryGroup::GpsVelocity, value.into());
-        PilotView {
-            flying: Some(dsp.is_flying()),
-            place: place.filter(|_| dsp.valid(TelemetryGroup::Geographic)),
-            altitude_m: group(TelemetryGroup::Geographic, geographic.altitude_m),
-            climb_mps: velocity(dsp.gps_velocity.vertical_speed_mps),
-            ground_speed_mps: velocity(dsp.gps_velocity.horizontal_speed_mps),
-            course_deg: velocity(dsp.gps_velocity.heading_deg),
-            heading_deg: group(TelemetryGroup::Attitude, dsp.attitude.yaw_deg.into()),
-            battery_v: group(
-                TelemetryGroup::Supply,
-                f64::from(dsp.supply.battery_mv) / 1000.0,
-            ),
-            fuel_percent: group(TelemetryGroup::Supply, dsp.supply.fuel_percent.into()),
-            switch: dsp
-                .valid(TelemetryGroup::Supply)
-                .then(|| switch(dsp.supply.auto_switch)),
-            gps: dsp
-                .valid(TelemetryGroup::GpsQuality)
-                .then_some(GpsFix(dsp.gps_quality.into())),
-            received: Some(dsp.received()),
-        }
-        .plausible()
+        (&translate(dsp, &Calibration::default(), dsp.received())).into()
     }
 }
 

@@ -4,10 +4,10 @@ use std::time::Duration;
 
 use dsp_protocol::Waypoint;
 use ipc_types::payload::{DspTelemetry, ModuleState};
-use ipc_types::{MonotonicNs, Subscriber, TelemetryGroup, Topic};
-use runtime::exit::{ExitCode, Failure, OrFail};
+use ipc_types::{MonotonicNs, TelemetryGroup, Topic};
+use runtime::exit::{ExitCode, Failure};
 
-use crate::session::Session;
+use crate::session::{Latest, Session};
 
 /// A position from telemetry.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,33 +24,23 @@ pub(crate) struct Present {
 ///
 /// Code 3 when there is no bridge, 4 when it publishes no position in time, 7 when a signal ends the wait.
 pub(crate) fn present_position(session: &Session, timeout: Duration) -> Result<Present, Failure> {
-    let mut telemetry: Subscriber<DspTelemetry> =
-        session.ipc.subscriber().or_fail(ExitCode::Internal)?;
+    let mut telemetry = Latest::<DspTelemetry>::open(&session.ipc)?;
     let begin = MonotonicNs::now();
-    let give_up = begin + timeout;
-    loop {
-        let mut found = None;
-        let mut is_old = false;
-        telemetry
-            .drain(|sample| {
-                is_old |= sample.received_ns < begin.0;
-                found = present(sample)
-                    .filter(|_| sample.received_ns >= begin.0)
-                    .or(found);
-            })
-            .or_fail(ExitCode::Internal)?;
-        if let Some(found) = found {
-            return Ok(found);
-        }
-        if session.termination.requested() {
+    let mut found = None;
+    session.gather(&mut telemetry, begin + timeout, |telemetry, _| {
+        let sample = telemetry.sample.as_ref();
+        found = sample
+            .filter(|sample| sample.received_ns >= begin.0)
+            .and_then(present);
+        Ok(found.is_some())
+    })?;
+    match found {
+        Some(found) => Ok(found),
+        None if session.termination.requested() => {
             let text = "interrupted before the position was known; nothing was sent";
-            return Err(Failure::new(ExitCode::OutcomeUnknown, text));
+            Err(Failure::new(ExitCode::OutcomeUnknown, text))
         }
-        if MonotonicNs::now() >= give_up {
-            tracing::debug!(is_old, "no position in time");
-            return Err(session.nothing_came(DspTelemetry::KEY, timeout)?);
-        }
-        session.wait([&mut telemetry as _], Some(give_up))?;
+        None => Err(session.nothing_came(DspTelemetry::KEY, timeout)?),
     }
 }
 
@@ -75,18 +65,11 @@ pub(crate) fn newest_state(
     session: &Session,
     timeout: Duration,
 ) -> Result<Option<ModuleState>, Failure> {
-    let mut states: Subscriber<ModuleState> =
-        session.ipc.subscriber().or_fail(ExitCode::Internal)?;
+    let mut state = Latest::<ModuleState>::open(&session.ipc)?;
     let give_up = MonotonicNs::now() + timeout;
-    loop {
-        if let Some(state) = states.latest().or_fail(ExitCode::Internal)? {
-            return Ok(Some(state));
-        }
-        if session.termination.requested() || MonotonicNs::now() >= give_up {
-            return Ok(None);
-        }
-        session.wait([&mut states as _], Some(give_up))?;
-    }
+    let has_come = |state: &mut Latest<ModuleState>, _| Ok(state.sample.is_some());
+    session.gather(&mut state, give_up, has_come)?;
+    Ok(state.sample)
 }
 
 /// `None` if the sample has no position.

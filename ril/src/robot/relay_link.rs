@@ -13,8 +13,7 @@ use runtime::exit::Failure;
 use crate::render::fields::Tree;
 use crate::render::words::count;
 use crate::robot::sample_age::{Sample, age_ms, named};
-use crate::session::Latest;
-use crate::session::{Session, is_relayed};
+use crate::session::{Latest, Session, Topics, is_relayed};
 
 /// A sample of the relay older than this says nothing of the present: the relay publishes once a second, so this is three of them.
 pub const STALE_AFTER: Duration = Duration::from_secs(3);
@@ -148,19 +147,6 @@ impl LinkWatch {
         self.is_relayed
     }
 
-    /// The port to wait for, as long as the link's sample is missing that can be expected.
-    pub fn port(&mut self) -> Option<&mut dyn Source> {
-        let link = self.link.as_mut().filter(|_| self.is_relayed)?;
-        Some(&mut link.port)
-    }
-
-    /// Takes what came.
-    pub fn drain(&mut self) {
-        if let Some(link) = &mut self.link {
-            link.drain();
-        }
-    }
-
     /// Whether the link's sample is still to come.
     pub fn is_missing(&self) -> bool {
         let link = self.link.as_ref().filter(|_| self.is_relayed);
@@ -176,13 +162,22 @@ impl LinkWatch {
     /// Waits for the link's sample, at most so long.
     pub fn wait(&mut self, session: &Session, timeout: Duration) -> Result<(), Failure> {
         let give_up = MonotonicNs::now() + timeout;
-        self.drain();
-        while self.is_missing() && MonotonicNs::now() < give_up && !session.termination.requested()
-        {
-            session.wait(self.port(), Some(give_up))?;
-            self.drain();
+        let is_enough = |link: &mut LinkWatch, _| Ok(!link.is_missing());
+        session.gather(self, give_up, is_enough).map(drop)
+    }
+}
+
+impl Topics for LinkWatch {
+    /// While the topic comes from another machine.
+    fn ports(&mut self) -> Vec<&mut dyn Source> {
+        match self.is_relayed {
+            true => self.link.ports(),
+            false => Vec::new(),
         }
-        Ok(())
+    }
+
+    fn drain(&mut self) {
+        self.link.drain();
     }
 }
 

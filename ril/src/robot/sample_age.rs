@@ -77,6 +77,11 @@ pub(crate) fn is_stale(time: MonotonicNs, now: MonotonicNs, limit: Duration) -> 
     time > now || now.since(time) > limit
 }
 
+/// Whether what was so at `time` still says how things are at `now`.
+pub(crate) fn is_present(time: MonotonicNs, now: MonotonicNs) -> bool {
+    !is_stale(time, now, STALE_AFTER)
+}
+
 /// The name of a code, or a number that is not in the contract.
 pub(crate) fn named(name: Option<impl fmt::Display>, number: u32) -> String {
     name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())

@@ -16,13 +16,9 @@ use runtime::args::CommonArgs;
 use runtime::exit::Failure;
 
 use crate::config::Config;
-use crate::options::length::{
-    GotoWord, Height, Target, goto_word, take_off_height, targets, waypoints,
-};
-use crate::options::{RequestArgs, RobotChoice};
+use crate::options::{Height, RequestArgs, Target, take_off_height, targets, waypoints};
 use crate::render::messages::Verb;
-use crate::request::exchange::Until;
-use crate::request::{Conversation, Format, complete, control_request};
+use crate::request::{Conversation, Format, Until, complete, control_request};
 use crate::robot::position::ground_altitude_m;
 use crate::session::{Session, configuration, refuse_to_guess};
 
@@ -77,11 +73,14 @@ pub struct LandArgs {
 /// `ril goto`
 #[derive(Args, Clone, Debug)]
 pub struct GotoArgs {
-    /// Waypoints, each LAT,LON,ALT without spaces, or one as LAT LON ALT: degrees, and a telemetry altitude (20m, 60ft, or 20 for
-    /// metres) or a height above take-off (+20m), such as -37.5,-6.25,20m
-    #[arg(required_unless_present = "file", value_name = "LAT,LON,ALT", allow_negative_numbers = true,
-        value_parser = goto_word)]
-    pub words: Vec<GotoWord>,
+    /// Waypoints, each LAT,LON,ALT or LAT LON ALT: degrees, and a telemetry altitude (20m, 60ft, or 20 for metres) or a height
+    /// above take-off (+20m), such as -37.5,-6.25,20m
+    #[arg(
+        required_unless_present = "file",
+        value_name = "LAT,LON,ALT",
+        allow_negative_numbers = true
+    )]
+    pub words: Vec<String>,
 
     /// Read the waypoints from a file, one LAT,LON,ALT a line; `#` begins a comment, - is standard input
     #[arg(long, value_name = "FILE", conflicts_with = "words")]
@@ -139,20 +138,19 @@ fn module_name(text: &str) -> Result<String, String> {
 const MAX_FILE_BYTES: u64 = 1024 * 1024;
 
 /// What a start of the bridge looks at first; it fails only when the robot's shared memory does.
-pub(crate) type Look = fn(&Session, &CommonArgs, &Config) -> Result<(), Failure>;
+pub(crate) type BeforeStart = fn(&Session, &CommonArgs, &Config) -> Result<(), Failure>;
 
 /// `ril start`. `look` says on standard error what is not in order, which never keeps the module from starting.
 ///
 /// # Errors
 ///
 /// As [`stop`].
-pub(crate) fn start(args: &ControlArgs, choice: RobotChoice, look: Look) -> Result<(), Failure> {
+pub(crate) fn start(args: &ControlArgs, look: BeforeStart) -> Result<(), Failure> {
     let common = &args.request.ask.common;
     control(
         Verb::Start,
         ControlCommand::Start,
         args,
-        choice,
         |asked| match args.module {
             None => look(asked.session, common, asked.config),
             Some(_) => Ok(()),
@@ -167,8 +165,8 @@ pub(crate) fn start(args: &ControlArgs, choice: RobotChoice, look: Look) -> Resu
 /// As all requests: see [`messages::exit_code`](crate::render::messages::exit_code); code 2 when several robots are alive and none
 /// was named, 3 when there is no bridge, 4 when it does not answer, 7 when a signal ends the command before the final
 /// report.
-pub fn stop(args: &ControlArgs, choice: RobotChoice) -> Result<(), Failure> {
-    control(Verb::Stop, ControlCommand::Stop, args, choice, |_| Ok(()))
+pub fn stop(args: &ControlArgs) -> Result<(), Failure> {
+    control(Verb::Stop, ControlCommand::Stop, args, |_| Ok(()))
 }
 
 /// `ril fence …`
@@ -176,11 +174,11 @@ pub fn stop(args: &ControlArgs, choice: RobotChoice) -> Result<(), Failure> {
 /// # Errors
 ///
 /// As [`stop`].
-pub fn fence(command: &FenceCommand, choice: RobotChoice) -> Result<(), Failure> {
+pub fn fence(command: &FenceCommand) -> Result<(), Failure> {
     match command {
         FenceCommand::Reload(args) => {
             let key = ModuleControl::KEY;
-            run(Verb::ReloadFence, key, args, false, choice, |asked| {
+            run(Verb::ReloadFence, key, args, false, |asked| {
                 Ok(vec![control_request(
                     ControlCommand::ReloadFence,
                     asked.deadline_ms,
@@ -195,9 +193,9 @@ pub fn fence(command: &FenceCommand, choice: RobotChoice) -> Result<(), Failure>
 /// # Errors
 ///
 /// As [`stop`].
-pub fn take_off(args: &TakeoffArgs, choice: RobotChoice) -> Result<(), Failure> {
+pub fn take_off(args: &TakeoffArgs) -> Result<(), Failure> {
     let request = MovementData::take_off(fresh_request_id(), args.height_m());
-    movement(Verb::TakeOff, request, false, &args.request, choice)
+    movement(Verb::TakeOff, request, false, &args.request)
 }
 
 /// `ril land`
@@ -205,9 +203,9 @@ pub fn take_off(args: &TakeoffArgs, choice: RobotChoice) -> Result<(), Failure> 
 /// # Errors
 ///
 /// As [`stop`].
-pub fn land(args: &LandArgs, choice: RobotChoice) -> Result<(), Failure> {
+pub fn land(args: &LandArgs) -> Result<(), Failure> {
     let request = MovementData::land(fresh_request_id());
-    movement(Verb::Land, request, args.preempt, &args.request, choice)
+    movement(Verb::Land, request, args.preempt, &args.request)
 }
 
 /// `ril hold`, which always replaces a path that is under way.
@@ -215,9 +213,9 @@ pub fn land(args: &LandArgs, choice: RobotChoice) -> Result<(), Failure> {
 /// # Errors
 ///
 /// As [`stop`].
-pub fn hold(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
+pub fn hold(args: &RequestArgs) -> Result<(), Failure> {
     let request = MovementData::hold(fresh_request_id());
-    movement(Verb::Hold, request, true, args, choice)
+    movement(Verb::Hold, request, true, args)
 }
 
 /// `ril goto`
@@ -225,7 +223,7 @@ pub fn hold(args: &RequestArgs, choice: RobotChoice) -> Result<(), Failure> {
 /// # Errors
 ///
 /// As [`stop`]; code 2 also when the file of waypoints cannot be read or is wrong.
-pub fn go_to(args: &GotoArgs, choice: RobotChoice) -> Result<(), Failure> {
+pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
     let targets = match &args.file {
         Some(file) => read_waypoints(file)?,
         None => args.targets().map_err(Failure::usage)?,
@@ -237,7 +235,6 @@ pub fn go_to(args: &GotoArgs, choice: RobotChoice) -> Result<(), Failure> {
         MovementData::KEY,
         &args.request,
         args.hold_on_exit,
-        choice,
         |asked| {
             let waypoints = absolute(&targets, asked)?;
             let path = MovementData::path(fresh_request_id(), &waypoints, fresh_request_id);
@@ -294,7 +291,6 @@ fn control(
     verb: Verb,
     command: ControlCommand,
     args: &ControlArgs,
-    choice: RobotChoice,
     before: impl FnOnce(&Asked) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let key = match &args.module {
@@ -302,7 +298,7 @@ fn control(
         // Once in the life of the process; the ports take keys that live as long as it.
         Some(module) => format!("{module}/control").leak(),
     };
-    run(verb, key, &args.request, false, choice, |asked| {
+    run(verb, key, &args.request, false, |asked| {
         before(asked)?;
         Ok(vec![control_request(command, asked.deadline_ms)])
     })
@@ -314,9 +310,8 @@ fn movement(
     request: MovementData,
     preempt: bool,
     args: &RequestArgs,
-    choice: RobotChoice,
 ) -> Result<(), Failure> {
-    run(verb, MovementData::KEY, args, false, choice, |asked| {
+    run(verb, MovementData::KEY, args, false, |asked| {
         Ok(vec![complete(request, preempt, asked.deadline_ms)])
     })
 }
@@ -335,14 +330,13 @@ fn run<R: Request>(
     key: &'static str,
     args: &RequestArgs,
     hold_on_exit: bool,
-    choice: RobotChoice,
     requests: impl FnOnce(&Asked) -> Result<Vec<R>, Failure>,
 ) -> Result<(), Failure> {
     let ask = &args.ask;
     let Some(config) = configuration(&ask.common)? else {
         return Ok(());
     };
-    refuse_to_guess(choice)?;
+    refuse_to_guess(&ask.common)?;
     let session = Session::join(&ask.common)?;
     let asked = Asked {
         session: &session,

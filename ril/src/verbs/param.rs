@@ -11,12 +11,12 @@ use ipc_types::payload::{ParameterRequest, RequestReport};
 use runtime::config::nearest;
 use runtime::exit::{ExitCode, Failure};
 
-use crate::options::{AskArgs, RobotChoice, number};
+use crate::options::{AskArgs, number};
 use crate::render::json_line;
+use crate::render::messages::Verb;
 use crate::render::messages::details::{port_header, port_name, port_row};
-use crate::render::messages::{ReportObject, Verb};
-use crate::request::exchange::Until;
-use crate::request::{Conversation, Format, begin_by_ns};
+use crate::render::messages::object::ReportObject;
+use crate::request::{Conversation, Format, Until, begin_by_ns};
 use crate::session::{Session, configuration, refuse_to_guess};
 
 /// `ril param`
@@ -114,16 +114,16 @@ const MAX_PORTS: u32 = 1 << 16;
 /// # Errors
 ///
 /// As all requests: see [`messages::exit_code`](crate::render::messages::exit_code); code 2 also for a name that no port has.
-pub fn param(command: &ParamCommand, choice: RobotChoice) -> Result<(), Failure> {
+pub fn param(command: &ParamCommand) -> Result<(), Failure> {
     match command {
-        ParamCommand::List(args) => run(Verb::ListParameters, &args.ask, None, |ports| {
+        ParamCommand::List(args) => run(Verb::ListParameters, &args.ask, |ports| {
             ports.print_all(!args.no_values)
         }),
-        ParamCommand::Get(args) => run(Verb::GetParameter, &args.ask, None, |ports| {
+        ParamCommand::Get(args) => run(Verb::GetParameter, &args.ask, |ports| {
             let number = ports.resolve(&args.port)?;
             ports.print(|id| ParameterRequest::read(id, number))
         }),
-        ParamCommand::Set(args) => run(Verb::SetParameter, &args.ask, Some(choice), |ports| {
+        ParamCommand::Set(args) => run(Verb::SetParameter, &args.ask, |ports| {
             let number = ports.resolve(&args.port)?;
             let previous = ports.value(number)?.ok().flatten();
             ports.conversation.show_previous(previous);
@@ -132,20 +132,21 @@ pub fn param(command: &ParamCommand, choice: RobotChoice) -> Result<(), Failure>
     }
 }
 
-/// Runs one command; `choice` is given when it must not guess the robot.
+/// Runs one command. One that writes must not guess the robot.
 fn run(
     verb: Verb,
     args: &AskArgs,
-    choice: Option<RobotChoice>,
-    work: impl FnOnce(&mut Ports) -> Result<(), Failure>,
+    work: impl FnOnce(&mut ParameterPorts) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let Some(config) = configuration(&args.common)? else {
         return Ok(());
     };
-    choice.map_or(Ok(()), refuse_to_guess)?;
+    if verb == Verb::SetParameter {
+        refuse_to_guess(&args.common)?;
+    }
     let session = Session::join(&args.common)?;
     let timeout = args.timeout.unwrap_or_else(|| config.request.timeout());
-    work(&mut Ports {
+    work(&mut ParameterPorts {
         conversation: Conversation::open(&session, verb, timeout)?,
         format: Format::of(args.json),
         deadline_ms: args.deadline.unwrap_or(config.request.deadline_ms),
@@ -153,13 +154,13 @@ fn run(
 }
 
 /// The bridge's ports, as a command asks for them.
-struct Ports<'a> {
+struct ParameterPorts<'a> {
     conversation: Conversation<'a, ParameterRequest>,
     format: Format,
     deadline_ms: u32,
 }
 
-impl Ports<'_> {
+impl ParameterPorts<'_> {
     /// Asks one thing; `request` gets a fresh id.
     fn ask(
         &mut self,

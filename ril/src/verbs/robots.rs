@@ -23,8 +23,8 @@ use serde::Serialize;
 use crate::options::{EXIT_CODES, duration};
 use crate::render::json_line;
 use crate::robot::domain::{DomainFacts, Provided};
-use crate::robot::sample_age::{STALE_AFTER, age_ms, named};
-use crate::session::{Latest, as_user, configuration, other_domains};
+use crate::robot::sample_age::{age_ms, is_present, named};
+use crate::session::{Latest, Topics, as_user, configuration, other_domains};
 
 /// `ril robots`
 ///
@@ -86,7 +86,7 @@ pub fn robots(args: &RobotsArgs) -> Result<(), Failure> {
     }
     wait(&mut live, providers, timeout)?;
     let now = MonotonicNs::now();
-    let robots: Vec<Robot> = found
+    let robots: Vec<RobotSummary> = found
         .into_iter()
         .map(|id| {
             let watched = live.iter().find(|one| one.ipc.robot() == id);
@@ -102,7 +102,7 @@ pub fn robots(args: &RobotsArgs) -> Result<(), Failure> {
             other_domains()
         );
     } else if !args.json {
-        return write!(out, "{}", Table(&robots)).map_err(Failure::output);
+        return write!(out, "{}", RobotTable(&robots)).map_err(Failure::output);
     }
     robots
         .iter()
@@ -176,17 +176,13 @@ fn describe(
     facts: &DomainFacts,
     providers: &[Provided],
     now: MonotonicNs,
-) -> Robot {
+) -> RobotSummary {
     let of_robot = providers.iter().filter(|one| one.robot == id);
     let processes: BTreeSet<&str> = of_robot.map(|one| one.by.process.as_str()).collect();
     let inspection = facts.inspection.as_ref().ok();
     let inspected = inspection.and_then(|all| all.robots.iter().find(|one| one.robot == id));
     let state = watched.and_then(|one| one.state.sample.as_ref());
     let hero = watched.and_then(|one| one.hero.sample.as_ref());
-    let is_present = |time_ns: u64| {
-        let time = MonotonicNs(time_ns);
-        time <= now && now.since(time) <= STALE_AFTER
-    };
     let phase = |state: &ModuleState| {
         let status = named(ModuleStatus::from_code(state.status), state.status);
         match Functionality::from_code(state.functionality) {
@@ -194,7 +190,7 @@ fn describe(
             doing => format!("{status}, {}", named(doing, state.functionality)),
         }
     };
-    Robot {
+    RobotSummary {
         schema: SCHEMA,
         robot: id.get(),
         live: !processes.is_empty() || inspected.is_some_and(|one| one.is_live),
@@ -205,13 +201,13 @@ fn describe(
             .map(|name| name.escape_debug().to_string())
             .collect(),
         link: state
-            .filter(|state| is_present(state.published_ns))
+            .filter(|state| is_present(state.published(), now))
             .map(|state| named(LinkState::from_code(state.link.state), state.link.state)),
         phase: state
-            .filter(|state| is_present(state.published_ns))
+            .filter(|state| is_present(state.published(), now))
             .map(phase),
         flying: hero
-            .filter(|hero| is_present(hero.received_ns))
+            .filter(|hero| is_present(hero.received(), now))
             .map(|hero| hero.flying == 1),
         age_ms: state.and_then(|state| age_ms(MonotonicNs(state.published_ns), now)),
     }
@@ -222,7 +218,7 @@ pub const SCHEMA: &str = "ril.Robot.v1";
 
 /// A robot.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Robot {
+pub struct RobotSummary {
     /// [`SCHEMA`].
     pub schema: &'static str,
     /// Its number.
@@ -244,9 +240,9 @@ pub struct Robot {
 }
 
 /// Robots as a table.
-pub struct Table<'a>(pub &'a [Robot]);
+pub struct RobotTable<'a>(pub &'a [RobotSummary]);
 
-impl fmt::Display for Table<'_> {
+impl fmt::Display for RobotTable<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
@@ -283,7 +279,7 @@ mod tests {
 
     #[test]
     fn a_robot_is_a_line_that_fits_the_terminal() {
-        let live = Robot {
+        let live = RobotSummary {
             schema: SCHEMA,
             robot: 1,
             live: true,
@@ -294,7 +290,7 @@ mod tests {
             flying: Some(true),
             age_ms: Some(100),
         };
-        let dead = Robot {
+        let dead = RobotSummary {
             robot: 12,
             live: false,
             processes: Vec::new(),
@@ -304,7 +300,7 @@ mod tests {
             age_ms: None,
             ..live.clone()
         };
-        let text = Table(&[live, dead]).to_string();
+        let text = RobotTable(&[live, dead]).to_string();
         let expected = "\
 ROBOT  LIVE  LINK       FLYING   PHASE                  PROCESSES
 1      yes   up         yes      running, taking-off    bridge, status

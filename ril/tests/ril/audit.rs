@@ -1,6 +1,6 @@
 //! The audit trail: who asked for what and what became of it is in the bridge's log (requirement H8).
 
-use crate::common::{Rig, end, json};
+use crate::common::{end, json, sandbox};
 use ril_tests::process::{Finished, Signal};
 
 /// The id of the request that a command with `--json` reported about last.
@@ -16,7 +16,7 @@ fn request_id(finished: &Finished) -> u64 {
 
 #[test]
 fn every_request_refusal_phase_and_link_change_is_one_line_with_its_request() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let sim = rig.sim(1, "--speed 10");
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();

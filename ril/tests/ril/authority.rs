@@ -4,15 +4,14 @@
 
 use std::fmt::Write as _;
 
-use crate::common::flight::Flight;
-use crate::common::{Rig, json, movement, says};
+use crate::common::{Flight, json, movement, sandbox, says, shown_state};
 use ipc_types::code::{ControlCommand, MovementKind, Reason, SafetyRule, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
 use ril_tests::{Answer, Process, Received, StandInBridge};
 
 #[test]
 fn hold_always_pre_empts_and_the_others_when_they_are_told_to() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     for (args, kind, flags) in [
         ("hold", MovementKind::Hold, &[1][..]),
@@ -44,20 +43,15 @@ fn hold_always_pre_empts_and_the_others_when_they_are_told_to() {
 
 #[test]
 fn a_path_that_was_replaced_ended_early() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     for next in ["hold", "land --preempt", "goto 37,-6,30 --preempt"] {
         bridge.answer_next(Answer::under_way());
         let mut path = rig.start("goto 37,-6,20");
         path.wait_for_text("the path is complete");
-        let busy = rig.run("land", 5);
-        assert!(
-            says(&busy.stderr, "replace a path with --preempt"),
-            "{busy:#?}"
-        );
+        rig.run("land", 5).err_says("replace a path with --preempt");
         rig.run(next, 0);
-        let finished = path.wait_exit();
-        assert_eq!(finished.code(), Some(5), "{next}: {finished:#?}");
+        let finished = path.exits(5);
         assert!(
             says(
                 &finished.stderr,
@@ -65,16 +59,13 @@ fn a_path_that_was_replaced_ended_early() {
             ),
             "{next}: {finished:#?}"
         );
-        assert!(
-            says(&finished.stderr, "took its place"),
-            "{next}: {finished:#?}"
-        );
+        finished.err_says("took its place");
     }
 }
 
 #[test]
 fn a_refusal_says_rule_leg_and_amount_and_one_by_the_dsp_its_error() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(Answer::Reports(vec![RequestReport {
         rule: SafetyRule::FenceCeiling.code(),
@@ -87,7 +78,7 @@ fn a_refusal_says_rule_leg_and_amount_and_one_by_the_dsp_its_error() {
     let expected = "(fence-breach: fence-ceiling, leg 3, by 4.2 m)";
     // A refusal is said once.
     assert!(!says(&finished.stdout, expected), "{finished:#?}");
-    assert!(says(&finished.stderr, expected), "{finished:#?}");
+    finished.err_says(expected);
 
     let refused = RequestReport {
         waypoint: 2,
@@ -98,7 +89,7 @@ fn a_refusal_says_rule_leg_and_amount_and_one_by_the_dsp_its_error() {
     bridge.answer_next(Answer::Reports(vec![refused]));
     let finished = rig.run("goto 37,-6,200", 5);
     let expected = "(refused-by-dsp: waypoint 2, dsp-error-30 (invalid command))";
-    assert!(says(&finished.stderr, expected), "{finished:#?}");
+    finished.err_says(expected);
 
     bridge.answer_next(Answer::Reports(vec![refused]));
     let finished = rig.run("goto 37,-6,200 --json", 5);
@@ -111,7 +102,7 @@ fn a_refusal_says_rule_leg_and_amount_and_one_by_the_dsp_its_error() {
 
 #[test]
 fn a_take_off_prints_the_height_that_was_reached() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(Answer::Reports(vec![RequestReport {
         value: 9.84,
@@ -125,7 +116,7 @@ fn a_take_off_prints_the_height_that_was_reached() {
 
 #[test]
 fn the_geofence_is_read_again() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     rig.run("fence reload --deadline 70ms", 0);
     let Received::Control(request) = bridge.next_request() else {
@@ -143,12 +134,12 @@ fn the_geofence_is_read_again() {
     bridge.answer_next(Answer::refuse(Reason::InvalidFence));
     let finished = rig.run("fence reload", 5);
     let expected = "fence reload was refused (invalid-fence): ";
-    assert!(says(&finished.stderr, expected), "{finished:#?}");
+    finished.err_says(expected);
 }
 
 #[test]
 fn a_path_of_1024_waypoints_comes_from_a_file() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let mut text = String::from("# a survey\n");
     for index in 0..1024 {
@@ -181,30 +172,25 @@ fn a_path_of_1024_waypoints_comes_from_a_file() {
         ),
     ] {
         rig.write(file, text);
-        let finished = rig.run(&format!("goto --file {file}"), 2);
-        assert!(says(&finished.stderr, expected), "{finished:#?}");
+        rig.run(&format!("goto --file {file}"), 2)
+            .err_says(expected);
     }
-    let finished = rig.run("goto --file absent.path", 2);
-    assert!(
-        says(&finished.stderr, "absent.path: cannot be read"),
-        "{finished:#?}"
-    );
+    rig.run("goto --file absent.path", 2)
+        .err_says("absent.path: cannot be read");
 }
 
 #[test]
 fn standard_input_is_a_file_of_waypoints() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     rig.write("path", "-37,-6,20\n");
     let command = rig.shell("exec \"$0\" goto --file - < path");
-    let finished = Process::spawn(&rig.domain, command).wait_exit();
-    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    Process::spawn(&rig.domain, command).exits(0);
     assert_eq!(movement(bridge.next_request()).latitude_deg, -37.0);
 }
 
 fn was_replaced(mut path: Process) {
-    let finished = path.wait_exit();
-    assert_eq!(finished.code(), Some(5), "{finished:#?}");
+    let finished = path.exits(5);
     assert!(
         says(
             &finished.stderr,
@@ -216,14 +202,14 @@ fn was_replaced(mut path: Process) {
 
 #[test]
 fn the_real_bridge_holds_replaces_and_lands_in_the_middle_of_a_path() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let flight = Flight::begin(&rig);
     let (latitude, longitude, altitude) = flight.place;
     let path = flight.far_away(&rig);
     rig.run("land", 5);
     rig.run("hold", 0);
     was_replaced(path);
-    let state = rig.state(1);
+    let state = shown_state(&rig, 1);
     assert_eq!(state["link"]["dsp_path"], "empty");
 
     let path = flight.far_away(&rig);
@@ -236,7 +222,7 @@ fn the_real_bridge_holds_replaces_and_lands_in_the_middle_of_a_path() {
     let path = flight.far_away(&rig);
     rig.run("land --preempt", 0);
     was_replaced(path);
-    let state = rig.state(1);
+    let state = shown_state(&rig, 1);
     assert_eq!(state["movement"]["kind"], "land");
     assert_eq!(state["link"]["dsp_path"], "empty");
     flight.end();
@@ -244,7 +230,7 @@ fn the_real_bridge_holds_replaces_and_lands_in_the_middle_of_a_path() {
 
 #[test]
 fn the_real_bridge_takes_a_path_of_1024_waypoints() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let flight = Flight::begin(&rig);
     let (latitude, longitude, altitude) = flight.place;
     let mut text = String::new();

@@ -1,5 +1,6 @@
 //! The simulator at a real serial port (`ril run sim --port`): a cable between two terminals, with `ril run bridge` at its other end.
 
+use ril_tests::{Sandbox, pty};
 use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::os::unix::fs::symlink;
@@ -8,15 +9,13 @@ use std::path::PathBuf;
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use crate::common::flight::Flight;
-use crate::common::{FOR_SLOW_MACHINES, Rig, end};
+use crate::common::{FOR_SLOW_MACHINES, Flight, end, sandbox};
 use dsp_protocol::{Command, Decoded, Decoder, Downlink, FlowControl, Uplink};
 use ipc_types::code::{LinkState, Reason, Stage};
 use ipc_types::payload::{MovementData, WaypointPosition};
 use ipc_types::{Wake, fresh_request_id};
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 
 /// One end of a cable: what is written to the terminal at `path` can be read here, and the other way round.
 struct CableEnd {
@@ -26,20 +25,12 @@ struct CableEnd {
 
 impl CableEnd {
     fn open() -> CableEnd {
-        // A process that inherited it would keep the cable plugged in.
-        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
-        let master = openpt(flags).expect("a pseudo-terminal");
-        grantpt(&master).expect("a terminal of this user");
-        unlockpt(&master).expect("a terminal that can be opened");
-        let path = ptsname(&master, Vec::new()).expect("a name");
-        CableEnd {
-            master: File::from(master),
-            path: path.into_string().expect("a path").into(),
-        }
+        let (master, path) = pty::open();
+        CableEnd { master, path }
     }
 
     /// Makes `name` in the folder of `rig` lead to the terminal.
-    fn plug_in(&self, rig: &Rig, name: &str) {
+    fn plug_in(&self, rig: &Sandbox, name: &str) {
         let draft = rig.folder().join("draft");
         symlink(&self.path, &draft).expect("a link");
         fs::rename(&draft, rig.folder().join(name)).expect("a link");
@@ -94,7 +85,7 @@ impl Cable {
 }
 
 /// Puts a new cable at the ports of both processes.
-fn plug_in(rig: &Rig) -> (CableEnd, CableEnd) {
+fn plug_in(rig: &Sandbox) -> (CableEnd, CableEnd) {
     let ends = (CableEnd::open(), CableEnd::open());
     ends.0.plug_in(rig, "sim-port");
     ends.1.plug_in(rig, "bridge-port");
@@ -103,7 +94,7 @@ fn plug_in(rig: &Rig) -> (CableEnd, CableEnd) {
 
 #[test]
 fn a_simulator_at_a_serial_port_is_flown_over_a_cable_that_is_unplugged_in_between() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let (at_sim, at_bridge) = plug_in(&rig);
     let mut sim = rig.start("sim --port sim-port --baud-rate 57600 --seed 1");
     sim.wait_for_text("ready");
@@ -157,7 +148,7 @@ fn next_command(end: &mut CableEnd, decoder: &mut Decoder<Uplink>) -> Command {
 
 #[test]
 fn an_acknowledgement_behind_a_backlog_is_found_before_its_time_is_over() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut dsp = CableEnd::open();
     dsp.plug_in(&rig, "dsp-1");
     rig.write("bridge.toml", "[link]\nack_timeout_ms = 400\n");
@@ -182,7 +173,7 @@ fn an_acknowledgement_behind_a_backlog_is_found_before_its_time_is_over() {
 
 #[test]
 fn a_request_after_a_standstill_is_judged_by_what_the_dsp_has_said_meanwhile() {
-    let rig = Rig::new();
+    let rig = sandbox();
     // Positions are known for a second; the rest is patient.
     let times = "ack_timeout_ms = 2000\npc_timeout_ms = 30000\nsilent_after_ms = 1000\n";
     rig.write("bridge.toml", &format!("[link]\n{times}"));

@@ -2,12 +2,13 @@
 //!
 //! The verbs are enumerated from the parser, so that a new verb is held to the rules without being named here.
 
+use ril_tests::Sandbox;
 use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::common::{Rig, json, says};
+use crate::common::{json, sandbox};
 use clap::error::ErrorKind;
 use clap::{Arg, Command, CommandFactory};
 use ipc_types::Topic;
@@ -128,7 +129,7 @@ fn sample(argument: &Arg) -> String {
 }
 
 /// Runs `ril` to its end, as wide as every help must be.
-fn run(rig: &Rig, args: &str) -> Finished {
+fn run(rig: &Sandbox, args: &str) -> Finished {
     let mut command = rig.command(args.split_whitespace());
     command.env("COLUMNS", COLUMNS.to_string());
     let finished = Process::spawn(&rig.domain, command).wait_exit();
@@ -171,7 +172,7 @@ fn check_json(args: &str, finished: &Finished, documented: &BTreeSet<String>) {
 
 #[test]
 fn every_help_fits_the_terminal_and_lists_the_exit_codes() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut paths: Vec<String> = verbs().into_iter().map(|verb| verb.path).collect();
     paths.push(String::new());
     for path in paths {
@@ -195,7 +196,7 @@ fn every_help_fits_the_terminal_and_lists_the_exit_codes() {
 #[test]
 fn every_verb_takes_json_and_a_usage_error_is_an_object_too() {
     let documented = documented();
-    let rig = Rig::new();
+    let rig = sandbox();
     for verb in verbs() {
         if WITHOUT_JSON.contains(&verb.path.as_str()) {
             continue;
@@ -220,7 +221,7 @@ fn every_verb_takes_json_and_a_usage_error_is_an_object_too() {
 #[test]
 fn without_a_bridge_every_verb_says_so_in_words_and_in_json() {
     let documented = documented();
-    let rig = Rig::new();
+    let rig = sandbox();
     // What every file is called here.
     rig.write("absent", PLAN);
     for verb in verbs().iter().filter(|verb| verb.is_run_here()) {
@@ -247,7 +248,7 @@ fn without_a_bridge_every_verb_says_so_in_words_and_in_json() {
 #[test]
 fn every_verb_with_a_configuration_refuses_one_that_is_wrong_and_prints_one_that_is_right() {
     let documented = documented();
-    let rig = Rig::new();
+    let rig = sandbox();
     rig.write("wrong.toml", "[no_such_table]\n");
     for verb in verbs() {
         let is_other = verb.path == "doctor" || WITHOUT_JSON.contains(&verb.path.as_str());
@@ -262,7 +263,7 @@ fn every_verb_with_a_configuration_refuses_one_that_is_wrong_and_prints_one_that
         let checked = format!("{args} --check-config");
         let plain = run(&rig, &checked);
         assert_eq!(plain.code(), Some(0), "{checked}: {plain:#?}");
-        assert!(says(&plain.stdout, "# built-in"), "{checked}: {plain:#?}");
+        plain.out_says("# built-in");
         let told = run(&rig, &format!("{checked} --json"));
         check_json(&checked, &told, &documented);
         let object = json(&told.stdout[0]);
@@ -278,7 +279,7 @@ fn every_verb_with_a_configuration_refuses_one_that_is_wrong_and_prints_one_that
 
 #[test]
 fn a_checked_configuration_names_the_origin_of_each_value() {
-    let rig = Rig::new();
+    let rig = sandbox();
     rig.write("bridge.toml", "# mine\n[serial]\nbaud_rate = 230400\n");
     let mut command = rig.command(["run", "bridge", "--check-config"]);
     command.env("RIL_PORT", "/dev/ttyUSB9");
@@ -296,7 +297,7 @@ fn a_checked_configuration_names_the_origin_of_each_value() {
     for args in ["run bridge --check-config", "run bridge"] {
         let finished = rig.run(args, 78);
         let expected = "bridge.toml:3: 1200 baud carry 120 bytes a second";
-        assert!(says(&finished.stderr, expected), "{finished:#?}");
+        finished.err_says(expected);
     }
     let finished = rig.run("start --check-config --timeout 1m --deadline 50ms", 0);
     for expected in [
@@ -304,7 +305,7 @@ fn a_checked_configuration_names_the_origin_of_each_value() {
         "request.deadline_ms = 50",
         "# --deadline",
     ] {
-        assert!(says(&finished.stdout, expected), "{finished:#?}");
+        finished.out_says(expected);
     }
 }
 

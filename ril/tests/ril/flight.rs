@@ -2,12 +2,13 @@
 
 use std::fs;
 
-use crate::common::flight::Flight;
-use crate::common::{FOR_SLOW_MACHINES, Rig, Watch, end, json, says};
+use crate::common::{FOR_SLOW_MACHINES, Flight, end, json, sandbox, says, shown_state};
 use ipc_types::code::{Functionality, LinkState, ModuleStatus, MovementKind};
-use ril_tests::Process;
+use ipc_types::payload::ModuleState;
 use ril_tests::process::Signal;
 use ril_tests::pty::is_link;
+use ril_tests::sandbox::TopicWatch;
+use ril_tests::{Process, Sandbox};
 use rustix::fs::{CWD, Mode, mkfifoat};
 
 /// A simulator, a bridge and a status of robot 1, with the link up.
@@ -15,11 +16,11 @@ struct Processes {
     sim: Process,
     bridge: Process,
     status: Process,
-    watch: Watch,
+    watch: TopicWatch<ModuleState>,
 }
 
 impl Processes {
-    fn start(rig: &Rig, sim_options: &str) -> Processes {
+    fn start(rig: &Sandbox, sim_options: &str) -> Processes {
         let sim = rig.sim(1, sim_options);
         let bridge = rig.bridge(1);
         let status = rig.status(1);
@@ -49,7 +50,7 @@ impl Processes {
 }
 
 /// Where the helicopter is: latitude and longitude, degrees, and altitude, m.
-fn position(rig: &Rig, robot: u32) -> (f64, f64, f64) {
+fn position(rig: &Sandbox, robot: u32) -> (f64, f64, f64) {
     let args = format!("echo dsp --robot {robot} --count 1 --json --field geographic");
     let sample = json(&rig.run(&args, 0).stdout[0]);
     let value = |name: &str| {
@@ -66,7 +67,7 @@ fn position(rig: &Rig, robot: u32) -> (f64, f64, f64) {
 
 #[test]
 fn a_whole_mission_by_hand() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut processes = Processes::start(&rig, "--speed 10");
     let (latitude, longitude, altitude) = position(&rig, 1);
 
@@ -109,7 +110,7 @@ fn a_whole_mission_by_hand() {
         (&word["request"], &word["stage"]),
         (&"stop".into(), &"done".into())
     );
-    let state = rig.state(1);
+    let state = shown_state(&rig, 1);
     assert_eq!(state["module"]["status"], "ended");
     assert_eq!(state["module"]["blocked"], true);
     assert_eq!(state["link"]["waypoints_sent"], 2);
@@ -121,7 +122,7 @@ fn a_whole_mission_by_hand() {
 
 #[test]
 fn what_cannot_be_done_now_is_refused_with_the_reason() {
-    let rig = Rig::new();
+    let rig = sandbox();
     // In real time, and high: the take-off lasts as long as the test needs it.
     let processes = Processes::start(&rig, "--speed 1");
     let (latitude, longitude, altitude) = position(&rig, 1);
@@ -129,7 +130,7 @@ fn what_cannot_be_done_now_is_refused_with_the_reason() {
     let refused = |args: &str, reason: &str| {
         let finished = rig.run(args, 5);
         let expected = format!("refused ({reason})");
-        assert!(says(&finished.stderr, &expected), "{args}: {finished:#?}");
+        finished.err_says(&expected);
     };
     refused(&here, "not-started");
     refused("takeoff --altitude 5", "not-started");
@@ -142,7 +143,7 @@ fn what_cannot_be_done_now_is_refused_with_the_reason() {
     refused("takeoff --altitude 150", "busy");
     refused("stop", "unable-to-abort");
     refused(&here, "busy");
-    let state = rig.state(1);
+    let state = shown_state(&rig, 1);
     assert_eq!(state["module"]["functionality"], "taking-off");
     assert_eq!(state["module"]["unable_to_abort"], true);
     assert_eq!(state["module"]["error"], "impossible-to-stop-module");
@@ -151,21 +152,18 @@ fn what_cannot_be_done_now_is_refused_with_the_reason() {
 
 #[test]
 fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut processes = Processes::start(&rig, "--speed 10");
     let (latitude, longitude, altitude) = position(&rig, 1);
     rig.run("start", 0);
     rig.run("takeoff --altitude 5", 0);
     let (far, up) = (latitude + 1.0, altitude + 5.0);
     let near = format!("{latitude},{longitude},{up}");
-    let finished = rig.run(
+    rig.run(
         &format!("goto {near} {near} {far},{longitude},{up} {near}"),
         5,
-    );
-    assert!(
-        says(&finished.stderr, "goto was refused (too-far)"),
-        "{finished:#?}"
-    );
+    )
+    .err_says("goto was refused (too-far)");
     let state = processes.watch.until("at rest", |state| {
         state.functionality() == Some(Functionality::AtRest)
     });
@@ -176,25 +174,20 @@ fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped()
     let mut path = rig.start(&format!("goto {remote},{longitude},{up}"));
     path.wait_for_text("goto: progress");
     rig.run("stop", 0);
-    let finished = path.wait_exit();
-    assert_eq!(finished.code(), Some(5), "{finished:#?}");
-    assert!(
-        says(&finished.stderr, "ended early (stopped)"),
-        "{finished:#?}"
-    );
+    path.exits(5).err_says("ended early (stopped)");
     processes.end();
 }
 
 #[test]
 fn each_signal_ends_each_process_with_nothing_left() {
     for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
-        let rig = Rig::new();
+        let rig = sandbox();
         let processes = Processes::start(&rig, "");
         let link = rig.folder().join("dsp-1");
         assert!(is_link(&link));
         drop(processes.watch);
         let bridge = end(processes.bridge, signal);
-        assert!(says(&bridge.stderr, "ended"), "{bridge:#?}");
+        bridge.err_says("ended");
         assert!(is_link(&link), "the port is the simulator's");
         end(processes.sim, signal);
         assert!(!is_link(&link));
@@ -205,7 +198,7 @@ fn each_signal_ends_each_process_with_nothing_left() {
 
 #[test]
 fn two_robots_do_not_see_each_other() {
-    let rig = Rig::new();
+    let rig = sandbox();
     rig.write("south.toml", "[home]\nlatitude_deg = -10.0\n");
     let sims = [
         rig.sim(1, "--speed 10"),
@@ -219,7 +212,7 @@ fn two_robots_do_not_see_each_other() {
     }
     rig.run("start --robot 2", 0);
     rig.run("takeoff --robot 2 --altitude 5", 0);
-    let state = |robot: u32| rig.state(robot);
+    let state = |robot: u32| shown_state(&rig, robot);
     assert_eq!(state(2)["module"]["status"], "ended");
     assert_eq!(state(2)["movement"]["kind"], "takeoff");
     assert_eq!(state(1)["module"]["status"], "waiting-data-to-start");
@@ -237,7 +230,7 @@ fn two_robots_do_not_see_each_other() {
 
 #[test]
 fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut processes = Processes::start(&rig, "--speed 1");
     rig.run("start", 0);
     let mut echo = rig.start("echo hero --json --field source_epoch_ns --timeout 80s");
@@ -247,9 +240,7 @@ fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
 
     processes.bridge.signal(Signal::KILL);
     processes.bridge.wait_status();
-    let finished = take_off.wait_exit();
-    assert_eq!(finished.code(), Some(7), "{finished:#?}");
-    assert!(says(&finished.stderr, "bridge-gone"), "{finished:#?}");
+    take_off.exits(7).err_says("bridge-gone");
     rig.run("status --timeout 100ms", 3);
 
     processes.bridge = rig.bridge(1);
@@ -264,10 +255,7 @@ fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
     });
     // Telemetry in SI units came from the same status all the time.
     let finished = end(echo, Signal::INT);
-    assert!(
-        says(&finished.stderr, " 0 publisher restarts"),
-        "{finished:#?}"
-    );
+    finished.err_says(" 0 publisher restarts");
     processes
         .status
         .wait_for_text("telemetry comes from another bridge now");
@@ -276,15 +264,14 @@ fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
 
 #[test]
 fn a_geofence_that_is_no_file_any_more_does_not_stop_the_bridge_in_flight() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let config = rig.write("bridge.toml", FOR_SLOW_MACHINES);
     let processes = Processes::start(&rig, "--speed 4");
     rig.run("start", 0);
     rig.run("takeoff --altitude 3", 0);
     fs::remove_file(&config).unwrap();
     mkfifoat(CWD, &config, Mode::RUSR | Mode::WUSR).unwrap();
-    let finished = rig.run("fence reload", 5);
-    assert!(says(&finished.stderr, "invalid-fence"), "{finished:#?}");
+    rig.run("fence reload", 5).err_says("invalid-fence");
     // `land` reads ril.toml, and the bridge nothing.
     rig.run("land", 0);
     rig.run("stop", 0);
@@ -293,7 +280,7 @@ fn a_geofence_that_is_no_file_any_more_does_not_stop_the_bridge_in_flight() {
 
 #[test]
 fn a_path_that_would_begin_late_because_the_bridge_stood_still_is_not_flown() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let prompt = FOR_SLOW_MACHINES.replace("begin_within_ms = 60000", "begin_within_ms = 4000");
     rig.write("bridge.toml", &prompt);
     let flight = Flight::begin(&rig);

@@ -1,12 +1,12 @@
 //! Limits that a shell or a supervisor sets on a process: each is an error that is reported, and ends no process in silence.
 
-use crate::common::{FOR_SLOW_MACHINES, Rig, end, says};
+use crate::common::{FOR_SLOW_MACHINES, end, sandbox};
 use ril_tests::process::{Process, Signal};
 use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 
 #[test]
 fn a_process_that_may_write_no_file_says_so_instead_of_being_killed() {
-    let rig = Rig::new();
+    let rig = sandbox();
     for args in [
         "run bridge --port absent",
         "run status",
@@ -14,9 +14,9 @@ fn a_process_that_may_write_no_file_says_so_instead_of_being_killed() {
         "echo dsp",
     ] {
         let line = format!("ulimit -c 0 && ulimit -f 0 && exec \"$0\" {args}");
-        let finished = Process::spawn(&rig.domain, rig.shell(&line)).wait_exit();
-        assert_eq!(finished.code(), Some(1), "{args}: {finished:#?}");
-        assert!(says(&finished.stderr, "error: "), "{args}: {finished:#?}");
+        Process::spawn(&rig.domain, rig.shell(&line))
+            .exits(1)
+            .err_says("error: ");
     }
     rig.domain.assert_empty();
     // What they have not made keeps no process from starting.
@@ -29,7 +29,7 @@ fn a_process_that_may_write_no_file_says_so_instead_of_being_killed() {
 
 #[test]
 fn a_bridge_whose_messages_no_longer_fit_into_their_file_flies_on() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let sim = rig.sim(1, "");
     rig.write("bridge.toml", FOR_SLOW_MACHINES);
     let line = "exec \"$0\" bridge --port dsp-1 2>messages.txt";

@@ -3,22 +3,30 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod as_root;
 mod audit;
 mod authority;
 mod cable;
 mod chain;
 mod consistency;
 mod demo;
+mod doctor;
 mod flight;
+mod hostile;
 mod limits;
 mod measuring;
+mod operator;
+mod package;
 mod parameters;
 mod plans;
+mod port;
 mod record;
 mod relay;
 mod replay;
 mod requests;
 mod robots;
+mod stock_readers;
+mod terminal;
 mod topics;
 mod usage;
 mod watch;

@@ -4,17 +4,16 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::process::Stdio;
 
-use crate::common::{Rig, end, json, says};
+use crate::common::{end, json, sandbox, says};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, TelemetryGroup, files};
 use ril_tests::process::Signal;
-use ril_tests::{Process, StandInBridge, StandInStatus};
+use ril_tests::{Process, Sandbox, StandInBridge, StandInStatus, pty};
 use rustix::process::{Pid, kill_process};
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use serde_json::Value;
 
 /// Starts a measurement and returns when it has subscribed: what is published from here on is measured.
-fn start(rig: &Rig, args: &str) -> Process {
+fn start(rig: &Sandbox, args: &str) -> Process {
     let mut process = rig.start(&format!("{args} -v"));
     process.wait_for_text("subscribed");
     process
@@ -23,8 +22,7 @@ fn start(rig: &Rig, args: &str) -> Process {
 /// Waits for the end of a measurement, and returns the one JSON object that it has printed.
 #[track_caller]
 fn report(mut process: Process, code: i32) -> Value {
-    let finished = process.wait_exit();
-    assert_eq!(finished.code(), Some(code), "{finished:#?}");
+    let finished = process.exits(code);
     // The failure is an object of its own behind it.
     let expected = if code == 0 { 1 } else { 2 };
     assert_eq!(finished.stdout.len(), expected, "{finished:#?}");
@@ -43,7 +41,7 @@ fn hero(start: MonotonicNs, ms: u64) -> HeroTelemetry {
 
 #[test]
 fn the_published_rate_is_that_of_the_stamps_and_the_observed_one_that_of_what_came() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let status = StandInStatus::start(&rig.domain);
     let hz = start(&rig, "hz hero --count 5 --json");
     let now = MonotonicNs::now();
@@ -74,7 +72,7 @@ fn losses_are_counted_by_sequence_while_the_published_rate_stays_true() {
     const SAMPLES: u64 = 400;
     /// What its buffer holds.
     const KEPT: u64 = 128;
-    let rig = Rig::new();
+    let rig = sandbox();
     let status = StandInStatus::start(&rig.domain);
     let mut hz = start(&rig, &format!("hz hero --count {} --json", 1 + KEPT));
     let now = MonotonicNs::now();
@@ -99,17 +97,14 @@ fn losses_are_counted_by_sequence_while_the_published_rate_stays_true() {
 
 #[test]
 fn what_was_published_before_is_not_measured() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let status = StandInStatus::start(&rig.domain);
     status.publish(&hero(MonotonicNs(0), 1));
     // The latest sample comes at once, and alone is nothing to measure.
     let finished = rig.run("delay hero --timeout 200ms --duration 50ms --json", 4);
     assert_eq!(finished.stdout.len(), 1, "{finished:#?}");
     assert_eq!(json(&finished.stdout[0])["schema"], "ril.Error.v1");
-    assert!(
-        says(&finished.stderr, "although `ril run status` is running"),
-        "{finished:#?}"
-    );
+    finished.err_says("although `ril run status` is running");
     let hz = start(&rig, "hz hero --count 2 --json");
     let now = MonotonicNs::now();
     for index in 0..2 {
@@ -120,7 +115,7 @@ fn what_was_published_before_is_not_measured() {
 
 #[test]
 fn each_service_has_the_ages_that_its_samples_tell() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let status = StandInStatus::start(&rig.domain);
     let delays = ["dsp", "hero", "state"]
@@ -162,7 +157,7 @@ fn each_service_has_the_ages_that_its_samples_tell() {
 
 #[test]
 fn bytes_are_those_of_the_struct() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let bw = start(&rig, "bw dsp --count 3 --json");
     for _ in 0..3 {
@@ -183,7 +178,7 @@ fn bytes_are_those_of_the_struct() {
 
 #[test]
 fn a_publisher_that_goes_ends_it_with_what_was_measured() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let status = StandInStatus::start(&rig.domain);
     let mut hz = start(&rig, "hz hero --timeout 5s --count 1000 --json");
     status.publish(&HeroTelemetry::default());
@@ -196,7 +191,7 @@ fn a_publisher_that_goes_ends_it_with_what_was_measured() {
 
 #[test]
 fn a_signal_ends_it_with_what_was_measured_and_a_pipe_gets_no_drawing() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     for signal in [Signal::INT, Signal::TERM] {
         let mut bw = start(&rig, "bw state");
@@ -211,13 +206,10 @@ fn a_signal_ends_it_with_what_was_measured_and_a_pipe_gets_no_drawing() {
 
 #[test]
 fn a_terminal_sees_the_figures_anew_and_keeps_the_last() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let status = StandInStatus::start(&rig.domain);
-    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
-    grantpt(&master).unwrap();
-    unlockpt(&master).unwrap();
-    let name = ptsname(&master, Vec::new()).unwrap();
-    let slave = File::options().write(true).open(name.to_str().unwrap());
+    let (mut screen, name) = pty::open();
+    let slave = File::options().write(true).open(name);
     let mut command = rig.command(["hz", "hero", "-v"]);
     command.envs(rig.domain.environment());
     command.stdout(slave.unwrap()).stderr(Stdio::piped());
@@ -228,7 +220,7 @@ fn a_terminal_sees_the_figures_anew_and_keeps_the_last() {
     log.find(|line| line.as_ref().is_ok_and(|line| line.contains("subscribed")));
     status.publish(&HeroTelemetry::default());
     // It draws once a second, whatever comes; each drawing takes the place of the one before.
-    let (mut text, mut screen) = (String::new(), File::from(master));
+    let mut text = String::new();
     while text.matches("\u{1b}[J").count() < 2 {
         let mut bytes = [0; 4096];
         let read = screen.read(&mut bytes).unwrap();
@@ -249,7 +241,7 @@ fn a_terminal_sees_the_figures_anew_and_keeps_the_last() {
 
 #[test]
 fn the_real_chain_is_measured() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let processes = [rig.sim(1, ""), rig.bridge(1), rig.status(1)];
     rig.watch(1).until_ready();
     let rate = json(&rig.run("hz dsp --count 30 --json", 0).stdout[0]);

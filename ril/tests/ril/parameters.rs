@@ -2,8 +2,7 @@
 //!
 //! Most tests run against a stand-in for the bridge. Those whose name begins with `the_real_bridge` run the real processes.
 
-use crate::common::flight::Flight;
-use crate::common::{Rig, end, json, says};
+use crate::common::{Flight, end, json, sandbox};
 use dsp_protocol::port;
 use ipc_types::code::{ParameterOperation, Reason};
 use ipc_types::payload::ParameterRequest;
@@ -29,7 +28,7 @@ fn written_or_read(bridge: &StandInBridge) -> ParameterRequest {
 
 #[test]
 fn parameters_are_listed_with_who_may_write_them() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let finished = rig.run("param list", 0);
     let row = |name: &str| {
@@ -77,7 +76,7 @@ fn parameters_are_listed_with_who_may_write_them() {
 
 #[test]
 fn a_parameter_is_read_and_written_by_name_and_by_number() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     assert_eq!(rig.run("param get yaw_gain", 0).stdout, ["yaw_gain = 1.5"]);
     assert_eq!(written_or_read(&bridge).port, u32::from(port::YAW_GAIN));
@@ -110,7 +109,7 @@ fn a_parameter_is_read_and_written_by_name_and_by_number() {
 
 #[test]
 fn a_parameter_that_cannot_be_set_is_refused_with_the_reason() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.set_port(StandInPort {
         refuses_with: Some(30),
@@ -158,8 +157,7 @@ fn a_parameter_that_cannot_be_set_is_refused_with_the_reason() {
             "refused (refused-by-dsp: dsp-error-30 (invalid command)): the DSP did not take the value",
         ),
     ] {
-        let finished = rig.run(&format!("param {args}"), code);
-        assert!(says(&finished.stderr, expected), "{args}: {finished:#?}");
+        rig.run(&format!("param {args}"), code).err_says(expected);
     }
     bridge.answer_next(Answer::refuse(Reason::LinkDown));
     rig.run("param get 20013", 6);
@@ -169,12 +167,11 @@ fn a_parameter_that_cannot_be_set_is_refused_with_the_reason() {
 
 #[test]
 fn the_real_bridge_serves_the_dsp_s_parameters() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let sim = rig.sim(1, "--speed 10");
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();
-    let list = rig.run("param list", 0);
-    assert!(says(&list.stdout, "cruise_speed_mps"), "{list:#?}");
+    rig.run("param list", 0).out_says("cruise_speed_mps");
     for (args, expected) in [
         ("set cruise_speed_mps 7.5", "cruise_speed_mps = 7.5 (was 5)"),
         ("get cruise_speed_mps", "cruise_speed_mps = 7.5"),
@@ -190,15 +187,15 @@ fn the_real_bridge_serves_the_dsp_s_parameters() {
     ] {
         let finished = rig.run(&format!("param {args}"), 5);
         let expected = format!("refused ({reason})");
-        assert!(says(&finished.stderr, &expected), "{args}: {finished:#?}");
+        finished.err_says(&expected);
     }
     for process in [bridge, sim] {
         end(process, Signal::INT);
     }
 
     let flight = Flight::begin(&rig);
-    let finished = rig.run("param set trim_tail_us 10", 5);
-    assert!(says(&finished.stderr, "not-in-flight"), "{finished:#?}");
+    rig.run("param set trim_tail_us 10", 5)
+        .err_says("not-in-flight");
     rig.run("param set cruise_speed_mps 6", 0);
     flight.end();
 }

@@ -8,14 +8,14 @@ use std::sync::mpsc::{self, RecvTimeoutError, Sender};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use crate::common::{Rig, json, says};
+use crate::common::{json, sandbox, says, shown_state, state_of};
 use ipc_types::code::RelayLinkState;
 use ipc_types::payload::{
     HeroTelemetry, ModuleState, RelayLink, RelayStation, RelayStations, ascii_bytes,
 };
 use ipc_types::{Domain, MonotonicNs, RobotId, Topic};
 use ril_tests::process::Finished;
-use ril_tests::{Process, StandInBridge, StandInTopic};
+use ril_tests::{Process, Sandbox, StandInBridge, StandInTopic};
 
 /// From one sample of the stand-in to the next: often enough that none is stale while the machine lets it run.
 const PERIOD: Duration = Duration::from_millis(20);
@@ -102,7 +102,7 @@ fn up() -> RelayLink {
 /// What `ril` says, which must end with `code`. On a machine that stalls it takes the relay for silent, and says so: then it is asked
 /// again.
 #[track_caller]
-fn look(rig: &Rig, args: &str, code: i32) -> Finished {
+fn look(rig: &Sandbox, args: &str, code: i32) -> Finished {
     loop {
         let finished = rig.start(args).wait_exit();
         let mut lines = finished.stdout.iter().chain(&finished.stderr);
@@ -115,7 +115,7 @@ fn look(rig: &Rig, args: &str, code: i32) -> Finished {
 
 #[test]
 fn the_link_of_a_station_is_shown_and_its_state_is_the_exit_code() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let relay = StandInRelay::start(&rig.domain, up());
     let shown = look(&rig, "relay status", 0);
     for expected in [
@@ -123,7 +123,7 @@ fn the_link_of_a_station_is_shown_and_its_state_is_the_exit_code() {
         "the robot's is 3600.000000 s ahead, true within 2.500 ms; round trip 12.3 ms",
         "995 received, 5 lost on the air (0.50 %)",
     ] {
-        assert!(says(&shown.stdout, expected), "{expected}: {shown:#?}");
+        shown.out_says(expected);
     }
     let report = json(&look(&rig, "relay status --json", 0).stdout[0]);
     assert_eq!(report["schema"], "ril.Relay.v2");
@@ -137,13 +137,13 @@ fn the_link_of_a_station_is_shown_and_its_state_is_the_exit_code() {
     };
     let _relay = StandInRelay::start(&rig.domain, down);
     let shown = look(&rig, "relay status", 6);
-    assert!(says(&shown.stdout, "link        down for "), "{shown:#?}");
-    assert!(says(&shown.stderr, "the link to the robot is not up"));
+    shown.out_says("link        down for ");
+    shown.err_says("the link to the robot is not up");
 }
 
 #[test]
 fn the_stations_of_a_robot_are_shown() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let relay = StandInTopic::<RelayStations>::start(&rig.domain);
     let now = MonotonicNs::now().0;
     let mut stations = RelayStations {
@@ -161,43 +161,40 @@ fn the_stations_of_a_robot_are_shown() {
     relay.publish(&stations);
     let shown = rig.run("relay status", 6);
     let expected = "ground-1: down for ";
-    assert!(says(&shown.stdout, expected), "{shown:#?}");
-    assert!(says(&shown.stderr, "no station is up"), "{shown:#?}");
+    shown.out_says(expected);
+    shown.err_says("no station is up");
 }
 
 #[test]
 fn without_a_relay_status_says_how_to_start_one_and_a_silent_one_is_a_timeout() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let absent = rig.run("relay status --robot 7", 3);
     for expected in ["no relay of robot 7 is running here", "start `ril relay`"] {
-        assert!(says(&absent.stderr, expected), "{absent:#?}");
+        absent.err_says(expected);
     }
     rig.domain.assert_empty();
     let _silent = StandInTopic::<RelayLink>::start(&rig.domain);
-    let silent = rig.run("relay status --timeout 100ms", 4);
-    assert!(
-        says(&silent.stderr, "although it is running"),
-        "{silent:#?}"
-    );
+    rig.run("relay status --timeout 100ms", 4)
+        .err_says("although it is running");
 }
 
 #[test]
 fn the_state_of_a_relayed_robot_says_over_which_link_it_comes() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let relay = StandInRelay::start(&rig.domain, up());
-    let shown = rig.state_of("status");
+    let shown = state_of(&rig, "status");
     let expected = "relay       relayed over tcp/10.0.0.2:7447, link up, round trip 12.3 ms, 0.50 % lost on the air";
-    assert!(says(&shown.stdout, expected), "{shown:#?}");
-    let state = rig.state(1);
+    shown.out_says(expected);
+    let state = shown_state(&rig, 1);
     assert_eq!(state["relayed"], true);
     assert_eq!(state["relay"]["clock"]["uncertainty_s"], 0.0025);
     drop(relay);
 
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish_state(&ModuleState::default());
-    let shown = rig.state_of("status");
+    let shown = state_of(&rig, "status");
     assert!(!says(&shown.stdout, "relayed"), "{shown:#?}");
-    let state = rig.state(1);
+    let state = shown_state(&rig, 1);
     assert_eq!(
         (&state["relayed"], &state["relay"]),
         (&false.into(), &serde_json::Value::Null)
@@ -206,11 +203,11 @@ fn the_state_of_a_relayed_robot_says_over_which_link_it_comes() {
 
 #[test]
 fn ages_of_relayed_samples_are_shown_with_their_uncertainty() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let _relay = StandInRelay::start(&rig.domain, up());
     let shown = rig.run("delay hero --count 2", 0);
     let expected = "relayed from another machine: ages are true within ±2.500 ms";
-    assert!(says(&shown.stdout, expected), "{shown:#?}");
+    shown.out_says(expected);
     for command in ["delay hero", "topic delay hero_telemetry"] {
         let report = json(&rig.run(&format!("{command} --count 2 --json"), 0).stdout[0]);
         assert_eq!(report["relayed"], true, "{command}");
@@ -223,7 +220,7 @@ fn ages_of_relayed_samples_are_shown_with_their_uncertainty() {
 
 #[test]
 fn the_doctor_judges_the_link_and_does_not_miss_what_is_not_relayed() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let relay = StandInRelay::start(&rig.domain, up());
     let shown = look(&rig, "doctor", 0);
     for expected in [
@@ -231,7 +228,7 @@ fn the_doctor_judges_the_link_and_does_not_miss_what_is_not_relayed() {
         "provides module_state of robot 1 from another machine",
         "provides hero_telemetry of robot 1 from another machine",
     ] {
-        assert!(says(&shown.stdout, expected), "{expected}: {shown:#?}");
+        shown.out_says(expected);
     }
     drop(relay);
 
@@ -275,7 +272,7 @@ impl Install {
         Install(folder)
     }
 
-    fn run(&self, rig: &Rig, path: &Path, args: &[&str]) -> Finished {
+    fn run(&self, rig: &Sandbox, path: &Path, args: &[&str]) -> Finished {
         let mut command = Command::new(self.0.join("ril"));
         command.arg("relay").args(args).env("PATH", path);
         Process::spawn(&rig.domain, command).wait_exit()
@@ -299,7 +296,7 @@ const PRINT: [&str; 5] = [
 
 #[test]
 fn the_relay_s_program_is_run_with_all_arguments_and_its_exit_code_is_its_own() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let install = Install::new("beside");
     symlink("/bin/sh", install.0.join("ril-relay")).unwrap();
     let nowhere = Path::new("/nowhere");
@@ -315,13 +312,13 @@ fn the_relay_s_program_is_run_with_all_arguments_and_its_exit_code_is_its_own() 
 
 #[test]
 fn without_the_relay_s_program_the_way_to_build_it_is_named() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let install = Install::new("alone");
     for args in [&[][..], &["--help"], &["--robot", "7"]] {
         let finished = install.run(&rig, Path::new("/nowhere"), args);
         assert_eq!(finished.code(), Some(1), "{finished:#?}");
         let expected = "`cargo install --path gateways/relay`";
-        assert!(says(&finished.stderr, expected), "{finished:#?}");
+        finished.err_says(expected);
     }
     rig.domain.assert_empty();
 }

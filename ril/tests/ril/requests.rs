@@ -1,6 +1,6 @@
 //! Requests against a bridge that answers as it is told: what is sent, what is printed, how it ends.
 
-use crate::common::{Rig, end, json, movement, says};
+use crate::common::{end, json, movement, sandbox, says, shown_state};
 use ipc_types::code::{ControlCommand, MovementKind, Reason, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
 use ril_tests::process::Signal;
@@ -20,7 +20,7 @@ fn accepted() -> Answer {
 
 #[test]
 fn each_command_sends_its_request() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     for (verb, command) in [
         ("start", ControlCommand::Start),
@@ -48,7 +48,7 @@ fn each_command_sends_its_request() {
 
 #[test]
 fn a_path_is_framed_and_shares_one_id() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let mut paths = Vec::new();
     for (args, frames) in [
@@ -93,16 +93,13 @@ fn a_path_is_framed_and_shares_one_id() {
 
 #[test]
 fn the_first_refusal_ends_a_path() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(accepted());
     bridge.answer_next(Answer::refuse(Reason::TooFar));
     let finished = rig.run("goto 37,-6,20 38,-6,20 37,-6,20", 5);
     assert_eq!(finished.stdout, ["goto: waypoint 1 of 3 accepted"]);
-    assert!(
-        says(&finished.stderr, "goto was refused (too-far)"),
-        "{finished:#?}"
-    );
+    finished.err_says("goto was refused (too-far)");
     // The third was never sent: the next request is another command's.
     rig.run("land", 0);
     let kinds = [(); 3].map(|()| movement(bridge.next_request()).kind);
@@ -112,7 +109,7 @@ fn the_first_refusal_ends_a_path() {
 
 #[test]
 fn final_reports_become_exit_codes() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let unknown = |reason| Answer::Reports(vec![RequestReport::new(Stage::Unknown, reason)]);
     for (answer, code, told) in [
@@ -159,7 +156,7 @@ fn final_reports_become_exit_codes() {
 
 #[test]
 fn programs_read_one_object_a_line() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(Answer::progress(1));
     let finished = rig.run("goto 37,-6,20 --json", 0);
@@ -179,7 +176,7 @@ fn programs_read_one_object_a_line() {
 
 #[test]
 fn deadline_and_timeout_come_from_the_command_line_then_the_environment_then_the_file() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     rig.write("ril.toml", "[request]\ndeadline_ms = 300\n");
     rig.write("other.toml", "");
@@ -193,8 +190,7 @@ fn deadline_and_timeout_come_from_the_command_line_then_the_environment_then_the
         if let Some(value) = variable {
             command.env("RIL_DEADLINE", value);
         }
-        let finished = Process::spawn(&rig.domain, command).wait_exit();
-        assert_eq!(finished.code(), Some(0), "{finished:#?}");
+        Process::spawn(&rig.domain, command).exits(0);
         let request = control(bridge.next_request());
         let begin_by_ns = match expected {
             0 => 0,
@@ -209,7 +205,7 @@ fn deadline_and_timeout_come_from_the_command_line_then_the_environment_then_the
 
 #[test]
 fn a_command_that_does_not_wait_returns_once_it_is_accepted() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(accepted());
     assert_eq!(
@@ -222,42 +218,31 @@ fn a_command_that_does_not_wait_returns_once_it_is_accepted() {
 
 #[test]
 fn a_bridge_that_hangs_is_a_timeout() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(Answer::Hang);
-    let finished = rig.run("start --timeout 100ms", 4);
-    assert!(
-        says(&finished.stderr, "did not answer to start in time"),
-        "{finished:#?}"
-    );
+    rig.run("start --timeout 100ms", 4)
+        .err_says("did not answer to start in time");
     bridge.answer_next(accepted());
     bridge.answer_next(Answer::Hang);
-    let finished = rig.run("goto 37,-6,20 37,-6,21 --timeout 5s", 4);
-    assert!(
-        says(&finished.stderr, "did not answer to waypoint 2 of 2"),
-        "{finished:#?}"
-    );
+    rig.run("goto 37,-6,20 37,-6,21 --timeout 5s", 4)
+        .err_says("did not answer to waypoint 2 of 2");
 }
 
 #[test]
 fn a_bridge_that_dies_leaves_the_outcome_unknown() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(accepted());
     let mut take_off = rig.start("takeoff --altitude 5");
     take_off.wait_for_text("takeoff: accepted");
     bridge.die();
-    let finished = take_off.wait_exit();
-    assert_eq!(finished.code(), Some(7), "{finished:#?}");
-    assert!(
-        says(&finished.stderr, "unknown outcome (bridge-gone)"),
-        "{finished:#?}"
-    );
+    take_off.exits(7).err_says("unknown outcome (bridge-gone)");
 }
 
 #[test]
 fn an_interrupted_command_says_what_goes_on() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     for (args, signal, expected) in [
         (
@@ -281,9 +266,7 @@ fn an_interrupted_command_says_what_goes_on() {
         let mut process = rig.start(args);
         process.wait_for_text("accepted");
         process.signal(signal);
-        let finished = process.wait_exit();
-        assert_eq!(finished.code(), Some(7), "{args}: {finished:#?}");
-        assert!(says(&finished.stderr, expected), "{args}: {finished:#?}");
+        process.exits(7).err_says(expected);
         bridge.next_request();
     }
     // The bridge flies no path that was not sent to its end.
@@ -293,17 +276,12 @@ fn an_interrupted_command_says_what_goes_on() {
     bridge.next_request();
     bridge.next_request();
     process.signal(Signal::INT);
-    let finished = process.wait_exit();
-    assert_eq!(finished.code(), Some(7), "{finished:#?}");
-    assert!(
-        says(&finished.stderr, "nothing of it is flown"),
-        "{finished:#?}"
-    );
+    process.exits(7).err_says("nothing of it is flown");
 }
 
 #[test]
 fn a_goto_whose_sender_ends_is_held_when_that_was_asked_for() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
         bridge.answer_next(accepted());
@@ -311,11 +289,10 @@ fn a_goto_whose_sender_ends_is_held_when_that_was_asked_for() {
         let mut process = rig.start("goto 37,-6,20 --hold-on-exit");
         process.wait_for_text("accepted");
         process.signal(signal);
-        let finished = process.wait_exit();
-        assert_eq!(finished.code(), Some(7), "{signal:?}: {finished:#?}");
+        let finished = process.exits(7);
         let expected =
             "interrupted before the final report about goto: a hold was sent and accepted";
-        assert!(says(&finished.stderr, expected), "{finished:#?}");
+        finished.err_says(expected);
         let kinds = [bridge.next_request(), bridge.next_request()].map(|one| movement(one).kind());
         assert_eq!(
             kinds,
@@ -328,12 +305,7 @@ fn a_goto_whose_sender_ends_is_held_when_that_was_asked_for() {
     let mut process = rig.start("goto 37,-6,20 --hold-on-exit --timeout 1s");
     process.wait_for_text("accepted");
     process.signal(Signal::HUP);
-    let finished = process.wait_exit();
-    assert_eq!(finished.code(), Some(7), "{finished:#?}");
-    assert!(
-        says(&finished.stderr, "the hold that was sent failed"),
-        "{finished:#?}"
-    );
+    process.exits(7).err_says("the hold that was sent failed");
     bridge.next_request();
     bridge.next_request();
     // As under nohup.
@@ -345,8 +317,7 @@ fn a_goto_whose_sender_ends_is_held_when_that_was_asked_for() {
     let path = movement(bridge.next_request());
     let done = RequestReport::new(Stage::Done, Reason::None);
     bridge.report(path.request_id, &done).unwrap();
-    let finished = process.wait_exit();
-    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    process.exits(0);
     // What is over is over.
     bridge.answer_next(Answer::done());
     rig.run("goto 37,-6,20 --hold-on-exit", 0);
@@ -356,7 +327,7 @@ fn a_goto_whose_sender_ends_is_held_when_that_was_asked_for() {
 /// `head -n 1` ends after *accepted*, and the path goes on.
 #[test]
 fn a_goto_whose_reader_has_gone_says_that_its_outcome_is_unknown() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     for (option, expected) in [
         ("", "`ril hold` makes the helicopter hover at once"),
@@ -373,12 +344,12 @@ fn a_goto_whose_reader_has_gone_says_that_its_outcome_is_unknown() {
         let under_way = RequestReport::new(Stage::Progress, Reason::None);
         bridge.report(path.request_id, &under_way).unwrap();
         let finished = process.wait_exit();
-        assert!(says(&finished.stderr, "code 7"), "{option}: {finished:#?}");
+        finished.err_says("code 7");
         for expected in [
             "standard output was closed before the final report",
             expected,
         ] {
-            assert!(says(&finished.stderr, expected), "{option}: {finished:#?}");
+            finished.err_says(expected);
         }
         if !option.is_empty() {
             assert_eq!(
@@ -395,19 +366,19 @@ fn a_goto_whose_reader_has_gone_says_that_its_outcome_is_unknown() {
     bridge.answer_next(Answer::refuse(Reason::Busy));
     let line = "{ \"$0\" goto 37,-6,20; echo \"code $?\" >&2; } | true";
     let finished = Process::spawn(&rig.domain, rig.shell(line)).wait_exit();
-    assert!(says(&finished.stderr, "code 5"), "{finished:#?}");
+    finished.err_says("code 5");
 }
 
 #[test]
 fn a_bridge_without_a_port_refuses_a_start_and_one_that_was_stopped_is_not_waited_for() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = rig.bridge(1);
     let finished = rig.run("start", 6);
     assert!(finished.stdout.is_empty(), "{finished:#?}");
     let expected = "start was refused (link-down)";
-    assert!(says(&finished.stderr, expected), "{finished:#?}");
+    finished.err_says(expected);
     rig.run("goto -37,-6,20", 5);
-    let state = rig.state(1);
+    let state = shown_state(&rig, 1);
     assert_eq!(state["link"]["state"], "gone");
     let mut watch = rig.watch(1);
     watch.until("both are counted", |state| state.refused.requests == 2);

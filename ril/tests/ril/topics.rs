@@ -1,13 +1,13 @@
 //! `ril topic …`: topics are listed, described, printed and measured by their schemas.
 
-use crate::common::{Rig, json, says};
+use crate::common::{json, sandbox, says};
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ril_tests::{StandInBridge, StandInStatus};
 
 #[test]
 fn topics_that_are_there_are_listed() {
-    let rig = Rig::new();
+    let rig = sandbox();
     assert!(rig.run("topic list", 0).stdout.is_empty());
     let _status = StandInStatus::start(&rig.domain);
     let _bridge = StandInBridge::start(&rig.domain);
@@ -35,7 +35,7 @@ fn topics_that_are_there_are_listed() {
 
 #[test]
 fn a_topic_is_described() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let said = rig.run("topic info hero_telemetry", 0).stdout;
     for expected in [
         "hero_telemetry, which no process has open",
@@ -58,7 +58,7 @@ fn a_topic_is_described() {
 
 #[test]
 fn samples_are_printed_and_measured_as_by_the_short_forms() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let status = StandInStatus::start(&rig.domain);
     status.publish(&HeroTelemetry::default());
     let fields = "--json --field geodetic.altitude_m --field published_ns --field velocity";
@@ -79,7 +79,7 @@ fn samples_are_printed_and_measured_as_by_the_short_forms() {
         last["geodetic"]["altitude_m"].is_null(),
         "no group was valid"
     );
-    assert!(says(&long.stderr, "2 samples"), "{long:#?}");
+    long.err_says("2 samples");
 
     let mut hz = rig.start("topic hz hero_telemetry --count 3 --json -v");
     hz.wait_for_text("subscribed");
@@ -100,21 +100,19 @@ fn samples_are_printed_and_measured_as_by_the_short_forms() {
 
 #[test]
 fn a_topic_that_is_not_there_is_told_with_those_that_are() {
-    let rig = Rig::new();
+    let rig = sandbox();
     for command in ["echo", "hz", "delay", "bw", "info"] {
         let finished = rig.run(&format!("topic {command} battery_watch/voltages"), 3);
         let expected = "robot 1 has no topic battery_watch/voltages; it has none now";
-        assert!(says(&finished.stderr, expected), "{finished:#?}");
+        finished.err_says(expected);
     }
-    let finished = rig.run("topic echo hero --timeout 50ms", 3);
-    assert!(
-        says(&finished.stderr, "start `ril run status --robot 1`"),
-        "{finished:#?}"
-    );
+    rig.run("hz gps", 3).err_says("no topic gps");
+    rig.run("topic echo hero --timeout 50ms", 3)
+        .err_says("start `ril run status --robot 1`");
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish_state(&ModuleState::default());
-    let finished = rig.run("topic echo battery_watch/voltages", 3);
-    assert!(says(&finished.stderr, "module_state"), "{finished:#?}");
+    rig.run("topic echo battery_watch/voltages", 3)
+        .err_says("module_state");
     for (args, expected) in [
         (
             "topic echo module_state --field zzz",
@@ -123,7 +121,6 @@ fn a_topic_that_is_not_there_is_told_with_those_that_are() {
         ("topic echo ../etc", "a topic is called such as"),
         ("topic", "Usage: ril topic"),
     ] {
-        let finished = rig.run(args, 2);
-        assert!(says(&finished.stderr, expected), "{args}: {finished:#?}");
+        rig.run(args, 2).err_says(expected);
     }
 }

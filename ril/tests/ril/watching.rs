@@ -3,7 +3,7 @@
 use std::io::{BufRead, BufReader, Read};
 use std::process::Stdio;
 
-use crate::common::{Rig, end, json, says};
+use crate::common::{end, json, sandbox, says, shown_state, state_of};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 use ipc_types::{MonotonicNs, TelemetryGroup, files};
 use ril_tests::process::{Finished, Signal};
@@ -36,7 +36,7 @@ fn summary(finished: &Finished) -> &str {
 
 #[test]
 fn samples_are_printed_as_they_come_and_what_is_not_valid_is_null() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish(&position(1.0));
     let mut echo = rig.start("echo dsp --count 3 --json --field geographic.altitude_m --field rotor_rpm --field sequence");
@@ -50,8 +50,7 @@ fn samples_are_printed_as_they_come_and_what_is_not_valid_is_null() {
             bridge.publish(&position(f64::from(number + 1)));
         }
     }
-    let finished = echo.wait_exit();
-    assert_eq!(finished.code(), Some(0));
+    let finished = echo.exits(0);
     assert!(
         summary(&finished).starts_with("3 samples at "),
         "{finished:#?}"
@@ -64,7 +63,7 @@ fn samples_are_printed_as_they_come_and_what_is_not_valid_is_null() {
 
 #[test]
 fn people_read_text() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let status = StandInStatus::start(&rig.domain);
     bridge.publish(&position(1.5));
@@ -92,18 +91,18 @@ fn people_read_text() {
 
 #[test]
 fn a_publisher_that_says_nothing_is_a_timeout() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let _bridge = StandInBridge::start(&rig.domain);
     let _status = StandInStatus::start(&rig.domain);
     for topic in ["dsp", "hero"] {
-        let finished = rig.run(&format!("echo {topic} --timeout 100ms"), 4);
-        assert!(says(&finished.stderr, "although `ril "), "{finished:#?}");
+        rig.run(&format!("echo {topic} --timeout 100ms"), 4)
+            .err_says("although `ril ");
     }
 }
 
 #[test]
 fn a_publisher_that_goes_is_waited_for_and_its_successor_is_counted() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish(&position(1.0));
     let mut echo = rig.start("echo dsp --timeout 80s --count 2 --field geographic.altitude_m");
@@ -112,8 +111,7 @@ fn a_publisher_that_goes_is_waited_for_and_its_successor_is_counted() {
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish(&position(2.0));
     echo.wait_for_text("geographic.altitude_m=2");
-    let finished = echo.wait_exit();
-    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    let finished = echo.exits(0);
     assert!(
         summary(&finished).ends_with("0 lost, 1 publisher restart"),
         "{finished:#?}"
@@ -122,19 +120,15 @@ fn a_publisher_that_goes_is_waited_for_and_its_successor_is_counted() {
     let mut echo = rig.start("echo dsp --timeout 5s --field geographic.altitude_m");
     echo.wait_for_text("geographic.altitude_m=2");
     bridge.die();
-    let finished = echo.wait_exit();
-    assert_eq!(finished.code(), Some(3), "{finished:#?}");
-    assert!(
-        says(&finished.stderr, "start `ril run bridge --robot 1`"),
-        "{finished:#?}"
-    );
-    assert!(says(&finished.stderr, "1 sample, 0 lost"), "{finished:#?}");
+    echo.exits(3)
+        .err_says("start `ril run bridge --robot 1`")
+        .err_says("1 sample, 0 lost");
 }
 
 #[test]
 fn losses_are_counted_and_never_hidden() {
     const SAMPLES: u64 = 400;
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish(&position(0.0));
     let mut echo = rig.start("echo dsp --json --field sequence");
@@ -165,7 +159,7 @@ fn losses_are_counted_and_never_hidden() {
 
 #[test]
 fn a_duration_ends_it_and_so_does_a_signal() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish(&position(0.0));
     let finished = rig.run("echo dsp --duration 100ms --field sequence", 0);
@@ -181,7 +175,7 @@ fn a_duration_ends_it_and_so_does_a_signal() {
 /// test is starting has a copy of the pipe for as long.
 #[test]
 fn a_reader_that_has_gone_is_a_quiet_end() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.publish(&position(0.0));
     let mut command = rig.command(["echo", "dsp", "--json", "--timeout", "600s"]);
@@ -206,7 +200,7 @@ fn a_reader_that_has_gone_is_a_quiet_end() {
 
 #[test]
 fn the_state_shows_names_ages_and_what_is_stale() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let mut state = StandInBridge::idle_state();
     state.link.telemetry_published = 1;
@@ -219,7 +213,7 @@ fn the_state_shows_names_ages_and_what_is_stale() {
         received_ns: old,
         ..position(1.0)
     });
-    let shown = rig.state(1);
+    let shown = shown_state(&rig, 1);
     assert_eq!(shown["schema"], "ril.State.v3");
     assert_eq!(shown["robot"], 1);
     assert_eq!(shown["module"]["status"], "running");
@@ -229,7 +223,7 @@ fn the_state_shows_names_ages_and_what_is_stale() {
     assert!(shown["dsp"]["age_ms"].as_u64().unwrap() >= 5000, "{shown}");
     assert!(shown["hero"].is_null(), "there is no status");
 
-    let text = rig.state_of("status").stdout;
+    let text = state_of(&rig, "status").stdout;
     assert!(says(&text, "2 × 8: PWM output write error"), "{text:#?}");
     assert!(says(&text, "ms old, STALE"), "{text:#?}");
     assert!(says(&text, "last dsp-error-208 (unknown)"), "{text:#?}");
@@ -243,6 +237,6 @@ fn the_state_shows_names_ages_and_what_is_stale() {
 
     let status = StandInStatus::start(&rig.domain);
     status.publish(&HeroTelemetry::default());
-    let shown = rig.state(1);
+    let shown = shown_state(&rig, 1);
     assert_eq!(shown["hero"]["sequence"], 1);
 }

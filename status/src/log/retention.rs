@@ -69,7 +69,8 @@ impl Retention {
     /// Removes the oldest files of the series in `directory` until one more of `next_bytes` makes no more than
     /// `max_total_bytes` and no more than [`MAX_FILES`].
     ///
-    /// A file that cannot be removed is passed over and still counts.
+    /// The newest file stays, even when it and the next one have no room together: it is the one that was just finished, and may be a
+    /// little longer than a file should be. A file that cannot be removed is passed over and still counts.
     pub fn make_room(
         &mut self,
         store: &mut impl Store,
@@ -93,6 +94,7 @@ impl Retention {
         let mut count = files.len() + 1;
         let sizes = files.iter().map(|(_, bytes)| *bytes);
         let mut total: u128 = sizes.chain([next_bytes]).map(on_disk).sum();
+        files.pop();
         for (name, bytes) in files {
             if total <= u128::from(max_total_bytes) && count <= MAX_FILES {
                 break;

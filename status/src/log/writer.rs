@@ -54,7 +54,7 @@ pub struct LogWriter<S: Store> {
     retention: Retention,
     batch: Batch,
     file: Option<OpenFile<S::File>>,
-    trouble: Option<Trouble>,
+    trouble: Option<WriteTrouble>,
     written: Written,
     /// Groups whose absence was reported.
     missing: GroupSet,
@@ -73,7 +73,7 @@ struct Batch {
 }
 
 /// Why nothing can be written at the moment.
-struct Trouble {
+struct WriteTrouble {
     is_low_space: bool,
     next_try: MonotonicNs,
 }
@@ -218,7 +218,7 @@ impl<S: Store> LogWriter<S> {
     /// Takes note of `problem` at `now`; reports it unless the same trouble is already known.
     fn fail(&mut self, problem: LogEvent, now: MonotonicNs) {
         let is_low_space = matches!(problem, LogEvent::Paused { .. });
-        let known = self.trouble.replace(Trouble {
+        let known = self.trouble.replace(WriteTrouble {
             is_low_space,
             next_try: now + RETRY_PERIOD,
         });

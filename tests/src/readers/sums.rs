@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use recording::read::{self, ReadError};
+use recording::read::{self, ReadError, Source};
 use sha2::{Digest, Sha256};
 
 /// The messages of a topic.
@@ -26,16 +26,16 @@ pub struct Sums {
 
 impl Sums {
     /// What this workspace's own reader finds. Like the others, it does not complain that the file was not finished.
-    pub fn of(bytes: &[u8]) -> Sums {
-        let mut digests = BTreeMap::<&str, (u64, Sha256)>::new();
+    pub fn of<'a>(source: impl Into<Source<'a>>) -> Sums {
+        let mut digests = BTreeMap::<String, (u64, Sha256)>::new();
         let mut error = None;
-        for message in read::messages(bytes) {
+        for message in read::messages(source) {
             match message {
                 Ok(message) => {
-                    let (messages, digest) = digests.entry(message.topic).or_default();
+                    let (messages, digest) = digests.entry(message.topic().to_owned()).or_default();
                     *messages += 1;
                     digest.update(message.log_time_ns.to_le_bytes());
-                    digest.update(message.data);
+                    digest.update(message.data());
                 }
                 // What was being written.
                 Err(ReadError::Truncated { .. }) => break,
@@ -44,7 +44,7 @@ impl Sums {
         }
         let topics = digests.into_iter().map(|(topic, (messages, digest))| {
             let sha256 = hexadecimal(&digest.finalize());
-            (topic.to_owned(), Sum { messages, sha256 })
+            (topic, Sum { messages, sha256 })
         });
         let topics = topics.collect();
         Sums { topics, error }

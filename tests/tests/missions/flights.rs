@@ -157,8 +157,8 @@ fn verify(verifier: Verifier, file: &[u8]) -> Verdict {
     let mut verifier = verifier;
     for message in messages(file) {
         let message = message.expect("a whole file");
-        let key = key_of(message.topic).map(|(_, key)| key);
-        if let Some((key, sample)) = key.zip(message.data.strip_prefix(&CDR_HEADER)) {
+        let key = key_of(message.topic()).map(|(_, key)| key);
+        if let Some((key, sample)) = key.zip(message.data().strip_prefix(&CDR_HEADER)) {
             verifier.take(key, sample);
         }
     }

@@ -247,6 +247,7 @@ impl Noise {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::missions::witness::assert_panics;
 
     const NORTH: Waypoint = Waypoint {
         latitude_deg: 37.0,
@@ -264,28 +265,45 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "not of a closed path")]
-    fn a_waypoint_of_an_open_path_is_noticed() {
-        let mut probe = Probe::new(Profile::Classic, true);
-        granted(&mut probe);
-        sends(&mut probe, Uplink::Waypoint(NORTH));
-    }
-
-    #[test]
-    #[should_panic(expected = "instead of")]
-    fn another_waypoint_is_noticed() {
-        let mut probe = Probe::new(Profile::Classic, true);
-        probe.path_closes(&[NORTH]);
-        granted(&mut probe);
-        // Two centimetres off.
-        let latitude_deg = NORTH.latitude_deg + 2e-7;
-        sends(
-            &mut probe,
-            Uplink::Waypoint(Waypoint {
+    fn what_is_not_allowed_is_noticed() {
+        let waypoint = |probe: &mut Probe, latitude_deg| {
+            let waypoint = Waypoint {
                 latitude_deg,
                 ..NORTH
+            };
+            sends(probe, Uplink::Waypoint(waypoint));
+        };
+        let command = |probe: &mut Probe, command| sends(probe, Uplink::Command(command));
+        type Case<'a> = (&'a str, &'a dyn Fn(&mut Probe));
+        let cases: [Case; 5] = [
+            ("not of a closed path", &|probe| {
+                granted(probe);
+                waypoint(probe, 37.0);
             }),
-        );
+            ("instead of", &|probe| {
+                probe.path_closes(&[NORTH]);
+                granted(probe);
+                // Two centimetres off.
+                waypoint(probe, 37.0 + 2e-7);
+            }),
+            ("without a grant", &|probe| {
+                probe.path_closes(&[NORTH, NORTH]);
+                granted(probe);
+                waypoint(probe, 37.0);
+                waypoint(probe, 37.0);
+            }),
+            ("while ClearErrors was outstanding", &|probe| {
+                command(probe, Command::ClearErrors);
+                command(probe, Command::InvalidatePath);
+            }),
+            ("was sent 4 times", &|probe| {
+                (0..4).for_each(|_| command(probe, Command::ClearErrors));
+            }),
+        ];
+        for (expected, act) in cases {
+            let mut probe = Probe::new(Profile::Classic, true);
+            assert_panics(expected, || act(&mut probe));
+        }
     }
 
     #[test]
@@ -302,33 +320,6 @@ mod tests {
             sends(&mut probe, Uplink::Waypoint(waypoint));
         }
         assert_eq!((probe.paths, probe.waypoints), (1, 3));
-    }
-
-    #[test]
-    #[should_panic(expected = "without a grant")]
-    fn a_second_waypoint_for_one_grant_is_noticed() {
-        let mut probe = Probe::new(Profile::Classic, true);
-        probe.path_closes(&[NORTH, NORTH]);
-        granted(&mut probe);
-        sends(&mut probe, Uplink::Waypoint(NORTH));
-        sends(&mut probe, Uplink::Waypoint(NORTH));
-    }
-
-    #[test]
-    #[should_panic(expected = "while ClearErrors was outstanding")]
-    fn a_second_outstanding_command_is_noticed() {
-        let mut probe = Probe::new(Profile::Classic, true);
-        sends(&mut probe, Uplink::Command(Command::ClearErrors));
-        sends(&mut probe, Uplink::Command(Command::InvalidatePath));
-    }
-
-    #[test]
-    #[should_panic(expected = "was sent 4 times")]
-    fn a_fourth_attempt_is_noticed() {
-        let mut probe = Probe::new(Profile::Classic, true);
-        for _ in 0..4 {
-            sends(&mut probe, Uplink::Command(Command::ClearErrors));
-        }
     }
 
     #[test]

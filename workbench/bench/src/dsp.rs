@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use anyhow::Result;
 use dsp_protocol::{Command, Decoded, Decoder, Downlink, Uplink, port};
+use dsp_sim::port::Terminal;
 use dsp_sim::pty::Pty;
 use ipc_types::MonotonicNs;
 use runtime::signal::Termination;

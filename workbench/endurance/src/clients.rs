@@ -50,7 +50,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
         end_a_group(site, &mut chance, size, &mut ended);
         if ended.clients <= count / WARM_UP || survivors.is_none() {
             // Whatever it says: it is the occasion to clean up, and the bridge may have died by now.
-            site.run("echo dsp --count 1");
+            site.finish("echo dsp --count 1");
             if !bridge.is_running() {
                 break;
             }
@@ -84,7 +84,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
     }
     if let Some(survivors) = survivors {
         // Whatever it says: a second of telemetry is the occasion.
-        survivors.wait_until_flat(|| _ = site.run("echo dsp --duration 1s"), || true);
+        survivors.wait_until_flat(|| _ = site.finish("echo dsp --duration 1s"), || true);
         survivors.report(&mut outcome);
         outcome.require(survivors.are_flat(), "the bridge holds more descriptors");
     }

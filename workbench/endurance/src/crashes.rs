@@ -24,7 +24,7 @@ const STARTS: [Start; 9] = [
     Start::Ril(ECHO_DSP),
     Start::InC("print_telemetry.c", ""),
     Start::InPython("print_telemetry.py"),
-    Start::Ril("run bridge --port dsp"),
+    Start::Ril("run bridge --port dsp-1"),
     Start::Ril("run status --robot 2"),
     Start::InC("voltages.c", "publish 1000"),
 ];
@@ -114,7 +114,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
     let ends = crowd.end();
     survivors.wait_until_flat(
         // Whatever it says: a second of telemetry is the occasion.
-        || _ = site.run("echo dsp --duration 1s"),
+        || _ = site.finish("echo dsp --duration 1s"),
         || domain.residue().len() <= before + MAX_LEFTOVERS,
     );
     let after = domain.residue().len();

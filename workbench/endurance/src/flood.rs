@@ -54,7 +54,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
                 break;
             }
             let started = Instant::now();
-            let finished = site.run(order);
+            let finished = site.finish(order);
             let is_done = is_done(order, &finished);
             if is_done && AT_ONCE.contains(&order) {
                 answers.push(started.elapsed());

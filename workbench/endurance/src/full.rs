@@ -69,7 +69,7 @@ pub fn run(site: &Site, lack: Lack) -> Outcome {
     if bridge.is_running() {
         samples("of status", &mut hero);
         for request in ["land", "stop"] {
-            let finished = site.run(request);
+            let finished = site.finish(request);
             let (code, words) = (finished.code(), finished.stderr.join(", "));
             outcome.cell(request, format!("{code:?} {words}"));
             outcome.require(code == Some(0), format!("{request}: {code:?} {words}"));

@@ -16,7 +16,7 @@ use crate::site::Site;
 const JOINERS: [&str; 5] = [
     "echo hero --json",
     "status",
-    "run bridge --port dsp",
+    "run bridge --port dsp-1",
     "run status",
     "takeoff --altitude 5",
 ];
@@ -54,7 +54,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
             site.ask(args);
         }
         // Whatever it finds; it takes note of those that are stopped.
-        let doctor = site.run("doctor").code();
+        let doctor = site.finish("doctor").code();
         assert!(matches!(doctor, Some(0 | 8)), "{doctor:?}");
         done += 3;
         for (args, signal) in [

@@ -24,8 +24,8 @@ use endurance::plan::{Kind, Plan};
 use endurance::site::Site;
 use endurance::*;
 use ril_tests::Sandbox;
-use ril_tests::chain::beside_or_skip;
 use ril_tests::readers::readers_or_skip;
+use ril_tests::sandbox::beside_or_skip;
 use runtime::signal::Termination;
 
 /// A measurement that takes longer hangs.

@@ -111,13 +111,13 @@ pub fn other_mounts(site: &Site) -> Option<Outcome> {
     for (starter, args, code, text) in [
         (&starter, CONSUMER, 0, ""),
         (&own, "status --timeout 1s", 3, none),
-        (&own, "takeoff --altitude 5", 3, none),
-        (&own, "echo hero --duration 1s", 3, none),
+        (&own, "takeoff --altitude 5 --timeout 1s", 3, none),
+        (&own, "echo hero --duration 1s --timeout 1s", 3, none),
     ] {
         let finished = site.start_by(starter, args).wait_exit();
         tried.expect(args, &finished, code, &[text]);
     }
-    tried.expect(CONSUMER, &site.run(CONSUMER), 0, &[]);
+    tried.expect(CONSUMER, &site.finish(CONSUMER), 0, &[]);
     site.end(chain, false);
     tried.end("commands with mounts of their own")
 }
@@ -144,7 +144,7 @@ pub fn other_users(site: &Site) -> Option<Outcome> {
     let way = format!("sudo -u '#{OTHER_USER}' ril");
     for (args, code) in [("status --timeout 1s", 3), ("land", 3), ("doctor", 0)] {
         let expected = [&looked_at, &other, &way].map(String::as_str);
-        tried.expect(args, &site.run(args), code, &expected);
+        tried.expect(args, &site.finish(args), code, &expected);
     }
     fs::remove_dir(path).expect("it is empty");
     tried.end("commands of another user")

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use dsp_sim::faults::{self, Fault, PortState, Script};
 use dsp_sim::port::{Port, Terminal};
-use dsp_sim::pty_port::PtyPort;
+use dsp_sim::pty::PtyPort;
 use dsp_sim::random::Random;
 use dsp_sim::simulator::{Setup, Simulator};
 use ipc_types::MonotonicNs;
@@ -44,7 +44,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
     let elsewhere = script.faults.iter().filter(is_elsewhere).count();
     let (sender, returns) = mpsc::channel();
     let mut port = NotedPort {
-        port: PtyPort::new(&site.path("dsp")).expect("a pseudo-terminal under a link"),
+        port: PtyPort::new(&site.path("dsp-1")).expect("a pseudo-terminal under a link"),
         seen: PortState::default(),
         returns: sender,
     };

@@ -14,7 +14,7 @@ use ipc_types::payload::{DspTelemetry, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::{MonotonicNs, Subscriber};
 use recording::play::anchor_of;
-use recording::read::{self, Bytes};
+use recording::read::{self, RecordFile};
 use ril_tests::Process;
 use ril_tests::languages::target_folder;
 use ril_tests::process::Signal;
@@ -40,13 +40,11 @@ const BATCH: usize = 100;
 const TELEMETRY: &str = "/robot1/dsp/telemetry";
 
 /// Topics that never rest. The last two reach the recorder within the journal of the bridge.
-const STEADY: [&str; 6] = [
+const STEADY: [&str; 4] = [
     TELEMETRY,
     "/robot1/hero/telemetry",
     "/robot1/bridge/journal",
     "/robot1/status/journal",
-    "/robot1/serial/received",
-    "/robot1/serial/sent",
 ];
 
 /// Samples that are remembered: at 200 a second, more than a recorder lives.
@@ -210,18 +208,18 @@ impl Found {
 
     /// Looks at the file of a recorder that was killed at this moment.
     fn judge(&mut self, path: PathBuf, killed: MonotonicNs, witness: &Witness) -> Killed {
-        let bytes = Bytes::open(&path).expect("a file that can be read");
-        let sums = Sums::of(&bytes);
+        let file = RecordFile::open(&path).expect("a file that can be read");
+        let sums = Sums::of(&file);
         self.messages += sums.messages();
-        let hole = hole(&bytes);
+        let hole = hole(&file);
         if let Some(reason) = sums.error.as_ref().or(hole.as_ref()) {
             self.faults.push(format!("{}: {reason}", path.display()));
         }
-        match last_sample(&bytes) {
+        match last_sample(&file) {
             Some(last) => self.lacking.push(witness.age_after(last, killed)),
             None => self.empty += 1,
         }
-        for (topic, last) in last_messages(&bytes) {
+        for (topic, last) in last_messages(&file) {
             let times = self.last.entry(topic).or_default();
             times.push(killed.since(last));
         }
@@ -292,23 +290,23 @@ fn keep(file: &Path) -> PathBuf {
 }
 
 /// The number of the last sample of raw telemetry.
-fn last_sample(bytes: &[u8]) -> Option<u64> {
-    let messages = read::messages(bytes).filter_map(Result::ok);
+fn last_sample(file: &RecordFile) -> Option<u64> {
+    let messages = read::messages(file).filter_map(Result::ok);
     let last = messages
-        .filter(|message| message.topic == TELEMETRY)
+        .filter(|message| message.topic() == TELEMETRY)
         .last()?;
-    let sample = DspTelemetry::from_bytes(&last.data[CDR_HEADER.len()..])?;
+    let sample = DspTelemetry::from_bytes(&last.data()[CDR_HEADER.len()..])?;
     Some(sample.sequence)
 }
 
 /// When the last message of each topic that never rests was published, of those that have one.
-fn last_messages(bytes: &[u8]) -> BTreeMap<&'static str, MonotonicNs> {
-    let Some(anchor) = anchor_of(bytes) else {
+fn last_messages(file: &RecordFile) -> BTreeMap<&'static str, MonotonicNs> {
+    let Some(anchor) = anchor_of(file) else {
         return BTreeMap::new();
     };
     let mut last = BTreeMap::new();
-    for message in read::messages(bytes).filter_map(Result::ok) {
-        if let Some(topic) = STEADY.into_iter().find(|topic| *topic == message.topic) {
+    for message in read::messages(file).filter_map(Result::ok) {
+        if let Some(topic) = STEADY.into_iter().find(|topic| *topic == message.topic()) {
             let since_anchor = message.publish_time_ns.wrapping_sub(anchor.unix_ns);
             let at = MonotonicNs(anchor.monotonic.0.wrapping_add(since_anchor));
             last.insert(topic, at);
@@ -318,8 +316,8 @@ fn last_messages(bytes: &[u8]) -> BTreeMap<&'static str, MonotonicNs> {
 }
 
 /// A hole that the file does not report.
-fn hole(bytes: &[u8]) -> Option<String> {
-    let check = read::check(bytes);
+fn hole(file: &RecordFile) -> Option<String> {
+    let check = read::check(file);
     check.topics.iter().find_map(|(name, topic)| {
         let reported = check.events.iter().filter(|event| event.topic == *name);
         let reported: u64 = reported.map(|event| event.count).sum();

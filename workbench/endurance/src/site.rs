@@ -7,9 +7,9 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use ril_tests::chain::FOR_SLOW_MACHINES;
 use ril_tests::languages::{Compiler, python, python_example};
 use ril_tests::process::{Finished, Stream};
+use ril_tests::sandbox::FOR_SLOW_MACHINES;
 use ril_tests::sandbox::Holdings;
 use ril_tests::sandbox::Robot;
 use ril_tests::{Process, Sandbox};
@@ -79,8 +79,8 @@ impl Site {
     /// Starts one of a kind, which is not ready yet.
     pub fn start_one(&self, kind: Kind) -> Process {
         match kind {
-            Kind::Sim => self.start("run sim --link dsp --seed 1"),
-            Kind::Bridge => self.start("run bridge --port dsp"),
+            Kind::Sim => self.start("run sim --link dsp-1 --seed 1"),
+            Kind::Bridge => self.start("run bridge --port dsp-1"),
             Kind::Status => self.start("run status"),
             Kind::Consumer => self.start(ECHO_HERO),
             Kind::CConsumer => self.start_c("print_telemetry.c", ""),
@@ -132,7 +132,7 @@ impl Site {
     /// Runs a command of `ril`, which must be done.
     #[track_caller]
     pub fn ask(&self, args: &str) {
-        let finished = self.run(args);
+        let finished = self.finish(args);
         assert!(is_done(args, &finished), "ril {args}: {finished:#?}");
     }
 
@@ -140,7 +140,7 @@ impl Site {
     /// was served wanted.
     #[track_caller]
     pub fn lands(&self) -> bool {
-        let land = || self.run("land --preempt").code() == Some(0);
+        let land = || self.finish("land --preempt").code() == Some(0);
         land() || {
             self.ask("start");
             land()

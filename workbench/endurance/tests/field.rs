@@ -6,8 +6,8 @@ use std::time::Duration;
 use endurance::field::site::Plan;
 use endurance::field::{mission, outages};
 use endurance::outcome::Outcome;
-use ril_tests::chain::beside_or_skip;
 use ril_tests::languages::skip;
+use ril_tests::sandbox::beside_or_skip;
 
 /// Measures where there is `ril` and the machine allows it.
 fn measure(name: &'static str, loss: f64, run: impl FnOnce(&Plan) -> Result<Outcome, String>) {

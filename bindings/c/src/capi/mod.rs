@@ -7,12 +7,14 @@
 //! * [`topics`]: subscribing and publishing;
 //! * [`requests`]: sending requests and following them;
 //! * [`serving`]: serving requests;
+//! * [`module`]: being a module;
 //! * [`waiting`]: several at once.
 
 #![allow(unsafe_code)]
 // The header says what callers must keep; Rust programs use ipc-types and not these functions.
 #![allow(clippy::missing_safety_doc)]
 
+pub mod module;
 pub mod requests;
 pub mod robot;
 pub mod serving;

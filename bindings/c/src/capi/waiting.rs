@@ -38,6 +38,54 @@ fn check_distinct(sources: &[AnySource]) -> Result<(), Error> {
     }
 }
 
+/// Hands `act` the sources, and whether something lies in one of them that was received before.
+///
+/// # Safety
+///
+/// The caller has `count` sources there, whose handles no other thread uses now.
+pub(super) unsafe fn with_sources<T>(
+    sources: *const AnySource,
+    count: usize,
+    act: impl FnOnce(&mut [&mut dyn Source], bool) -> Result<T, Error>,
+) -> Result<T, Error> {
+    let sources = match (sources.is_null(), count) {
+        (_, 0) => &[],
+        (true, _) => return Err(null("sources")),
+        // SAFETY: see above.
+        (false, 1..=MAX_SOURCES) => unsafe { std::slice::from_raw_parts(sources, count) },
+        _ => return Err(WaitError::TooManySources(count).into()),
+    };
+    check_distinct(sources)?;
+    let mut all: Vec<&mut dyn Source> = Vec::with_capacity(count);
+    let mut has_waiting = false;
+    for source in sources {
+        // SAFETY: see above; each handle stands there once.
+        let (subscriber, client, publisher, server) = unsafe {
+            (
+                source.subscriber.as_mut(),
+                source.client.as_mut(),
+                source.publisher.as_mut(),
+                source.server.as_mut(),
+            )
+        };
+        if let Some(subscriber) = subscriber {
+            all.push(subscriber);
+        }
+        if let Some(client) = client {
+            has_waiting |= client.has_waiting();
+            all.extend(client.sources().into_iter().map(|source| source as _));
+        }
+        if let Some(publisher) = publisher {
+            all.push(publisher);
+        }
+        if let Some(server) = server {
+            has_waiting |= server.has_waiting();
+            all.push(server.source());
+        }
+    }
+    act(&mut all, has_waiting)
+}
+
 /// See the header.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_wait(
@@ -46,45 +94,25 @@ pub unsafe extern "C" fn hero_ril_wait(
     timeout_ms: i32,
 ) -> c_int {
     guard(|| unsafe {
-        if sources.is_null() {
-            return Err(null("sources"));
+        match (sources.is_null(), count) {
+            (true, _) => return Err(null("sources")),
+            (false, 0) => return Err(WaitError::NoSources.into()),
+            _ => {}
         }
-        match count {
-            0 => return Err(WaitError::NoSources.into()),
-            1..=MAX_SOURCES => {}
-            _ => return Err(WaitError::TooManySources(count).into()),
-        }
-        // SAFETY: the caller has `count` sources there, whose handles no other thread uses now.
-        let sources = std::slice::from_raw_parts(sources, count);
-        check_distinct(sources)?;
-        let wake = {
-            let mut all: Vec<((), &mut dyn Source)> = Vec::with_capacity(count);
-            for source in sources {
-                if let Some(subscriber) = source.subscriber.as_mut() {
-                    all.push(((), subscriber));
-                }
-                if let Some(client) = source.client.as_mut() {
-                    if client.has_waiting() {
-                        return Ok(OK);
-                    }
-                    all.extend(client.sources().into_iter().map(|source| ((), source)));
-                }
-                if let Some(publisher) = source.publisher.as_mut() {
-                    all.push(((), publisher));
-                }
-                if let Some(server) = source.server.as_mut() {
-                    if server.has_waiting() {
-                        return Ok(OK);
-                    }
-                    all.push(((), server.source()));
-                }
+        with_sources(sources, count, |all, has_waiting| {
+            if has_waiting {
+                return Ok(OK);
             }
-            Waiter::new().wait(&mut all, Some(timeout(timeout_ms)))?
-        };
-        Ok(match wake {
-            Wake::Ready(_) => OK,
-            Wake::TimedOut => NOTHING,
-            Wake::Interrupted => INTERRUPTED,
+            let mut keyed: Vec<((), &mut dyn Source)> = Vec::with_capacity(all.len());
+            for source in all {
+                keyed.push(((), &mut **source));
+            }
+            let wake = Waiter::new().wait(&mut keyed, Some(timeout(timeout_ms)))?;
+            Ok(match wake {
+                Wake::Ready(_) => OK,
+                Wake::TimedOut => NOTHING,
+                Wake::Interrupted => INTERRUPTED,
+            })
         })
     })
 }

@@ -36,18 +36,27 @@ from ._native import (
 )
 from ._schema import schema_of, structure_of
 from .flight import Flight
+from .geo import LocalFrame, Offset, Place, utc
+from .loop import Every, Loop, every
+from .module import Module, ranged
 from .structs import DspTelemetry, HeroTelemetry, ModuleState, RequestReport
 
 __all__ = [
     "DspTelemetry",
+    "Every",
     "Flight",
     "FullError",
     "HeroTelemetry",
     "LayoutError",
+    "LocalFrame",
+    "Loop",
     "Losses",
+    "Module",
     "ModuleState",
     "NotThereError",
+    "Offset",
     "Order",
+    "Place",
     "Publisher",
     "Report",
     "Request",
@@ -57,11 +66,14 @@ __all__ = [
     "Server",
     "Subscriber",
     "TakenError",
+    "every",
+    "ranged",
     "reason_name",
     "request_slice",
     "schema_of",
     "stage_name",
     "structs",
+    "utc",
 ]
 
 # In a child, what its parent has made raises an error.
@@ -215,6 +227,14 @@ class Subscriber(_Port):
         """For `select` and event loops: readable when there may be samples, and every 0.25 s in any case. Receive until None then."""
         return self._native.descriptor()
 
+    def _descriptors(self):
+        return [self.fileno()]
+
+    def _take_all(self, callback):
+        while (sample := self.receive(0)) is not None:
+            callback(sample)
+        return True
+
     def __iter__(self):
         return self
 
@@ -240,7 +260,7 @@ class Subscriber(_Port):
 
 
 class Publisher(_Port):
-    """The writing end of a topic, of which a robot has one."""
+    """The writing end of a topic, of which a robot has one. Subscribers that join get the latest sample from a thread of its own."""
 
     def __init__(self, native, struct):
         self._native = native
@@ -250,10 +270,6 @@ class Publisher(_Port):
         """Publishes a copy of the structure and returns its number, from 1. `sequence` and `epoch_ns` are filled in."""
         _check_instance(sample, self.struct)
         return self._native.publish(bytes(sample))
-
-    def tend(self):
-        """Gives the latest sample to subscribers that joined since; call it when seconds pass between two samples."""
-        self._native.tend()
 
 
 class Request:
@@ -284,6 +300,14 @@ class Request:
         for _ in self:
             pass
         return self.final
+
+    def _descriptors(self):
+        return self._native.descriptors()
+
+    def _take_all(self, callback):
+        while (report := self.next(0)) is not None:
+            callback(report)
+        return self.final is None
 
     def _check(self):
         if self.final is not None and self.final.stage != "done":
@@ -396,9 +420,9 @@ class Server(_Port):
         """The next request; waits as long as `timeout` seconds, or without a limit. Returns None when the time is over, and when the
         client of an open request is found to be gone: `is_vanished` of that order says so then."""
         taken = self._native.take(timeout)
-        if taken is None:
-            return None
-        ticket, request = taken
+        return None if taken is None else self._order(*taken)
+
+    def _order(self, ticket, request):
         if request is None:
             order = self._orders.pop(ticket, None)
             if order is not None:
@@ -412,6 +436,16 @@ class Server(_Port):
         """For `select` and event loops: readable when there may be something to receive, and every 0.25 s in any case. Receive until
         None then."""
         return self._native.descriptor()
+
+    def _descriptors(self):
+        return [self.fileno()]
+
+    def _take_all(self, callback):
+        while (taken := self._native.take(0)) is not None:
+            order = self._order(*taken)
+            if order is not None:
+                callback(order)
+        return True
 
     def __iter__(self):
         return self
@@ -437,7 +471,16 @@ class Robot(_Closing):
     """
 
     def __init__(self, robot=1, name="python", root=None):
-        self._native = _Robot(robot, name, root)
+        self._begin(_Robot(robot, name, root))
+
+    @classmethod
+    def _of(cls, native):
+        robot = cls.__new__(cls)
+        robot._begin(native)
+        return robot
+
+    def _begin(self, native):
+        self._native = native
         #: Those that the program still has.
         self._ports = weakref.WeakSet()
         self._client = None
@@ -532,8 +575,8 @@ class Robot(_Closing):
         schema = schema or schema_of(type(request))
         return Request(self._requests(), key, self._requests().send(key, bytes(request), None, schema))
 
-    def serve(self, key, struct, *, schema=None):
+    def serve(self, key, struct, *, schema=None, once=False):
         """Becomes the server of the request service `key`, whose requests carry the structure; `schema` says the same with
-        comments, if it is given."""
-        native = self._native.serve(key, None, schema or schema_of(struct), ctypes.sizeof(struct))
+        comments, if it is given. With `once` each request is handed on once: see `Module.serve`."""
+        native = self._native.serve(key, schema or schema_of(struct), ctypes.sizeof(struct), once)
         return self._keep(Server(native, struct))

@@ -37,8 +37,12 @@ def schema_of(struct):
 
     Its static method `type_name` says what the layout is called, such as "battery_watch.Voltages.v1"; nested structures have one
     too. The fields follow one another without a hole, and there are no pointers or flags among them. A character is a `uint8`, and an
-    array of several dimensions lies there, and is described, as one of one dimension.
+    array of several dimensions lies there, and is described, as one of one dimension. A structure that `ril topic generate` made has its
+    text with it.
     """
+    made = struct.__dict__.get("SCHEMA")
+    if made is not None:
+        return made
     nested = []
     _collect(struct, nested)
     texts = [_definition(struct)]

@@ -20,7 +20,7 @@ const PTY_MAJOR: u32 = 136;
 
 /// A terminal device as the kernel knows it, whatever name it was reached by.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Terminal {
+pub struct TerminalDevice {
     /// Major and minor device number.
     number: (u32, u32),
     /// The file system on which the device lies: containers have pseudo-terminals of equal numbers on their own.
@@ -29,9 +29,9 @@ pub struct Terminal {
     file_name: OsString,
 }
 
-impl Terminal {
+impl TerminalDevice {
     /// The device at `path`, to which `metadata` belongs; `None` if it is no terminal that can be a serial port.
-    pub fn new(path: &Path, metadata: &Metadata) -> Option<Terminal> {
+    pub fn new(path: &Path, metadata: &Metadata) -> Option<TerminalDevice> {
         if !metadata.file_type().is_char_device() {
             return None;
         }
@@ -47,7 +47,7 @@ impl Terminal {
         }
         let resolved = fs::canonicalize(path);
         let resolved = resolved.as_deref().unwrap_or(path);
-        Some(Terminal {
+        Some(TerminalDevice {
             number,
             file_system: metadata.dev(),
             inode: metadata.ino(),
@@ -140,7 +140,7 @@ impl Holders {
     ///
     /// # Errors
     /// When there is no `/proc`.
-    pub fn find(terminal: &Terminal) -> io::Result<Holders> {
+    pub fn find(terminal: &TerminalDevice) -> io::Result<Holders> {
         let consoles = fs::read_to_string(format!("{PROC}/consoles")).unwrap_or_default();
         let locks = fs::read_to_string(format!("{PROC}/locks")).unwrap_or_default();
         let lock_holders = lock_holders(&locks, terminal);
@@ -159,7 +159,7 @@ impl Holders {
     }
 
     /// Looks at one process, which may end meanwhile.
-    fn look_at(&mut self, process: &Path, pid: u32, terminal: &Terminal, has_lock: bool) {
+    fn look_at(&mut self, process: &Path, pid: u32, terminal: &TerminalDevice, has_lock: bool) {
         let Some(session) = fs::read_to_string(process.join("stat"))
             .ok()
             .and_then(|stat| Session::parse(&stat))
@@ -236,7 +236,7 @@ struct OpenFiles {
 }
 
 impl OpenFiles {
-    fn find(process: &Path, terminal: &Terminal) -> io::Result<OpenFiles> {
+    fn find(process: &Path, terminal: &TerminalDevice) -> io::Result<OpenFiles> {
         let mut found = OpenFiles::default();
         for entry in fs::read_dir(process.join("fd"))?.flatten() {
             let Ok(path) = fs::read_link(entry.path()) else {
@@ -301,7 +301,7 @@ fn has_own_process_numbers(status: &str) -> bool {
 }
 
 /// Whether `/proc/consoles` names the terminal as one that is enabled.
-fn is_console(consoles: &str, terminal: &Terminal) -> bool {
+fn is_console(consoles: &str, terminal: &TerminalDevice) -> bool {
     consoles.lines().any(|line| {
         let is_enabled = line
             .split_once('(')
@@ -316,7 +316,7 @@ fn is_console(consoles: &str, terminal: &Terminal) -> bool {
 }
 
 /// The processes that have a lock on the terminal, from `/proc/locks`.
-fn lock_holders(locks: &str, terminal: &Terminal) -> Vec<u32> {
+fn lock_holders(locks: &str, terminal: &TerminalDevice) -> Vec<u32> {
     let file = format!(
         "{:02x}:{:02x}:{}",
         major(terminal.file_system),
@@ -347,8 +347,8 @@ fn program(process: &Path) -> String {
 mod tests {
     use super::*;
 
-    fn terminal(number: (u32, u32)) -> Terminal {
-        Terminal {
+    fn terminal(number: (u32, u32)) -> TerminalDevice {
+        TerminalDevice {
             number,
             file_system: 0x1a,
             inode: 6,

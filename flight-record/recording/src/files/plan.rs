@@ -4,10 +4,9 @@ use ipc_types::MonotonicNs;
 
 use crate::action::Action;
 use crate::encoder::Encoder;
-use crate::file::OpenFile;
 use crate::notes::file_metadata;
 
-use super::{Files, Goal, Step, Then};
+use super::{FileStep, Files, Goal, OpenFile, Then};
 
 /// Bytes of messages that are written at once, without the last one.
 const CHUNK_BYTES: usize = 1 << 20;
@@ -71,7 +70,7 @@ impl Files {
     }
 
     pub(super) fn then(&mut self, action: Action, then: Then) {
-        self.steps.push_back(Step { action, then });
+        self.steps.push_back(FileStep { action, then });
     }
 
     fn plan_file(&mut self) {

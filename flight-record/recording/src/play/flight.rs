@@ -1,16 +1,16 @@
 //! [`Flight`]: what a recording has to play.
 
 use std::collections::HashMap;
-use std::io::Cursor;
 use std::path::Path;
 
 use ipc_types::schema::CDR_HEADER;
-use ipc_types::{MonotonicNs, RobotId, Schema};
+use ipc_types::service::is_key;
+use ipc_types::{MonotonicNs, RobotId, Schema, ServiceId};
 
-use super::names::key_of;
 use super::timeline::FlightNs;
 use crate::notes::FILE_METADATA;
-use crate::read::{Bytes, Message, ReadError, messages, summary_of};
+use crate::read::store::room_for;
+use crate::read::{Message, ReadError, RecordFile, Source, messages, summary_of};
 use crate::settings::Anchor;
 
 /// Type of the messages that say which requests came, and what became of them. They are no samples.
@@ -27,7 +27,8 @@ const MAX_AHEAD_NS: u64 = 1_000_000_000;
 /// A recording that can be played, in memory.
 #[derive(Debug)]
 pub struct Flight {
-    bytes: Bytes,
+    /// All that is played, one after the other.
+    bytes: Vec<u8>,
     robot: RobotId,
     topics: Vec<PlayedTopic>,
     /// In the order of their times.
@@ -100,16 +101,17 @@ impl Flight {
     /// # Errors
     /// See [`FlightError`]. A damaged file is played without what is damaged; [`Flight::errors`] has the reasons.
     pub fn open(path: &Path) -> Result<Flight, FlightError> {
-        Flight::new(Bytes::open(path)?)
+        Flight::new(&RecordFile::open(path)?)
     }
 
-    /// Reads the bytes of a file, of robot N what lies below `/robotN/`; when there are several robots, of that of the first sample.
+    /// Reads a recording, of robot N what lies below `/robotN/`; when there are several robots, of that of the first sample.
     ///
     /// # Errors
     /// As [`Flight::open`].
-    pub fn new(bytes: Bytes) -> Result<Flight, FlightError> {
-        let mut reader = Reader::new(&bytes);
-        for message in messages(&bytes) {
+    pub fn new<'a>(source: impl Into<Source<'a>>) -> Result<Flight, FlightError> {
+        let source = source.into();
+        let mut reader = Reader::new(&source)?;
+        for message in messages(source) {
             match message {
                 Ok(message) => reader.take(&message),
                 Err(ReadError::NotMcap) => return Err(FlightError::Read(ReadError::NotMcap)),
@@ -117,6 +119,7 @@ impl Flight {
             }
         }
         let Reader {
+            bytes,
             robot,
             topics,
             mut entries,
@@ -206,38 +209,40 @@ impl Flight {
 }
 
 /// Reads the messages of a file.
-struct Reader<'a> {
-    bytes: &'a [u8],
+struct Reader {
+    bytes: Vec<u8>,
     anchor: Option<Anchor>,
     robot: Option<RobotId>,
     topics: Vec<PlayedTopic>,
     /// What became of each topic: its index, or `None` if it is not played.
-    known: HashMap<&'a str, (Option<u16>, &'a str)>,
+    known: HashMap<String, (Option<u16>, String)>,
     entries: Vec<Entry>,
     left_out: Vec<LeftOut>,
     errors: Vec<ReadError>,
 }
 
-impl<'a> Reader<'a> {
-    fn new(bytes: &'a [u8]) -> Reader<'a> {
-        Reader {
-            bytes,
-            anchor: anchor_of(bytes),
+impl Reader {
+    /// # Errors
+    /// What is played may have no room in memory.
+    fn new(source: &Source<'_>) -> Result<Reader, std::io::Error> {
+        Ok(Reader {
+            bytes: room_for(source.len())?,
+            anchor: anchor_of(source.clone()),
             robot: None,
             topics: Vec::new(),
             known: HashMap::new(),
             entries: Vec::new(),
             left_out: Vec::new(),
             errors: Vec::new(),
-        }
+        })
     }
 
-    fn take(&mut self, message: &Message<'a>) {
-        if message.schema_name == REQUEST_EVENT {
+    fn take(&mut self, message: &Message) {
+        if message.schema_name() == REQUEST_EVENT {
             // Without an anchor, and before the first sample, its moment is not known.
             if let Some(anchor) = self.anchor {
                 let at = flight_ns(anchor, message.log_time_ns);
-                self.push(at, None, message.data);
+                self.push(at, None, message.data());
             }
             return;
         }
@@ -245,7 +250,7 @@ impl<'a> Reader<'a> {
             return;
         };
         let topic = &self.topics[usize::from(index)];
-        let sample = message.data.strip_prefix(&CDR_HEADER);
+        let sample = message.data().strip_prefix(&CDR_HEADER);
         let Some(sample) = sample.filter(|sample| sample.len() == topic.size) else {
             return;
         };
@@ -265,8 +270,8 @@ impl<'a> Reader<'a> {
     }
 
     fn push(&mut self, at: FlightNs, topic: Option<u16>, data: &[u8]) {
-        // The data lies in the file's bytes, which are not compressed.
-        let start = (data.as_ptr() as usize).wrapping_sub(self.bytes.as_ptr() as usize);
+        let start = self.bytes.len();
+        self.bytes.extend_from_slice(data);
         self.entries.push(Entry {
             at,
             topic,
@@ -276,25 +281,24 @@ impl<'a> Reader<'a> {
     }
 
     /// The index of the message's topic; `None` if it is not played.
-    fn topic(&mut self, message: &Message<'a>) -> Option<u16> {
-        if let Some((index, text)) = self.known.get(message.topic) {
+    fn topic(&mut self, message: &Message) -> Option<u16> {
+        if let Some((index, text)) = self.known.get(message.topic()) {
             // After a change of its layout, a topic is another one, which a robot cannot have at the same time.
-            let is_same = std::ptr::eq(*text, message.schema_text) || *text == message.schema_text;
-            return index.filter(|_| is_same);
+            return index.filter(|_| text == message.schema_text());
         }
         let index = self.new_topic(message);
-        let known = (index, message.schema_text);
-        self.known.insert(message.topic, known);
+        let known = (index, message.schema_text().to_owned());
+        self.known.insert(message.topic().to_owned(), known);
         index
     }
 
-    fn new_topic(&mut self, message: &Message<'a>) -> Option<u16> {
-        let (robot, key) = key_of(message.topic)?;
+    fn new_topic(&mut self, message: &Message) -> Option<u16> {
+        let (robot, key) = key_of(message.topic())?;
         if key.ends_with(JOURNAL) {
             return None;
         }
         // What the recorder made itself has types that are none of the contract's.
-        let schema = Schema::parse(message.schema_text).ok()?;
+        let schema = Schema::parse(message.schema_text()).ok()?;
         let is_sample = ["sequence", "epoch_ns"].map(|field| schema.number(field).is_some());
         if is_sample != [true, true] {
             return None;
@@ -306,16 +310,16 @@ impl<'a> Reader<'a> {
         };
         if let Some(reason) = reason {
             self.left_out.push(LeftOut {
-                topic: message.topic.to_owned(),
+                topic: message.topic().to_owned(),
                 reason,
             });
             return None;
         }
         self.robot = Some(robot);
         self.topics.push(PlayedTopic {
-            topic: message.topic.to_owned(),
+            topic: message.topic().to_owned(),
             key: key.to_owned(),
-            schema_text: message.schema_text.to_owned(),
+            schema_text: message.schema_text().to_owned(),
             size: schema.size(),
             moments: schema.moments(),
             latest: FlightNs(0),
@@ -343,12 +347,49 @@ fn flight_ns(anchor: Anchor, unix_ns: u64) -> FlightNs {
 }
 
 /// The moment by both clocks that the file's metadata has.
-pub fn anchor_of(bytes: &[u8]) -> Option<Anchor> {
-    let metadata = summary_of(&mut Cursor::new(bytes)).ok()?.metadata;
+pub fn anchor_of<'a>(source: impl Into<Source<'a>>) -> Option<Anchor> {
+    let metadata = summary_of(source).ok()?.metadata;
     let (_, entries) = metadata.iter().find(|(name, _)| name == FILE_METADATA)?;
     let number = |key| entries.get(key)?.parse().ok();
     Some(Anchor {
         monotonic: MonotonicNs(number("anchor_monotonic_ns")?),
         unix_ns: number("anchor_unix_ns")?,
     })
+}
+
+/// The robot and the key of the service that was recorded as `topic`: of `/robot7/dsp/telemetry` 7 and `dsp_telemetry`. `None`
+/// if it is no name of a robot's topic.
+pub fn key_of(topic: &str) -> Option<(RobotId, &str)> {
+    let (number, name) = topic.strip_prefix("/robot")?.split_once('/')?;
+    let robot = RobotId::new(number.parse().ok()?)?;
+    let key = match name {
+        "dsp/telemetry" => ServiceId::DspTelemetry.key(),
+        "hero/telemetry" => ServiceId::HeroTelemetry.key(),
+        "bridge/state" => ServiceId::ModuleState.key(),
+        _ => name,
+    };
+    is_key(key).then_some((robot, key))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn topics_are_services_of_a_robot() {
+        for (topic, expected) in [
+            ("/robot7/dsp/telemetry", Some((7, "dsp_telemetry"))),
+            ("/robot1/hero/telemetry", Some((1, "hero_telemetry"))),
+            ("/robot1/bridge/state", Some((1, "module_state"))),
+            ("/robot2/status/state", Some((2, "status/state"))),
+            ("/robot0/status/state", None),
+            ("/robot1/Bad Name", None),
+            ("/robot1", None),
+            ("/tf", None),
+            ("", None),
+        ] {
+            let found = key_of(topic).map(|(robot, key)| (robot.get(), key));
+            assert_eq!(found, expected, "{topic}");
+        }
+    }
 }

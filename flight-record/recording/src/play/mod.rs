@@ -12,13 +12,13 @@
 //! 3. it calls [`Services::tend`].
 
 mod flight;
-mod names;
 mod player;
 mod services;
 mod timeline;
 
-pub use flight::{Content, Flight, FlightError, LeftOut, PlayedTopic, REQUEST_EVENT, anchor_of};
-pub use names::key_of;
+pub use flight::{
+    Content, Flight, FlightError, LeftOut, PlayedTopic, REQUEST_EVENT, anchor_of, key_of,
+};
 pub use player::{Due, EmptySection, Player, Section};
 pub use services::{PROCESS, Services, ServicesError};
 pub use timeline::{FlightNs, Timeline};

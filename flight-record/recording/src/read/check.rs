@@ -6,6 +6,8 @@ use crate::event::EventKind;
 use crate::event_message;
 
 use super::message::{Message, ReadError};
+use super::record::{self, AttachmentRecord};
+use super::store::Source;
 use super::walk::{Item, Walk};
 
 /// Errors that are listed at most.
@@ -77,10 +79,18 @@ pub struct Check {
 }
 
 /// Reads the whole file and says what is in it, and what is missing.
-pub fn check(bytes: &[u8]) -> Check {
+pub fn check<'a>(source: impl Into<Source<'a>>) -> Check {
+    check_with(source.into(), |_| {})
+}
+
+/// As [`check`], and gives the files within the file.
+pub(super) fn check_with(
+    source: Source<'_>,
+    mut attachment: impl FnMut(AttachmentRecord<'_>),
+) -> Check {
     let mut check = Check::default();
     let mut sequences = HashMap::new();
-    let mut walk = Walk::new(bytes);
+    let mut walk = Walk::new(source);
     for item in walk.by_ref() {
         match item {
             Item::Message(message, channel) => {
@@ -89,9 +99,12 @@ pub fn check(bytes: &[u8]) -> Check {
             }
             Item::Chunk => check.whole_chunks += 1,
             Item::Metadata(name, entries) => check.metadata.push((name, entries)),
-            Item::Attachment(file) => {
-                let len = file.data.len() as u64;
-                check.attachments.push((file.name.to_owned(), len));
+            Item::Attachment(content) => {
+                if let Some(file) = record::attachment(&content) {
+                    let len = file.data.len() as u64;
+                    check.attachments.push((file.name.to_owned(), len));
+                    attachment(file);
+                }
             }
             Item::Error(error) => check.error(error),
         }
@@ -100,7 +113,7 @@ pub fn check(bytes: &[u8]) -> Check {
         check.error(ReadError::Unfinished);
     }
     check.is_complete = check.errors.is_empty();
-    check.bytes_behind = walk.bytes_behind() as u64;
+    check.bytes_behind = walk.bytes_behind();
     for event in &check.events {
         if event.kind == EventKind::Loss
             && let Some(topic) = check.topics.get_mut(&event.topic)
@@ -118,15 +131,15 @@ impl Check {
         }
     }
 
-    fn message(&mut self, message: &Message<'_>, sequence: &mut Option<u32>) {
+    fn message(&mut self, message: &Message, sequence: &mut Option<u32>) {
         let time_ns = message.log_time_ns;
         self.first_ns = Some(self.first_ns.map_or(time_ns, |first| first.min(time_ns)));
         self.last_ns = Some(self.last_ns.map_or(time_ns, |last| last.max(time_ns)));
-        if !self.topics.contains_key(message.topic) {
-            let topic = TopicCheck::new(message.schema_name, time_ns);
-            self.topics.insert(message.topic.to_owned(), topic);
+        if !self.topics.contains_key(message.topic()) {
+            let topic = TopicCheck::new(message.schema_name(), time_ns);
+            self.topics.insert(message.topic().to_owned(), topic);
         }
-        if let Some(topic) = self.topics.get_mut(message.topic) {
+        if let Some(topic) = self.topics.get_mut(message.topic()) {
             topic.message(message, sequence);
         }
         self.events.extend(RecordedEvent::of(message));
@@ -147,7 +160,7 @@ impl TopicCheck {
         }
     }
 
-    fn message(&mut self, message: &Message<'_>, sequence: &mut Option<u32>) {
+    fn message(&mut self, message: &Message, sequence: &mut Option<u32>) {
         self.messages += 1;
         self.first_ns = self.first_ns.min(message.log_time_ns);
         self.last_ns = self.last_ns.max(message.log_time_ns);
@@ -169,11 +182,11 @@ impl TopicCheck {
 
 impl RecordedEvent {
     /// The event that a message of a recording's own topic is; `None` for messages of other topics.
-    pub fn of(message: &Message<'_>) -> Option<RecordedEvent> {
-        if message.schema_name != event_message::TYPE_NAME {
+    pub fn of(message: &Message) -> Option<RecordedEvent> {
+        if message.schema_name() != event_message::TYPE_NAME {
             return None;
         }
-        let event = event_message::read(message.data)?;
+        let event = event_message::read(message.data())?;
         let unix_ns = |at: ipc_types::MonotonicNs| {
             let ahead_ns = i128::from(at.0) - i128::from(event.at.0);
             let unix_ns = i128::from(message.publish_time_ns) + ahead_ns;

@@ -1,22 +1,45 @@
 //! What reading gives: a [`Message`], or a [`ReadError`].
 
-/// A message of a recording, where it lies in the file's bytes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Message<'a> {
-    /// Name of the topic, such as `/robot1/dsp_telemetry`.
-    pub topic: &'a str,
-    /// Name of the message type, such as `hero_msgs/msg/DspTelemetry`.
-    pub schema_name: &'a str,
-    /// The message definition with all that it needs, in the encoding `ros2msg`.
-    pub schema_text: &'a str,
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::record::ChannelFacts;
+
+/// A message of a recording. It shares its chunk, which stays in memory as long as one of its messages.
+#[derive(Clone, Debug)]
+pub struct Message {
     /// Unix time by which it lies in the file, ns. It never goes back within a file of ours.
     pub log_time_ns: u64,
     /// Unix time of the time in the message, ns: `log_time_ns`, or earlier when the message reached the recorder late.
     pub publish_time_ns: u64,
     /// The sequence number, of which only the lowest 32 bits are in the file.
     pub sequence: u32,
+    pub(super) channel: Arc<ChannelFacts>,
+    pub(super) records: Arc<Vec<u8>>,
+    /// Where the message lies in `records`.
+    pub(super) place: Range<usize>,
+}
+
+impl Message {
+    /// Name of the topic, such as `/robot1/dsp/telemetry`.
+    pub fn topic(&self) -> &str {
+        &self.channel.topic
+    }
+
+    /// Name of the message type, such as `hero_msgs/msg/DspTelemetry`.
+    pub fn schema_name(&self) -> &str {
+        &self.channel.schema.name
+    }
+
+    /// The message definition with all that it needs, in the encoding `ros2msg`.
+    pub fn schema_text(&self) -> &str {
+        std::str::from_utf8(&self.channel.schema.data).unwrap_or_default()
+    }
+
     /// The message in CDR, with its header of four bytes.
-    pub data: &'a [u8],
+    pub fn data(&self) -> &[u8] {
+        &self.records[self.place.clone()]
+    }
 }
 
 /// What is wrong with a file.
@@ -53,8 +76,7 @@ pub enum ReadError {
 }
 
 impl ReadError {
-    pub(super) fn damaged(at: usize, reason: &'static str) -> ReadError {
-        let at = at as u64;
+    pub(super) fn damaged(at: u64, reason: &'static str) -> ReadError {
         ReadError::Damaged { at, reason }
     }
 }

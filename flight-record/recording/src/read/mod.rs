@@ -5,20 +5,20 @@
 //! * [`recover`]: a whole file out of a damaged one; [`extract`]: a part of a file as a file of its own;
 //! * [`summary_of`]: what the file says of itself, without reading the messages.
 //!
-//! No bytes make these panic, or allocate more than a small multiple of the file's length. Records are read by this module and
-//! not by the crate `mcap`, which copies every message, and panics at some records that cannot be.
+//! No bytes make these panic. A file is read piece by piece: in memory are one chunk and what is found, however long the file is. Records
+//! are read by this module and not by the crate `mcap`, which copies every message, and panics at some records that cannot be.
 
 mod check;
 mod message;
 mod record;
 mod recover;
-mod store;
+pub(crate) mod store;
 mod summary;
 mod walk;
 
 pub use check::{Check, RecordedEvent, TopicCheck, check};
 pub use message::{Message, ReadError};
 pub use recover::{RECOVERED_METADATA, Recovered, extract, recover};
-pub use store::Bytes;
+pub use store::{RecordFile, Source};
 pub use summary::{Summary, summary_of};
-pub use walk::messages;
+pub use walk::{Messages, messages};

@@ -1,6 +1,7 @@
-//! Records of an MCAP file, where they lie in its bytes. Nothing is copied, and no length is trusted.
+//! Records of an MCAP file. No length is trusted.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 use mcap::records::op;
 
@@ -19,12 +20,10 @@ pub(super) struct Record<'a> {
 impl<'a> Record<'a> {
     /// The record at the beginning of `bytes`; `None` if it does not lie there as a whole.
     pub(super) fn first(bytes: &'a [u8]) -> Option<Record<'a>> {
-        let (opcode, rest) = bytes.split_first()?;
-        let (len, rest) = rest.split_first_chunk()?;
-        let len = usize::try_from(u64::from_le_bytes(*len)).ok()?;
+        let (opcode, len) = head(bytes)?;
         Some(Record {
-            opcode: *opcode,
-            content: rest.get(..len)?,
+            opcode,
+            content: bytes.get(HEAD_LEN..)?.get(..usize::try_from(len).ok()?)?,
         })
     }
 
@@ -32,11 +31,17 @@ impl<'a> Record<'a> {
     pub(super) fn len(&self) -> usize {
         HEAD_LEN + self.content.len()
     }
+}
 
-    /// Whether there can be a record with this opcode: one of the format, or of an application.
-    pub(super) fn is_known(&self) -> bool {
-        (op::HEADER..=op::DATA_END).contains(&self.opcode) || self.opcode >= 0x80
-    }
+/// Whether there can be a record with this opcode: one of the format, or of an application.
+pub(super) fn is_known(opcode: u8) -> bool {
+    (op::HEADER..=op::DATA_END).contains(&opcode) || opcode >= 0x80
+}
+
+/// Opcode and length of the content of the record that begins with `head`.
+pub(super) fn head(head: &[u8]) -> Option<(u8, u64)> {
+    let (opcode, rest) = head.split_first()?;
+    Some((*opcode, u64::from_le_bytes(*rest.first_chunk()?)))
 }
 
 /// The fields of a record, one after the other.
@@ -90,47 +95,56 @@ impl<'a> Fields<'a> {
 }
 
 /// A schema.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct SchemaRecord<'a> {
-    pub(super) name: &'a str,
-    pub(super) encoding: &'a str,
-    pub(super) data: &'a [u8],
+#[derive(Debug, Default, PartialEq, Eq)]
+pub(super) struct SchemaFacts {
+    pub(super) name: String,
+    pub(super) encoding: String,
+    pub(super) data: Vec<u8>,
 }
 
 /// Id and schema.
-pub(super) fn schema(content: &[u8]) -> Option<(u16, SchemaRecord<'_>)> {
+pub(super) fn schema(content: &[u8]) -> Option<(u16, SchemaFacts)> {
     let mut fields = Fields(content);
     let id = fields.u16()?;
-    let schema = SchemaRecord {
-        name: fields.text()?,
-        encoding: fields.text()?,
-        data: fields.block()?,
+    let schema = SchemaFacts {
+        name: fields.text()?.to_owned(),
+        encoding: fields.text()?.to_owned(),
+        data: fields.block()?.to_vec(),
     };
     (schema.name.len() <= MAX_SCHEMA_NAME_LEN).then_some((id, schema))
 }
 
-/// A channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct ChannelRecord<'a> {
+/// A channel and its schema.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct ChannelFacts {
+    /// 0 of a channel without a schema.
     pub(super) schema_id: u16,
-    pub(super) topic: &'a str,
-    pub(super) encoding: &'a str,
-    /// As it lies in the file.
-    pub(super) metadata: &'a [u8],
+    pub(super) schema: Arc<SchemaFacts>,
+    pub(super) topic: String,
+    pub(super) encoding: String,
+    /// Texts by key.
+    pub(super) metadata: BTreeMap<String, String>,
 }
 
-/// Id and channel.
-pub(super) fn channel(content: &[u8]) -> Option<(u16, ChannelRecord<'_>)> {
+/// Id and channel, whose schema is among these; `None` if it cannot be.
+pub(super) fn channel(
+    content: &[u8],
+    schemas: &HashMap<u16, Arc<SchemaFacts>>,
+) -> Option<(u16, ChannelFacts)> {
     let mut fields = Fields(content);
-    let id = fields.u16()?;
-    let channel = ChannelRecord {
-        schema_id: fields.u16()?,
-        topic: fields.text()?,
-        encoding: fields.text()?,
-        metadata: fields.0,
+    let (id, schema_id) = (fields.u16()?, fields.u16()?);
+    let schema = match schema_id {
+        0 => Arc::default(),
+        id => Arc::clone(schemas.get(&id)?),
     };
-    fields.map()?;
-    Some((id, channel))
+    let facts = ChannelFacts {
+        schema_id,
+        schema,
+        topic: fields.text()?.to_owned(),
+        encoding: fields.text()?.to_owned(),
+        metadata: fields.map()?,
+    };
+    Some((id, facts))
 }
 
 /// A message.
@@ -154,36 +168,44 @@ pub(super) fn message(content: &[u8]) -> Option<MessageRecord<'_>> {
     })
 }
 
-/// A chunk.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct ChunkRecord<'a> {
+/// Fields of a chunk before its records, bytes, without the name of a compression.
+const CHUNK_HEAD_LEN: u64 = 8 + 8 + 8 + 4 + 4 + 8;
+
+/// Longest name of a compression, bytes.
+const MAX_NAME_LEN: u64 = 32;
+
+/// As much of a chunk as has all before its records, bytes.
+pub(super) const MAX_CHUNK_HEAD_LEN: u64 = CHUNK_HEAD_LEN + MAX_NAME_LEN;
+
+/// What stands before the records of a chunk.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct ChunkHead {
     pub(super) uncompressed_len: u64,
     /// 0 when there is no checksum.
     pub(super) crc: u32,
-    pub(super) compression: &'a str,
-    pub(super) records: &'a [u8],
+    pub(super) compression: String,
+    /// Where the records begin, from the content's beginning, and their length; bytes.
+    pub(super) records_at: u64,
+    pub(super) records_len: u64,
 }
 
-impl ChunkRecord<'_> {
-    /// Whether the records are those that were written.
-    pub(super) fn is_sound(&self) -> bool {
-        let has_length = self.uncompressed_len == self.records.len() as u64;
-        has_length && (self.crc == 0 || crc32fast::hash(self.records) == self.crc)
-    }
-}
-
-pub(super) fn chunk(content: &[u8]) -> Option<ChunkRecord<'_>> {
+/// The head of a chunk whose content begins with `content` and has `len` bytes; `None` if the lengths do not fit together.
+pub(super) fn chunk(content: &[u8], len: u64) -> Option<ChunkHead> {
     let mut fields = Fields(content);
     // Earliest and latest time, which the messages say themselves.
     fields.bytes(16)?;
     let (uncompressed_len, crc) = (fields.u64()?, fields.u32()?);
-    let compression = fields.text()?;
-    let len = fields.u64()?;
-    Some(ChunkRecord {
+    let compression = fields.text()?.to_owned();
+    let records_len = fields.u64()?;
+    let records_at = CHUNK_HEAD_LEN + compression.len() as u64;
+    let fits = records_at.checked_add(records_len)? <= len
+        && (!compression.is_empty() || records_len == uncompressed_len);
+    fits.then_some(ChunkHead {
         uncompressed_len,
         crc,
         compression,
-        records: fields.bytes(len)?,
+        records_at,
+        records_len,
     })
 }
 
@@ -225,7 +247,7 @@ pub(super) fn attachment(content: &[u8]) -> Option<AttachmentRecord<'_>> {
 /// Length of footer and mark, bytes.
 pub(super) const FOOTER_LEN: usize = HEAD_LEN + 20 + mcap::MAGIC.len();
 
-/// Where the summary begins, by the footer and mark that `bytes` are: 0 without a summary. Nothing when they are something else.
+/// Where the summary begins, by the footer and mark that `bytes` are: 0 without a summary. `None` if they are something else.
 pub(super) fn summary_start(bytes: &[u8]) -> Option<u64> {
     let footer = Record::first(bytes)?;
     let is_footer = footer.opcode == op::FOOTER && footer.content.len() == 20;
@@ -235,12 +257,4 @@ pub(super) fn summary_start(bytes: &[u8]) -> Option<u64> {
     } else {
         None
     }
-}
-
-/// The summary section, if the file was finished.
-pub(super) fn summary(bytes: &[u8]) -> Option<&[u8]> {
-    let footer_at = bytes.len().checked_sub(FOOTER_LEN)?;
-    let start = summary_start(&bytes[footer_at..])?;
-    let start = usize::try_from(start).ok().filter(|start| *start > 0)?;
-    bytes.get(start..footer_at)
 }

@@ -10,7 +10,9 @@ use crate::encoder::write_options;
 use crate::sink::Counted;
 
 use super::message::{Message, ReadError};
-use super::walk::{ChannelFacts, Item, Walk};
+use super::record::{self, ChannelFacts};
+use super::store::Source;
+use super::walk::{Item, Walk};
 
 /// Name of the record of metadata that says what was wrong with the damaged file.
 pub const RECOVERED_METADATA: &str = "ril.recovered";
@@ -27,70 +29,72 @@ pub struct Recovered {
     pub errors: Vec<ReadError>,
 }
 
-/// Writes a whole file with all that can be read of `bytes`, and a record of metadata, [`RECOVERED_METADATA`], that says what
+/// Writes a whole file with all that can be read of `source`, and a record of metadata, [`RECOVERED_METADATA`], that says what
 /// was wrong. Chunks are larger than a recorder's; messages keep their order and times.
 ///
 /// # Errors
-/// `bytes` are no MCAP file, or `to` does not take the new one.
-pub fn recover(bytes: &[u8], to: &mut impl Write) -> Result<Recovered, ReadError> {
-    copy(bytes, to, |_| true, true)
+/// `source` is no MCAP file, or `to` does not take the new one.
+pub fn recover<'a>(
+    source: impl Into<Source<'a>>,
+    to: &mut impl Write,
+) -> Result<Recovered, ReadError> {
+    copy(source.into(), to, |_| true, true)
 }
 
 /// As [`recover`], of those messages that `is_kept` wants: their times, and metadata and attachments of the file, stay as they are.
 ///
 /// # Errors
 /// As [`recover`].
-pub fn extract(
-    bytes: &[u8],
+pub fn extract<'a>(
+    source: impl Into<Source<'a>>,
     to: &mut impl Write,
-    is_kept: impl Fn(&Message<'_>) -> bool,
+    is_kept: impl Fn(&Message) -> bool,
 ) -> Result<Recovered, ReadError> {
-    copy(bytes, to, is_kept, false)
+    copy(source.into(), to, is_kept, false)
 }
 
 fn copy(
-    bytes: &[u8],
+    source: Source<'_>,
     to: &mut impl Write,
-    is_kept: impl Fn(&Message<'_>) -> bool,
+    is_kept: impl Fn(&Message) -> bool,
     has_note: bool,
 ) -> Result<Recovered, ReadError> {
-    if !bytes.starts_with(mcap::MAGIC) {
-        return Err(ReadError::NotMcap);
-    }
     let mut writer = write_options().create(Counted::new(to))?;
     let mut recovered = Recovered {
         messages: 0,
         errors: Vec::new(),
     };
     let mut ids = HashMap::new();
-    let mut walk = Walk::new(bytes);
-    while let Some(item) = walk.next() {
+    let mut walk = Walk::new(source);
+    for item in walk.by_ref() {
         match item {
             Item::Message(message, _) if !is_kept(&message) => {}
             Item::Message(message, number) => {
-                let Some(channel) = walk.channel(number) else {
-                    continue;
-                };
                 let header = MessageHeader {
-                    channel_id: id(&mut writer, &mut ids, number, channel)?,
+                    channel_id: id(&mut writer, &mut ids, number, &message.channel)?,
                     sequence: message.sequence,
                     log_time: message.log_time_ns,
                     publish_time: message.publish_time_ns,
                 };
-                writer.write_to_known_channel(&header, message.data)?;
+                writer.write_to_known_channel(&header, message.data())?;
                 recovered.messages += 1;
             }
             Item::Chunk => {}
             Item::Metadata(name, metadata) => {
                 writer.write_metadata(&Metadata { name, metadata })?;
             }
-            Item::Attachment(file) => writer.attach(&mcap::Attachment {
-                log_time: file.log_time_ns,
-                create_time: file.create_time_ns,
-                name: file.name.to_owned(),
-                media_type: file.media_type.to_owned(),
-                data: file.data.into(),
-            })?,
+            Item::Attachment(content) => {
+                if let Some(file) = record::attachment(&content) {
+                    writer.attach(&mcap::Attachment {
+                        log_time: file.log_time_ns,
+                        create_time: file.create_time_ns,
+                        name: file.name.to_owned(),
+                        media_type: file.media_type.to_owned(),
+                        data: file.data.into(),
+                    })?;
+                }
+            }
+            Item::Error(ReadError::NotMcap) => return Err(ReadError::NotMcap),
             Item::Error(error) if recovered.errors.len() < MAX_ERRORS => {
                 recovered.errors.push(error);
             }
@@ -113,17 +117,19 @@ fn id<W: Write>(
     writer: &mut Writer<Counted<W>>,
     ids: &mut HashMap<usize, u16>,
     number: usize,
-    facts: &ChannelFacts<'_>,
+    facts: &ChannelFacts,
 ) -> Result<u16, McapError> {
     if let Some(id) = ids.get(&number) {
         return Ok(*id);
     }
-    let ChannelFacts { channel, schema } = facts;
-    let schema = match channel.schema_id {
+    let schema = match facts.schema_id {
         0 => 0,
-        _ => writer.add_schema(schema.name, schema.encoding, schema.data)?,
+        _ => {
+            let schema = &facts.schema;
+            writer.add_schema(&schema.name, &schema.encoding, &schema.data)?
+        }
     };
-    let id = writer.add_channel(schema, channel.topic, channel.encoding, &facts.metadata())?;
+    let id = writer.add_channel(schema, &facts.topic, &facts.encoding, &facts.metadata)?;
     ids.insert(number, id);
     Ok(id)
 }

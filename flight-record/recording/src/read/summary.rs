@@ -1,17 +1,21 @@
 //! [`summary_of`]: what a file says of itself.
 
 use std::collections::{BTreeMap, HashMap};
-use std::io::{Read, Seek, SeekFrom};
+use std::sync::Arc;
 
 use mcap::records::op;
 
+use crate::ending::HEAD_LEN;
 use crate::settings::Attachment;
 
-use super::check::check;
+use super::check::check_with;
 use super::message::ReadError;
-use super::record::{self, AttachmentRecord, FOOTER_LEN, Fields, Record, summary_start};
-use super::store::room_for;
-use super::walk::{Item, Walk};
+use super::record::{self, AttachmentRecord, Fields, Record, SchemaFacts};
+use super::store::{Source, Window};
+use super::walk::summary_place;
+
+/// Length of the head of a record, bytes.
+const HEAD: u64 = HEAD_LEN as u64;
 
 /// What a file says of itself.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -34,63 +38,59 @@ pub struct Summary {
 ///
 /// # Errors
 /// It is no MCAP file, cannot be read, or its summary is damaged.
-pub fn summary_of(file: &mut (impl Read + Seek)) -> Result<Summary, ReadError> {
-    let len = file.seek(SeekFrom::End(0))?;
-    if section(file, 0, mcap::MAGIC.len() as u64)? != mcap::MAGIC {
+pub fn summary_of<'a>(source: impl Into<Source<'a>>) -> Result<Summary, ReadError> {
+    let mut window = Window::new(source.into());
+    if window.peek(0, mcap::MAGIC.len() as u64)? != Some(mcap::MAGIC) {
         return Err(ReadError::NotMcap);
     }
-    let footer_at = len.saturating_sub(FOOTER_LEN as u64);
-    let footer = section(file, footer_at, FOOTER_LEN as u64)?;
-    match summary_start(&footer) {
-        Some(start) if start > 0 && start <= footer_at => Section {
-            file,
-            // No part of the file is needed twice.
-            budget: len,
-            summary: Summary {
-                is_complete: true,
-                ..Summary::default()
-            },
-            schemas: HashMap::new(),
-            topics: HashMap::new(),
-        }
-        .read(start, footer_at),
-        _ => Ok(unfinished(&section(file, 0, len)?)),
-    }
-}
-
-/// The bytes from `at` on, at most `len`.
-fn section(file: &mut (impl Read + Seek), at: u64, len: u64) -> Result<Vec<u8>, ReadError> {
-    let mut bytes = room_for(len)?;
-    file.seek(SeekFrom::Start(at))?;
-    file.by_ref().take(len).read_to_end(&mut bytes)?;
-    Ok(bytes)
+    let Some((start, end)) = summary_place(&mut window)? else {
+        return Ok(unfinished(window.source().clone()));
+    };
+    let section = Section {
+        // No part of the file is needed twice.
+        budget: window.len(),
+        window,
+        summary: Summary {
+            is_complete: true,
+            ..Summary::default()
+        },
+        schemas: HashMap::new(),
+        topics: HashMap::new(),
+    };
+    section.read(start, end)
 }
 
 /// The summary section of a finished file.
-struct Section<'f, F> {
-    file: &'f mut F,
+struct Section<'a> {
+    window: Window<'a>,
     /// Bytes that may still be read.
     budget: u64,
     summary: Summary,
-    /// Names by id.
-    schemas: HashMap<u16, String>,
+    /// By id.
+    schemas: HashMap<u16, Arc<SchemaFacts>>,
     /// By id of the channel.
     topics: HashMap<u16, String>,
 }
 
-impl<F: Read + Seek> Section<'_, F> {
+impl Section<'_> {
     fn read(mut self, start: u64, end: u64) -> Result<Summary, ReadError> {
-        let bytes = self.take(start, end - start)?;
-        let mut rest = bytes.as_slice();
-        while !rest.is_empty() {
-            let at = end - rest.len() as u64;
-            let damaged = ReadError::Damaged {
-                at,
-                reason: "the summary cannot be",
-            };
-            let record = Record::first(rest).ok_or_else(|| damaged.clone())?;
-            self.record(record)?.ok_or(damaged)?;
-            rest = &rest[record.len()..];
+        let mut at = start;
+        while at < end {
+            let damaged = ReadError::damaged(at, "the summary cannot be");
+            let head = self.window.peek(at, HEAD)?.and_then(record::head);
+            let head = head.filter(|(opcode, _)| record::is_known(*opcode));
+            let (opcode, len) = head.ok_or_else(|| damaged.clone())?;
+            let next = at.saturating_add(HEAD).saturating_add(len);
+            if next > end {
+                return Err(damaged);
+            }
+            // There is an index for each chunk.
+            if !matches!(opcode, op::CHUNK_INDEX | op::MESSAGE_INDEX) {
+                let content = self.take(at + HEAD, len)?;
+                let content = &content;
+                self.record(Record { opcode, content })?.ok_or(damaged)?;
+            }
+            at = next;
         }
         Ok(self.summary)
     }
@@ -121,17 +121,15 @@ impl<F: Read + Seek> Section<'_, F> {
 
     fn schema(&mut self, content: &[u8]) -> Option<()> {
         let (id, schema) = record::schema(content)?;
-        self.schemas.insert(id, schema.name.to_owned());
+        self.schemas.insert(id, Arc::new(schema));
         Some(())
     }
 
     fn channel(&mut self, content: &[u8]) -> Option<()> {
-        let (id, channel) = record::channel(content)?;
-        let schema = self.schemas.get(&channel.schema_id).cloned();
-        let topic = channel.topic.to_owned();
-        self.topics.insert(id, topic.clone());
-        let entry = self.summary.topics.entry(topic).or_default();
-        entry.0 = schema.unwrap_or_default();
+        let (id, channel) = record::channel(content, &self.schemas)?;
+        self.topics.insert(id, channel.topic.clone());
+        let entry = self.summary.topics.entry(channel.topic).or_default();
+        entry.0.clone_from(&channel.schema.name);
         Some(())
     }
 
@@ -167,10 +165,12 @@ impl<F: Read + Seek> Section<'_, F> {
     }
 
     fn take(&mut self, at: u64, len: u64) -> Result<Vec<u8>, ReadError> {
-        let reason = "the summary names more than the file has";
-        let damaged = ReadError::Damaged { at, reason };
-        self.budget = self.budget.checked_sub(len).ok_or(damaged)?;
-        section(self.file, at, len)
+        let damaged = ReadError::damaged(at, "the summary names more than the file has");
+        let budget = self.budget.checked_sub(len);
+        self.budget = budget.ok_or_else(|| damaged.clone())?;
+        let end = at.checked_add(len).filter(|end| *end <= self.window.len());
+        end.ok_or(damaged)?;
+        Ok(self.window.take(at, len)?)
     }
 }
 
@@ -183,17 +183,14 @@ fn owned(file: AttachmentRecord<'_>) -> Attachment {
 }
 
 /// What the chunks say, of a file that has no summary.
-fn unfinished(bytes: &[u8]) -> Summary {
-    let checked = check(bytes);
-    let files = Walk::new(bytes).filter_map(|item| match item {
-        Item::Attachment(file) => Some(owned(file)),
-        _ => None,
-    });
+fn unfinished(source: Source<'_>) -> Summary {
+    let mut attachments = Vec::new();
+    let checked = check_with(source, |file| attachments.push(owned(file)));
     let topics = checked.topics.into_iter();
     Summary {
         is_complete: false,
         metadata: checked.metadata,
-        attachments: files.collect(),
+        attachments,
         topics: topics
             .map(|(topic, facts)| (topic, (facts.schema_name, facts.messages)))
             .collect(),

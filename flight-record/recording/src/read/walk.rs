@@ -1,100 +1,128 @@
-//! [`Walk`]: one pass through a file, from its beginning to its end, over damaged places; [`Search`]: where the next whole chunk lies
-//! behind one.
+//! [`Messages`]: one pass through a file, from its beginning to its end, over damaged places. One chunk is in memory at a time.
 
 use std::collections::{BTreeMap, HashMap};
+use std::io;
+use std::sync::Arc;
 
 use mcap::records::op;
 
+use crate::ending::HEAD_LEN;
+
 use super::message::{Message, ReadError};
 use super::record::{
-    self, AttachmentRecord, ChannelRecord, ChunkRecord, FOOTER_LEN, Fields, MessageRecord, Record,
-    SchemaRecord, summary, summary_start,
+    self, ChannelFacts, ChunkHead, FOOTER_LEN, MAX_CHUNK_HEAD_LEN, Record, SchemaFacts,
+    summary_start,
 };
+use super::store::{Source, Window, room_for};
 
 /// How often the bytes of a file are summed up at most, while chunks are searched. A damaged file needs one; a file that was
 /// made to look like chunks everywhere could take hours.
-const MAX_SUMS: usize = 4;
+const MAX_SUMS: u64 = 4;
+
+/// Length of the head of a record, bytes.
+const HEAD: u64 = HEAD_LEN as u64;
+
+/// Length of footer and mark, bytes.
+const FOOTER: u64 = FOOTER_LEN as u64;
 
 /// All messages in the order of the file, events of the recording included. Damage is one error; what follows is the next whole
 /// chunk. That a file was not finished is no error here.
-pub fn messages(bytes: &[u8]) -> impl Iterator<Item = Result<Message<'_>, ReadError>> {
-    Walk::new(bytes).filter_map(|item| match item {
-        Item::Message(message, _) => Some(Ok(message)),
-        Item::Error(error) => Some(Err(error)),
-        Item::Chunk | Item::Metadata(..) | Item::Attachment(_) => None,
-    })
+pub fn messages<'a>(source: impl Into<Source<'a>>) -> Messages<'a> {
+    Messages(Walk::new(source.into()))
+}
+
+/// See [`messages`].
+pub struct Messages<'a>(Walk<'a>);
+
+impl Messages<'_> {
+    /// Bytes behind the last record that was read. Known when all was read.
+    pub fn bytes_behind(&self) -> u64 {
+        self.0.bytes_behind()
+    }
+}
+
+impl Messages<'static> {
+    /// Goes on with what a recorder has written to the file since. Call it when all was read.
+    ///
+    /// # Errors
+    /// The system does not say how long the file is.
+    pub fn refresh(&mut self) -> io::Result<()> {
+        self.0.refresh()
+    }
+}
+
+impl Iterator for Messages<'_> {
+    type Item = Result<Message, ReadError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        self.0.find_map(|item| match item {
+            Item::Message(message, _) => Some(Ok(message)),
+            Item::Error(error) => Some(Err(error)),
+            Item::Chunk | Item::Metadata(..) | Item::Attachment(_) => None,
+        })
+    }
 }
 
 /// What a file has at a place.
 #[derive(Debug)]
-pub(super) enum Item<'a> {
-    /// A message, and the number of its channel in [`Walk::channel`].
-    Message(Message<'a>, usize),
+pub(super) enum Item {
+    /// A message, and the number of its channel.
+    Message(Message, usize),
     /// A chunk begins that is whole.
     Chunk,
     Metadata(String, BTreeMap<String, String>),
-    Attachment(AttachmentRecord<'a>),
+    /// The content of a sound record.
+    Attachment(Vec<u8>),
     Error(ReadError),
 }
 
-/// A channel and its schema.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct ChannelFacts<'a> {
-    pub(super) channel: ChannelRecord<'a>,
-    pub(super) schema: SchemaRecord<'a>,
-}
-
-impl ChannelFacts<'_> {
-    /// Texts by key.
-    pub(super) fn metadata(&self) -> BTreeMap<String, String> {
-        Fields(self.channel.metadata).map().unwrap_or_default()
-    }
+/// The chunk that is being read.
+struct Chunk {
+    records: Arc<Vec<u8>>,
+    /// Where its next record lies in it.
+    next: usize,
+    /// Where it lies in the file.
+    at: u64,
 }
 
 /// One pass through a file.
 pub(super) struct Walk<'a> {
-    bytes: &'a [u8],
+    window: Window<'a>,
     /// Where the next record of the file lies.
-    position: usize,
-    /// What is left of the present chunk, and where it began.
-    chunk: Option<(&'a [u8], usize)>,
-    schemas: HashMap<u16, SchemaRecord<'a>>,
+    position: u64,
+    chunk: Option<Chunk>,
+    schemas: HashMap<u16, Arc<SchemaFacts>>,
     /// The present meaning of a channel's id.
     numbers: HashMap<u16, usize>,
-    channels: Vec<ChannelFacts<'a>>,
-    search: Search<'a>,
+    channels: Vec<Arc<ChannelFacts>>,
+    /// Up to here the file is what was written: behind the last record with a checksum that fits. Whatever cannot be read, the search
+    /// begins here, because a length on the way may be damaged.
+    sound: u64,
+    /// Bytes that a search may still sum up.
+    budget: u64,
     /// Behind the last record that was read.
-    end: usize,
+    end: u64,
+    has_begun: bool,
     is_done: bool,
     is_finished: bool,
 }
 
 impl<'a> Walk<'a> {
-    pub(super) fn new(bytes: &'a [u8]) -> Walk<'a> {
-        let mut walk = Walk {
-            bytes,
-            position: mcap::MAGIC.len(),
+    pub(super) fn new(source: Source<'a>) -> Walk<'a> {
+        Walk {
+            budget: source.len().saturating_mul(MAX_SUMS),
+            window: Window::new(source),
+            position: mcap::MAGIC.len() as u64,
             chunk: None,
             schemas: HashMap::new(),
             numbers: HashMap::new(),
             channels: Vec::new(),
-            search: Search::new(bytes),
+            sound: 0,
             end: 0,
+            has_begun: false,
             is_done: false,
             is_finished: false,
-        };
-        // A chunk that is damaged may have described channels of later ones; the summary describes all of them.
-        let mut rest = summary(bytes).unwrap_or_default();
-        while let Some(record) = Record::first(rest) {
-            walk.describe(record);
-            rest = &rest[record.len()..];
         }
-        walk
-    }
-
-    /// The channel with the number that came with a message.
-    pub(super) fn channel(&self, number: usize) -> Option<&ChannelFacts<'a>> {
-        self.channels.get(number)
     }
 
     /// Whether the file was finished. Known when all was read.
@@ -103,28 +131,67 @@ impl<'a> Walk<'a> {
     }
 
     /// Bytes behind the last record that was read. Known when all was read.
-    pub(super) fn bytes_behind(&self) -> usize {
-        self.bytes.len() - self.end
+    pub(super) fn bytes_behind(&self) -> u64 {
+        self.window.len() - self.end
+    }
+
+    fn begin(&mut self) -> io::Result<Option<Item>> {
+        self.has_begun = true;
+        let magic = mcap::MAGIC;
+        let has_magic = self.window.peek(0, magic.len() as u64)? == Some(magic);
+        self.describe_by_summary()?;
+        if has_magic {
+            self.end = self.position;
+            self.sound = self.position;
+            return Ok(None);
+        }
+        let Some(found) = self.chunk_from(0)? else {
+            self.is_done = true;
+            return Ok(Some(Item::Error(ReadError::NotMcap)));
+        };
+        // When nothing but the mark is damaged, what lies before the first chunk can be read.
+        let header = self.head()?.is_some_and(|(opcode, _)| opcode == op::HEADER);
+        if !header {
+            self.position = found;
+        }
+        let reason = "it does not begin with the format's mark";
+        Ok(Some(Item::Error(ReadError::damaged(0, reason))))
+    }
+
+    /// A chunk that is damaged may have described channels of later ones; the summary describes all of them, before anything else.
+    fn describe_by_summary(&mut self) -> io::Result<()> {
+        let Some((mut at, end)) = summary_place(&mut self.window)? else {
+            return Ok(());
+        };
+        while let Some(head) = self.window.peek(at, HEAD)? {
+            let Some((op::SCHEMA | op::CHANNEL, len)) = record::head(head) else {
+                break;
+            };
+            if len > end.saturating_sub(at + HEAD) {
+                break;
+            }
+            let bytes = self.window.take(at, HEAD + len)?;
+            if let Some(record) = Record::first(&bytes) {
+                self.describe(record);
+            }
+            at += HEAD + len;
+        }
+        Ok(())
     }
 
     /// Takes note of a schema or a channel; `None` if it is neither, or cannot be.
-    fn describe(&mut self, record: Record<'a>) -> Option<()> {
+    fn describe(&mut self, record: Record<'_>) -> Option<()> {
         match record.opcode {
             op::SCHEMA => {
                 let (id, schema) = record::schema(record.content)?;
-                self.schemas.insert(id, schema);
+                self.schemas.insert(id, Arc::new(schema));
             }
             op::CHANNEL => {
-                let (id, channel) = record::channel(record.content)?;
-                let schema = match channel.schema_id {
-                    0 => SchemaRecord::default(),
-                    schema_id => *self.schemas.get(&schema_id)?,
-                };
-                let facts = ChannelFacts { channel, schema };
+                let (id, facts) = record::channel(record.content, &self.schemas)?;
                 let known = self.numbers.get(&id);
-                if known.is_none_or(|number| self.channels[*number] != facts) {
+                if known.is_none_or(|number| *self.channels[*number] != facts) {
                     self.numbers.insert(id, self.channels.len());
-                    self.channels.push(facts);
+                    self.channels.push(Arc::new(facts));
                 }
             }
             _ => return None,
@@ -132,210 +199,264 @@ impl<'a> Walk<'a> {
         Some(())
     }
 
-    fn message(&self, record: MessageRecord<'a>) -> Option<Item<'a>> {
+    /// The message whose record's content lies there in `records`.
+    fn message(&self, records: &Arc<Vec<u8>>, from: usize, len: usize) -> Option<Item> {
+        let record = record::message(records.get(from..from + len)?)?;
         let number = *self.numbers.get(&record.channel_id)?;
-        let ChannelFacts { channel, schema } = self.channels.get(number)?;
         let message = Message {
-            topic: channel.topic,
-            schema_name: schema.name,
-            schema_text: std::str::from_utf8(schema.data).unwrap_or_default(),
+            channel: Arc::clone(self.channels.get(number)?),
             log_time_ns: record.log_time_ns,
             publish_time_ns: record.publish_time_ns,
             sequence: record.sequence,
-            data: record.data,
+            records: Arc::clone(records),
+            place: from + len - record.data.len()..from + len,
         };
         Some(Item::Message(message, number))
     }
 
     /// The next item of the present chunk.
-    fn next_in_chunk(&mut self) -> Option<Item<'a>> {
+    fn next_in_chunk(&mut self) -> Option<Item> {
         loop {
-            let (rest, began) = self.chunk?;
-            if rest.is_empty() {
+            let chunk = self.chunk.as_mut()?;
+            let (records, next, at) = (Arc::clone(&chunk.records), chunk.next, chunk.at);
+            if next == records.len() {
                 self.chunk = None;
                 return None;
             }
-            let damaged = Item::Error(ReadError::damaged(began, "a record of a chunk cannot be"));
-            let Some(record) = Record::first(rest) else {
+            let damaged = |reason| Item::Error(ReadError::damaged(at, reason));
+            let Some(record) = Record::first(&records[next..]) else {
                 self.chunk = None;
-                return Some(damaged);
+                return Some(damaged("a record of a chunk cannot be"));
             };
-            self.chunk = Some((&rest[record.len()..], began));
+            chunk.next += record.len();
             match record.opcode {
-                op::MESSAGE => return Some(self.message_or_error(record, began)),
+                op::MESSAGE => {
+                    let item = self.message(&records, next + HEAD_LEN, record.content.len());
+                    return Some(item.unwrap_or_else(|| damaged(UNKNOWN_CHANNEL)));
+                }
                 op::SCHEMA | op::CHANNEL if self.describe(record).is_none() => {
-                    return Some(damaged);
+                    return Some(damaged("a record of a chunk cannot be"));
                 }
                 _ => {}
             }
         }
     }
 
-    fn message_or_error(&self, record: Record<'a>, at: usize) -> Item<'a> {
-        let message = record::message(record.content);
-        let item = message.and_then(|message| self.message(message));
-        let reason = "a message is of a channel that the file does not describe";
-        item.unwrap_or_else(|| Item::Error(ReadError::damaged(at, reason)))
+    /// Opcode and length of the next record; `None` if there is none as a whole.
+    fn head(&mut self) -> io::Result<Option<(u8, u64)>> {
+        let room = self.window.len().saturating_sub(self.position + HEAD);
+        let head = self.window.peek(self.position, HEAD)?;
+        Ok(head
+            .and_then(record::head)
+            .filter(|(opcode, len)| record::is_known(*opcode) && *len <= room))
     }
 
     /// The next item outside of chunks; `None` if the record says nothing.
-    fn next_record(&mut self) -> Option<Item<'a>> {
+    fn next_record(&mut self) -> io::Result<Option<Item>> {
         let at = self.position;
-        let record = Record::first(&self.bytes[at..]);
-        let Some(record) = record.filter(Record::is_known) else {
-            return self.lost(at, at + 1, "there is no record here");
+        let Some((opcode, len)) = self.head()? else {
+            return self.lost(at, "there is no record here");
         };
-        self.position = at + record.len();
+        let content_at = at + HEAD;
+        self.position = content_at + len;
         self.end = self.position;
-        match record.opcode {
-            op::CHUNK => Some(self.begin_chunk(record, at)),
-            op::MESSAGE => Some(self.message_or_error(record, at)),
-            op::SCHEMA | op::CHANNEL => match self.describe(record) {
-                Some(()) => None,
-                None => self.damaged(at, "a schema or a channel cannot be"),
-            },
-            op::METADATA => match record::metadata(record.content) {
+        if opcode == op::CHUNK {
+            return self.begin_chunk(at, len).map(Some);
+        }
+        let is_read = matches!(
+            opcode,
+            op::MESSAGE | op::SCHEMA | op::CHANNEL | op::METADATA | op::ATTACHMENT
+        );
+        if !is_read {
+            return match opcode {
+                op::DATA_END => self.end_of_data(at),
+                _ => Ok(None),
+            };
+        }
+        let content = self.window.take(content_at, len)?;
+        let damaged = |reason| Some(Item::Error(ReadError::damaged(at, reason)));
+        Ok(match opcode {
+            op::MESSAGE => {
+                let item = self.message(&Arc::new(content), 0, len as usize);
+                item.or_else(|| damaged(UNKNOWN_CHANNEL))
+            }
+            op::METADATA => match record::metadata(&content) {
                 Some((name, entries)) => Some(Item::Metadata(name, entries)),
-                None => self.damaged(at, "a record of metadata cannot be"),
+                None => damaged("a record of metadata cannot be"),
             },
-            op::ATTACHMENT => match record::attachment(record.content) {
-                Some(attachment) => Some(Item::Attachment(attachment)),
-                None => self.damaged(at, "a file within the file is not what was written"),
-            },
-            op::DATA_END => self.end_of_data(),
-            _ => None,
-        }
+            op::ATTACHMENT if record::attachment(&content).is_some() => {
+                self.sound = self.position;
+                Some(Item::Attachment(content))
+            }
+            op::ATTACHMENT => damaged("a file within the file is not what was written"),
+            opcode => {
+                let content = &content;
+                match self.describe(Record { opcode, content }) {
+                    Some(()) => None,
+                    None => damaged("a schema or a channel cannot be"),
+                }
+            }
+        })
     }
 
-    fn damaged(&self, at: usize, reason: &'static str) -> Option<Item<'a>> {
-        Some(Item::Error(ReadError::damaged(at, reason)))
+    /// The head of the chunk whose record begins at `at`, with `len` bytes of content.
+    fn chunk_head(&mut self, at: u64, len: u64) -> io::Result<Option<ChunkHead>> {
+        let beginning = self.window.peek(at + HEAD, len.min(MAX_CHUNK_HEAD_LEN))?;
+        Ok(beginning.and_then(|beginning| record::chunk(beginning, len)))
     }
 
-    fn begin_chunk(&mut self, record: Record<'a>, at: usize) -> Item<'a> {
-        let Some(chunk) = record::chunk(record.content) else {
-            return Item::Error(ReadError::damaged(at, "a chunk cannot be"));
+    fn begin_chunk(&mut self, at: u64, len: u64) -> io::Result<Item> {
+        let Some(head) = self.chunk_head(at, len)? else {
+            return Ok(Item::Error(ReadError::damaged(at, "a chunk cannot be")));
         };
-        let ChunkRecord {
-            compression,
-            records,
-            ..
-        } = chunk;
-        if !compression.is_empty() {
-            return Item::Error(ReadError::Compressed(compression.to_owned()));
+        if !head.compression.is_empty() {
+            return Ok(Item::Error(ReadError::Compressed(head.compression)));
         }
-        if !chunk.is_sound() {
+        let records = self
+            .window
+            .take(at + HEAD + head.records_at, head.records_len)?;
+        if head.crc != 0 && crc32fast::hash(&records) != head.crc {
             let reason = "a chunk is not what was written";
-            return Item::Error(ReadError::damaged(at, reason));
+            return Ok(Item::Error(ReadError::damaged(at, reason)));
         }
-        self.chunk = Some((records, at));
-        Item::Chunk
+        self.sound = self.position;
+        self.chunk = Some(Chunk {
+            records: Arc::new(records),
+            next: 0,
+            at,
+        });
+        Ok(Item::Chunk)
     }
 
     /// Behind the data comes the summary of a finished file. Behind an ending without one, a chunk may lie that was about to
     /// become part of the file.
-    fn end_of_data(&mut self) -> Option<Item<'a>> {
-        let rest = &self.bytes[self.position..];
-        let ending = rest.get(..FOOTER_LEN).and_then(summary_start);
-        if ending == Some(0) {
-            self.position += FOOTER_LEN;
+    fn end_of_data(&mut self, at: u64) -> io::Result<Option<Item>> {
+        let footer = self.window.peek(self.position, FOOTER)?;
+        if footer.and_then(summary_start) == Some(0) {
+            self.position += FOOTER;
             self.end = self.position;
-            if self.position < self.bytes.len() {
-                return self.lost(self.position, self.position, "a write was not finished");
+            if self.position < self.window.len() {
+                return self.lost(self.position, "a write was not finished");
             }
-        } else if summary(self.bytes).is_some() {
+        } else if summary_place(&mut self.window)?.is_some_and(|(start, _)| start >= at) {
             self.is_finished = true;
-            self.end = self.bytes.len();
+            self.end = self.window.len();
         } else {
-            self.is_done = true;
-            let at = self.position as u64;
-            return Some(Item::Error(ReadError::Truncated { at }));
+            return self.lost(self.position, "the file does not end here");
         }
         self.is_done = true;
-        None
+        Ok(None)
     }
 
-    /// What is at `at` cannot be read: goes on with the next whole chunk, at `from` or behind.
-    fn lost(&mut self, at: usize, from: usize, reason: &'static str) -> Option<Item<'a>> {
-        match self.search.chunk_from(from) {
+    /// What is at `at` cannot be read: goes on with the next whole chunk.
+    fn lost(&mut self, at: u64, reason: &'static str) -> io::Result<Option<Item>> {
+        let found = self.chunk_from(self.sound)?;
+        let error = match found {
             Some(found) => {
                 self.position = found;
-                self.damaged(at, reason)
+                ReadError::damaged(at.min(found), reason)
             }
             None => {
                 self.is_done = true;
-                let at = at as u64;
-                Some(Item::Error(ReadError::Truncated { at }))
+                ReadError::Truncated { at }
+            }
+        };
+        Ok(Some(Item::Error(error)))
+    }
+
+    /// Where a chunk begins, at `from` or behind, whose checksum fits.
+    fn chunk_from(&mut self, mut from: u64) -> io::Result<Option<u64>> {
+        while let Some(at) = self.window.find(op::CHUNK, from)? {
+            match self.is_chunk(at)? {
+                Some(true) => return Ok(Some(at)),
+                Some(false) => from = at + 1,
+                None => break,
             }
         }
+        Ok(None)
+    }
+
+    /// Whether a chunk lies there; `None` if the search has to end.
+    fn is_chunk(&mut self, at: u64) -> io::Result<Option<bool>> {
+        let head = self.window.peek(at, HEAD)?.and_then(record::head);
+        let room = self.window.len().saturating_sub(at + HEAD);
+        let Some((_, len)) = head.filter(|(_, len)| *len <= room) else {
+            return Ok(Some(false));
+        };
+        let head = self.chunk_head(at, len)?;
+        // Without a checksum, anything could look like a chunk.
+        let Some(head) = head.filter(|head| head.crc != 0 && head.compression.is_empty()) else {
+            return Ok(Some(false));
+        };
+        let Some(budget) = self.budget.checked_sub(head.records_len) else {
+            return Ok(None);
+        };
+        self.budget = budget;
+        let source = self.window.source().clone();
+        if room_for(head.records_len).is_err() {
+            return Ok(Some(false));
+        }
+        // In a window of its own, so that the search goes on in what was read.
+        let records = Window::new(source).take(at + HEAD + head.records_at, head.records_len)?;
+        Ok(Some(crc32fast::hash(&records) == head.crc))
     }
 }
 
-impl<'a> Iterator for Walk<'a> {
-    type Item = Item<'a>;
-
-    fn next(&mut self) -> Option<Item<'a>> {
-        if self.end == 0 && !self.is_done {
-            if !self.bytes.starts_with(mcap::MAGIC) {
-                self.is_done = true;
-                return Some(Item::Error(ReadError::NotMcap));
-            }
-            self.end = self.position;
+impl Walk<'static> {
+    fn refresh(&mut self) -> io::Result<()> {
+        if self.is_finished {
+            return Ok(());
         }
+        if let Source::File(file) = self.window.source() {
+            let file = file.refreshed()?;
+            self.budget = file.len().saturating_mul(MAX_SUMS);
+            self.window = Window::new(Source::File(file));
+            // What was an ending may be a chunk now.
+            self.position = self.sound.max(mcap::MAGIC.len() as u64);
+            self.has_begun &= self.sound > 0;
+            self.is_done = false;
+        }
+        Ok(())
+    }
+}
+
+/// Of a message whose channel is not known.
+const UNKNOWN_CHANNEL: &str = "a message is of a channel that the file does not describe";
+
+/// Where the summary of a finished file begins and ends.
+pub(super) fn summary_place(window: &mut Window<'_>) -> io::Result<Option<(u64, u64)>> {
+    let Some(end) = window.len().checked_sub(FOOTER) else {
+        return Ok(None);
+    };
+    let start = window.peek(end, FOOTER)?.and_then(summary_start);
+    Ok(start
+        .filter(|start| (1..=end).contains(start))
+        .map(|start| (start, end)))
+}
+
+impl Iterator for Walk<'_> {
+    type Item = Item;
+
+    fn next(&mut self) -> Option<Item> {
         loop {
-            if self.chunk.is_some() {
-                if let Some(item) = self.next_in_chunk() {
-                    return Some(item);
-                }
-                continue;
+            if let Some(item) = self.next_in_chunk() {
+                return Some(item);
             }
             if self.is_done {
                 return None;
             }
-            if let Some(item) = self.next_record() {
-                return Some(item);
+            let item = match self.has_begun {
+                true => self.next_record(),
+                false => self.begin(),
+            };
+            match item {
+                Ok(Some(item)) => return Some(item),
+                Ok(None) => {}
+                Err(error) => {
+                    self.is_done = true;
+                    return Some(Item::Error(error.into()));
+                }
             }
         }
-    }
-}
-
-/// Searches chunks.
-struct Search<'a> {
-    bytes: &'a [u8],
-    /// Bytes that may be summed up.
-    budget: usize,
-}
-
-impl<'a> Search<'a> {
-    fn new(bytes: &'a [u8]) -> Search<'a> {
-        Search {
-            bytes,
-            budget: bytes.len().saturating_mul(MAX_SUMS),
-        }
-    }
-
-    /// Where a chunk begins, at `from` or behind, whose checksum fits.
-    fn chunk_from(&mut self, mut from: usize) -> Option<usize> {
-        loop {
-            let rest = self.bytes.get(from..)?;
-            let found = from + rest.iter().position(|byte| *byte == op::CHUNK)?;
-            if self.is_chunk(&self.bytes[found..])? {
-                return Some(found);
-            }
-            from = found + 1;
-        }
-    }
-
-    /// Whether a chunk lies at the beginning; `None` if the search has to end.
-    fn is_chunk(&mut self, bytes: &'a [u8]) -> Option<bool> {
-        let chunk = Record::first(bytes).and_then(|record| record::chunk(record.content));
-        let Some(chunk) = chunk else {
-            return Some(false);
-        };
-        // Without a checksum, anything could look like a chunk.
-        if chunk.crc == 0 || chunk.uncompressed_len != chunk.records.len() as u64 {
-            return Some(false);
-        }
-        self.budget = self.budget.checked_sub(chunk.records.len())?;
-        Some(chunk.compression.is_empty() && chunk.is_sound())
     }
 }

@@ -106,7 +106,7 @@ proptest! {
         let ours: Vec<_> = messages(&cut.bytes).flatten().collect();
         prop_assert!(ours.len() >= stock.len());
         for (ours, stock) in ours.iter().zip(&stock) {
-            prop_assert_eq!((ours.topic, ours.sequence, ours.data), (&*stock.0, stock.1, &*stock.3));
+            prop_assert_eq!((ours.topic(), ours.sequence, ours.data()), (&*stock.0, stock.1, &*stock.3));
         }
 
         if cut.is_possible {

@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 use recording::Settings;
-use recording::read::{Bytes, ReadError, check, messages, recover, summary_of};
+use recording::play::Flight;
+use recording::read::{ReadError, RecordFile, check, messages, recover, summary_of};
 
 use crate::session::Session;
 use crate::stock;
@@ -29,7 +30,7 @@ fn file(ends: bool) -> Vec<u8> {
 fn read(bytes: &[u8]) {
     let count = messages(bytes).flatten().count();
     let _ = check(bytes);
-    let _ = summary_of(&mut Cursor::new(bytes));
+    let _ = summary_of(bytes);
     let mut whole = Vec::new();
     if let Ok(recovered) = recover(bytes, &mut whole) {
         assert_eq!(recovered.messages as usize, count);
@@ -102,7 +103,7 @@ fn a_damaged_chunk_costs_its_messages_and_no_others() {
 fn what_is_no_mcap_file_is_named() {
     for bytes in [&b""[..], b"x", b"\x89MCAP1\r\n", b"PK\x03\x04"] {
         assert_eq!(check(bytes).errors, [ReadError::NotMcap]);
-        assert_eq!(summary_of(&mut Cursor::new(bytes)), Err(ReadError::NotMcap));
+        assert_eq!(summary_of(bytes), Err(ReadError::NotMcap));
         assert_eq!(recover(bytes, &mut Vec::new()), Err(ReadError::NotMcap));
     }
 }
@@ -171,13 +172,7 @@ fn a_summary_names_no_more_than_the_file_has() {
     let indexes = writer.finish().unwrap().attachment_indexes;
     drop(writer);
     let mut bytes = bytes.into_inner();
-    assert_eq!(
-        summary_of(&mut Cursor::new(&bytes))
-            .unwrap()
-            .attachments
-            .len(),
-        3
-    );
+    assert_eq!(summary_of(&bytes).unwrap().attachments.len(), 3);
     // All indexes begin with the place and the length; each names the whole file now.
     let len = (bytes.len() as u64).to_le_bytes();
     for index in indexes {
@@ -188,7 +183,7 @@ fn a_summary_names_no_more_than_the_file_has() {
         let place = place.expect("an index");
         bytes[place + 8..place + 16].copy_from_slice(&len);
     }
-    let error = summary_of(&mut Cursor::new(&bytes)).unwrap_err();
+    let error = summary_of(&bytes).unwrap_err();
     assert!(
         error.to_string().contains("more than the file has"),
         "{error}"
@@ -199,27 +194,69 @@ fn a_summary_names_no_more_than_the_file_has() {
 #[test]
 fn what_is_no_regular_file_is_not_read() {
     for path in ["/dev/null", "/"] {
-        let error = Bytes::open(Path::new(path)).unwrap_err();
+        let error = RecordFile::open(Path::new(path)).unwrap_err();
         assert!(error.to_string().contains("no regular file"), "{error}");
     }
 }
 
 /// The memory of no machine has room for such a file, which takes none on the disk.
 #[test]
-fn a_file_that_is_larger_than_the_memory_is_refused_before_it_is_read() {
+fn a_file_that_is_larger_than_the_memory_is_played_by_nobody_and_searched_in_no_time() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("large.mcap");
     let mut file = File::create_new(&path).unwrap();
     file.write_all(mcap::MAGIC).unwrap();
     file.set_len(1 << 43).unwrap();
-    let refused = |error: String| assert!(error.contains("8796094 MB"), "{error}");
-    refused(Bytes::open(&path).unwrap_err().to_string());
-    let mut file = File::open(&path).unwrap();
-    refused(summary_of(&mut file).unwrap_err().to_string());
+    let refused = Flight::open(&path).unwrap_err().to_string();
+    assert!(refused.contains("8796094 MB"), "{refused}");
+    let file = RecordFile::open(&path).unwrap();
+    assert_eq!(check(&file).errors, [ReadError::Truncated { at: 8 }]);
     // A summary that begins at the file's beginning.
     let footer = [&[2, 20][..], &[0; 7], &8_u64.to_le_bytes(), &[0; 12]].concat();
     let mut file = File::options().append(true).open(&path).unwrap();
     file.write_all(&[&footer, mcap::MAGIC].concat()).unwrap();
-    let mut file = File::open(&path).unwrap();
-    refused(summary_of(&mut file).unwrap_err().to_string());
+    let error = summary_of(&RecordFile::open(&path).unwrap()).unwrap_err();
+    assert!(error.to_string().contains("cannot be"), "{error}");
+}
+
+#[test]
+fn whatever_is_damaged_before_a_chunk_the_chunk_is_found() {
+    for ends in [false, true] {
+        let bytes = file(ends);
+        let all = messages(&bytes).flatten().count();
+        // The mark, the header, the length of a record on the way.
+        for at in 0..40 {
+            let mut damaged = bytes.clone();
+            damaged[at] ^= 0x55;
+            assert_eq!(messages(&damaged).flatten().count(), all, "{at}");
+            assert!(!check(&damaged).is_complete || at >= 8, "{at}");
+            let mut whole = Vec::new();
+            let recovered = recover(&damaged, &mut whole).unwrap();
+            assert_eq!(recovered.messages as usize, all);
+            assert_eq!(stock::all(&whole).len(), all);
+        }
+        // Another program has emptied the file while it was written: what came before is a hole.
+        let mut cut = bytes.clone();
+        let half = bytes.len() / 2;
+        cut[..half].fill(0);
+        assert_eq!(
+            messages(&cut).flatten().count() > 0,
+            ends,
+            "the summary describes the channels"
+        );
+    }
+}
+
+#[test]
+fn a_length_that_leads_too_far_costs_nothing_but_itself() {
+    let bytes = file(true);
+    let all = messages(&bytes).flatten().count();
+    let chunks = mcap::Summary::read(&bytes).unwrap().unwrap().chunk_indexes;
+    // The index of messages behind a chunk is no chunk; its length now reaches over the next ones.
+    let behind = chunks[1].chunk_start_offset + chunks[1].chunk_length;
+    let at = behind as usize;
+    let mut damaged = bytes.clone();
+    assert_eq!(damaged[at], 7);
+    damaged[at + 1..at + 9].copy_from_slice(&3000_u64.to_le_bytes());
+    assert_eq!(messages(&damaged).flatten().count(), all);
 }

@@ -1,7 +1,6 @@
 //! A recording in several files: each says all that belongs to the flight, and no message is between them.
 
 use std::collections::BTreeSet;
-use std::io::Cursor;
 use std::time::Duration;
 
 use recording::read::{check, summary_of};
@@ -31,7 +30,7 @@ fn assert_complete(session: &Session, files: usize) {
     assert_eq!(session.disk.is_whole, vec![Some(true); files]);
     let mut messages = BTreeSet::new();
     for (index, file) in session.disk.files.iter().enumerate() {
-        let summary = summary_of(&mut Cursor::new(file)).unwrap();
+        let summary = summary_of(file).unwrap();
         assert_eq!(summary.attachments, info().attachments);
         assert_eq!(summary.metadata[0], info().metadata[0]);
         assert_eq!(summary.metadata[1].1["index"], index.to_string());
@@ -128,8 +127,8 @@ fn what_becomes_known_later_is_said_in_the_open_file_and_at_the_start_of_the_nex
     add(&mut session);
     session.end();
 
-    let first = summary_of(&mut Cursor::new(&session.disk.files[0])).unwrap();
-    for summary in [summary_of(&mut Cursor::new(&unfinished)).unwrap(), first] {
+    let first = summary_of(&session.disk.files[0]).unwrap();
+    for summary in [summary_of(&unfinished).unwrap(), first] {
         let flights = summary
             .metadata
             .iter()
@@ -139,7 +138,7 @@ fn what_becomes_known_later_is_said_in_the_open_file_and_at_the_start_of_the_nex
         let attachments = summary.attachments;
         assert_eq!(attachments, later.attachments, "each once");
     }
-    let second = summary_of(&mut Cursor::new(&session.disk.files[1])).unwrap();
+    let second = summary_of(&session.disk.files[1]).unwrap();
     assert_eq!(second.metadata[0], later.metadata[0]);
     assert_eq!(second.attachments, later.attachments);
     for file in &session.disk.files {

@@ -51,12 +51,12 @@ pub fn all(bytes: &[u8]) -> Vec<Facts> {
 pub fn ours(bytes: &[u8]) -> Vec<Facts> {
     let messages = recording::read::messages(bytes).map(|message| {
         let message = message.expect("a message that can be read");
-        let topic = message.topic.to_owned();
+        let topic = message.topic().to_owned();
         (
             topic,
             message.sequence,
             message.log_time_ns,
-            message.data.to_vec(),
+            message.data().to_vec(),
         )
     });
     messages.collect()

@@ -1,11 +1,8 @@
 //! Recordings made for tests: topics with a number and a moment.
 
-use std::path::Path;
-
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::{MonotonicNs, RobotId};
 use recording::play::Flight;
-use recording::read::Bytes;
 use recording::{Anchor, Channel, ChannelId, FlightInfo, Recorder, Settings};
 
 /// Unix time minus monotonic time.
@@ -100,6 +97,5 @@ pub fn flight_of(bytes: &[u8]) -> Result<Flight, recording::play::FlightError> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("flight.mcap");
     std::fs::write(&path, bytes).expect("a file");
-    let bytes = Bytes::open(Path::new(&path)).expect("a file");
-    Flight::new(bytes)
+    Flight::open(&path)
 }

@@ -76,7 +76,7 @@ pub struct Estimate {
 /// Estimates the offset of one remote machine's clock from exchanges of time stamps.
 #[derive(Clone, Debug, Default)]
 pub struct Clock {
-    known: Option<Known>,
+    known: Option<Observations>,
     /// Exchanges that were sent earlier may belong to the time before a jump.
     not_before: MonotonicNs,
     resets: u64,
@@ -84,7 +84,7 @@ pub struct Clock {
 
 /// What the exchanges since the last jump have shown.
 #[derive(Clone, Debug)]
-struct Known {
+struct Observations {
     feasible: Feasible,
     window: Window,
     /// The suspended times of the first exchange. Later ones are compared with it, so that reading errors do not add up.
@@ -119,7 +119,7 @@ impl Clock {
             self.reset(exchange.received);
         }
         if self.known.is_none() {
-            self.known = Some(Known {
+            self.known = Some(Observations {
                 feasible: Feasible::from_exchange(exchange),
                 window: Window::new(exchange),
                 suspended: exchange.suspended,

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
-use ipc_types::payload::{RequestReport, SharedStruct};
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use ipc_types::payload::RequestReport;
+use module_kit::journal::raw;
+use serde::{Deserialize, Serialize};
 
 /// Instead of a session: the station may not command.
 pub const NOT_PERMITTED: u64 = 0;
@@ -56,7 +56,7 @@ pub struct Answer {
     /// but the request id.
     pub serial: u32,
     /// The report. `reported_ns` is in the robot's monotonic clock, `path_id` is 0 when the relay made the report.
-    #[serde(serialize_with = "as_bytes", deserialize_with = "from_bytes")]
+    #[serde(with = "raw")]
     pub report: RequestReport,
 }
 
@@ -65,16 +65,6 @@ pub fn request_id(request: &[u8]) -> u64 {
     request
         .first_chunk()
         .map_or(0, |bytes| u64::from_le_bytes(*bytes))
-}
-
-/// A report goes over the network as the bytes that it has in shared memory.
-fn as_bytes<S: Serializer>(report: &RequestReport, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_bytes(report.bytes())
-}
-
-fn from_bytes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<RequestReport, D::Error> {
-    let bytes = Vec::<u8>::deserialize(deserializer)?;
-    RequestReport::from_bytes(&bytes).ok_or_else(|| D::Error::custom("not a report"))
 }
 
 /// Why the relay itself ends a request, and which side of it does. A report that says *refused* means that the request was never

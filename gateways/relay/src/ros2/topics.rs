@@ -166,13 +166,8 @@ struct SourceTime {
 impl SourceTime {
     /// Of the samples that `schema` describes.
     fn of(schema: &Schema) -> SourceTime {
-        let offset = |field| {
-            let leaf = schema.number(field)?;
-            let is_moment = leaf.number == Number::U64 && leaf.len.is_none();
-            is_moment.then_some(leaf.offset)
-        };
         SourceTime {
-            offsets: TIME_FIELDS.map(offset),
+            offsets: TIME_FIELDS.map(|field| schema.offset_of(field, Number::U64)),
         }
     }
 

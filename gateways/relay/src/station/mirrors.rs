@@ -53,7 +53,7 @@ struct Requests {
 }
 
 /// A request of a client on this machine that has no final report yet.
-struct Open {
+struct OpenRequest {
     handle: u64,
     service: u64,
     ticket: Ticket,
@@ -77,7 +77,7 @@ pub struct Mirrors {
     list: Vec<Mirror>,
     /// Described, but not there yet: another process provides them here.
     pending: Vec<Service>,
-    open: Vec<Open>,
+    open: Vec<OpenRequest>,
     next_handle: u64,
     ports: PortSet,
     openings: Budget,
@@ -217,7 +217,7 @@ impl Mirrors {
         let Some(index) = self.open.iter().position(|open| open.handle == handle) else {
             return;
         };
-        let Open {
+        let OpenRequest {
             service, ticket, ..
         } = self.open[index];
         if report.is_final() {
@@ -295,14 +295,14 @@ impl Requests {
     /// Hands on the requests that have come, and those whose clients have given them up. One for which there is no room is refused.
     fn serve(
         &mut self,
-        open: &mut Vec<Open>,
+        open: &mut Vec<OpenRequest>,
         next_handle: &mut u64,
         take: &mut impl FnMut(Taken),
         gone: &mut impl FnMut(u64),
     ) {
         let (service, fields) = (self.id, self.fields);
         self.server.vanished(|ticket, _| {
-            let is_it = |entry: &Open| entry.service == service && entry.ticket == ticket;
+            let is_it = |entry: &OpenRequest| entry.service == service && entry.ticket == ticket;
             if let Some(index) = open.iter().position(is_it) {
                 gone(open.remove(index).handle);
             }
@@ -314,7 +314,7 @@ impl Requests {
             }
             let handle = *next_handle;
             *next_handle += 1;
-            open.push(Open {
+            open.push(OpenRequest {
                 handle,
                 service,
                 ticket,

@@ -26,7 +26,7 @@ use crate::message::{
 use crate::names;
 use crate::network::{Inbox, MAX_MESSAGE_BYTES, Network, Room};
 use crate::orders::message::{NOT_PERMITTED, Verdict, request_id};
-use crate::orders::station::{Config as OrderConfig, Origin, Output, Request, Station};
+use crate::orders::station::{ClientRequest, Config as OrderConfig, Origin, Output, Station};
 use crate::own_topics::OwnTopics;
 use crate::random::{fresh, suspended_ns};
 use catalog::Question;
@@ -37,7 +37,7 @@ use moments::{Moments, earliest};
 
 /// What wakes the station's side.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Source {
+pub enum WakeSource {
     /// A port of a robot's services on this machine.
     #[default]
     Port,
@@ -96,18 +96,18 @@ impl StationSide {
 
 impl Process for StationSide {
     type Error = WaitError;
-    type Key = Source;
+    type Key = WakeSource;
 
-    fn sources<'a>(&'a mut self, sources: &mut Sources<'a, Source>) {
-        sources.descriptor(Source::Network, self.network.descriptor());
-        sources.descriptor(Source::Port, self.ports.descriptor());
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a, WakeSource>) {
+        sources.descriptor(WakeSource::Network, self.network.descriptor());
+        sources.descriptor(WakeSource::Port, self.ports.descriptor());
     }
 
-    fn drain(&mut self, wake: Wake<Source>) -> Result<(), WaitError> {
+    fn drain(&mut self, wake: Wake<WakeSource>) -> Result<(), WaitError> {
         self.network.drained();
         // A look at a port takes two system calls, and a sample of one robot would pay for the ports of all.
         let now = MonotonicNs::now();
-        let looks = !wake.is_only(Source::Network) || now >= self.next_look;
+        let looks = !wake.is_only(WakeSource::Network) || now >= self.next_look;
         if looks {
             self.next_look = now + SAFETY_BOUND;
         }
@@ -353,7 +353,7 @@ impl Remote {
             }
             let expires = self.translate(&mut request, now);
             let is_up = self.link.is_up() && expires.is_some();
-            let request = Request {
+            let request = ClientRequest {
                 handle: request.handle,
                 path_id: request.fields.path_id(&request.bytes),
                 service: request.service,

@@ -12,8 +12,7 @@ use ipc_types::code::{Functionality, RelayLinkState};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ril_tests::process::{Finished, Signal};
 use ril_tests::relayed::{
-    BridgeLog, SPEED, await_link, free_endpoint, machine, says, start_robot_relay,
-    start_station_relay,
+    BridgeLog, SPEED, await_link, free_endpoint, machine, start_robot_relay, start_station_relay,
 };
 use ril_tests::{Process, Rig};
 
@@ -47,8 +46,7 @@ fn a_robot_relay_that_is_killed_in_mid_path_and_started_again_reports_the_true_e
     path.wait_for_text("accepted");
     rig.kill_robot_relay();
     rig.start_robot_relay();
-    let flown = path.wait_exit();
-    assert_eq!(flown.code(), Some(0), "{flown:#?}");
+    let flown = path.exits(0);
     assert_eq!(finals(&flown), 1, "{flown:#?}");
     // The same publisher at the station, with newer samples.
     let after = consumer.until("newer samples", |sample| {
@@ -56,7 +54,7 @@ fn a_robot_relay_that_is_killed_in_mid_path_and_started_again_reports_the_true_e
     });
     assert_eq!(after.epoch_ns, before.epoch_ns);
     assert_eq!(consumer.port.generations(), generations);
-    rig.station.expect("land", 0);
+    rig.station.run("land", 0);
     let [bridge, _] = rig.end();
     assert_eq!(BridgeLog::of([&bridge]).executed_twice(), Vec::<u64>::new());
 }
@@ -70,8 +68,7 @@ fn a_station_relay_that_is_killed_in_mid_path_leaves_an_outcome_that_is_unknown_
     rig.take_off();
     let mut path = rig.far_away();
     rig.kill_station_relay();
-    let ended = path.wait_exit();
-    assert_eq!(ended.code(), Some(OUTCOME_UNKNOWN), "{ended:#?}");
+    let ended = path.exits(OUTCOME_UNKNOWN);
     assert_eq!(finals(&ended), 1, "{ended:#?}");
     rig.start_station_relay();
     await_link(&rig.station, 1);
@@ -81,8 +78,8 @@ fn a_station_relay_that_is_killed_in_mid_path_leaves_an_outcome_that_is_unknown_
         Functionality::FollowingPath.code(),
         "the robot flies on"
     );
-    rig.station.expect("hold", 0);
-    rig.station.expect("land", 0);
+    rig.station.run("hold", 0);
+    rig.station.run("land", 0);
     let [bridge, _] = rig.end();
     let log = BridgeLog::of([&bridge]);
     assert_eq!(log.begun("goto"), 1, "{:#?}", log.lines);
@@ -101,16 +98,15 @@ fn a_bridge_that_is_killed_in_mid_path_ends_the_request_as_unknown_and_the_next_
     let before = consumer.next_sample();
     let mut path = rig.far_away();
     let former = rig.restart_bridge();
-    let ended = path.wait_exit();
-    assert_eq!(ended.code(), Some(OUTCOME_UNKNOWN), "{ended:#?}");
+    let ended = path.exits(OUTCOME_UNKNOWN);
     assert_eq!(finals(&ended), 1, "{ended:#?}");
-    assert!(says(&ended.stderr, "bridge-gone"), "{ended:#?}");
+    ended.err_says("bridge-gone");
     consumer.until("samples of the next bridge", |sample| {
         sample.source_epoch_ns != before.source_epoch_ns
     });
     await_link(&rig.station, 1);
-    rig.station.expect("start", 0);
-    rig.station.expect("land", 0);
+    rig.station.run("start", 0);
+    rig.station.run("land", 0);
     // It was never the relays' link that was down.
     let link = links.next_sample();
     assert_eq!(
@@ -142,7 +138,7 @@ fn lose_the_station(link_loss: &str, then: impl FnOnce(&Rig)) {
     rig.start_station_relay();
     await_link(&rig.station, 1);
     if link_loss == "hold" {
-        rig.station.expect("land", 0);
+        rig.station.run("land", 0);
     }
     rig.end();
 }
@@ -255,8 +251,8 @@ fn a_path_that_was_ordered_before_a_hold_is_not_flown_after_it_when_the_link_com
     let cable = Cable::to(&endpoint);
     let station_relay = start_station_relay(&station, &cable.endpoint);
     await_link(&station, 1);
-    station.expect("start", 0);
-    station.expect("takeoff --altitude 5", 0);
+    station.run("start", 0);
+    station.run("takeoff --altitude 5", 0);
     let place = station
         .subscribe::<DspTelemetry>(1)
         .next_sample()
@@ -277,15 +273,14 @@ fn a_path_that_was_ordered_before_a_hold_is_not_flown_after_it_when_the_link_com
         let mut hold = station.start("hold");
         links.until("the hold is ordered", |link| link.orders_sent > sent + 1);
         cable.join();
-        let held = hold.wait_exit();
-        assert_eq!(held.code(), Some(0), "{held:#?}");
+        hold.exits(0);
         let ended = path.wait_exit();
         assert_ne!(ended.code(), Some(0), "{ended:#?}");
         let state = states.next_sample();
         let is_flown = state.functionality == Functionality::FollowingPath.code();
         assert!(!is_flown, "after the hold: {ended:#?}\n{state:#?}");
     }
-    station.expect("land", 0);
+    station.run("land", 0);
     station_relay.end();
     robot_relay.end();
     processes.end();
@@ -338,9 +333,7 @@ const REFUSED: i32 = 5;
 /// Ends with exit code 1 and these words.
 #[track_caller]
 fn assert_ends_with(mut process: Process, words: &str) {
-    let ended = process.wait_exit();
-    assert_eq!(ended.code(), Some(1), "{ended:#?}");
-    assert!(says(&ended.stderr, words), "{ended:#?}");
+    process.exits(1).err_says(words);
 }
 
 #[test]
@@ -356,12 +349,12 @@ fn a_station_that_may_not_command_sees_everything_and_is_told_who_may() {
     ));
     relay.wait_for_text("this station may not command");
     await_link(&other, 1);
-    other.expect("status", 0);
-    let refused = other.expect("takeoff --altitude 5", REFUSED);
-    assert!(says(&refused.stderr, "relay-not-permitted"), "{refused:#?}");
+    other.run("status", 0);
+    let refused = other.run("takeoff --altitude 5", REFUSED);
+    refused.err_says("relay-not-permitted");
     // The robot's own log names it, too.
     let log = relay.end();
-    assert!(says(&log.stderr, "commands.stations"), "{log:#?}");
+    log.err_says("commands.stations");
     // Nothing of it came to the bridge.
     let state = rig.robot.subscribe::<ModuleState>(1).next_sample();
     assert_eq!(state.refused.requests, 0);
@@ -383,7 +376,7 @@ fn a_second_relay_of_a_robot_or_a_station_ends_at_once_and_says_why() {
         rig.endpoint()
     ));
     assert_ends_with(second, "relay/state");
-    rig.station.expect("relay status", 0);
+    rig.station.run("relay status", 0);
     rig.end();
 }
 
@@ -405,7 +398,7 @@ fn a_robot_whose_number_is_taken_on_the_station_waits_for_its_place() {
     states.until("the robot's state", |state| {
         state.epoch_ns != local.epoch_ns
     });
-    station.expect("start", 0);
+    station.run("start", 0);
     relay.end();
     robot_relay.end();
     processes.end();

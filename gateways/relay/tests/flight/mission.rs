@@ -12,7 +12,7 @@ use ipc_types::schema::MAX_TEXT_LEN;
 use ipc_types::{DynamicPublisher, DynamicSubscriber, RobotId, Schema, Topic};
 use ril_tests::process::Signal;
 use ril_tests::relayed::{
-    BridgeLog, SPEED, await_link, free_endpoint, machine, says, start_station_relay,
+    BridgeLog, SPEED, await_link, free_endpoint, machine, start_station_relay,
 };
 use ril_tests::{Process, Rig, Sandbox};
 
@@ -50,7 +50,7 @@ impl<T: Topic + Copy + Send + 'static> Collector<T> {
     }
 }
 
-/// What the sample says, without what each publisher and each clock writes differently.
+/// What the sample without what each publisher and each clock writes differently.
 fn contents<T: Topic + Copy>(sample: &T) -> Vec<u8> {
     let mut sample = *sample;
     sample.stamp(0, 0);
@@ -96,7 +96,7 @@ fn a_mission_typed_at_the_station_flies_and_the_station_shows_what_the_robot_doe
     );
     rig.robot.subscribe::<DspTelemetry>(1).next_sample();
     rig.robot.subscribe::<HeroTelemetry>(1).next_sample();
-    rig.station.expect("status", 0);
+    rig.station.run("status", 0);
     let station = (
         Collector::<DspTelemetry>::start(&rig.station),
         Collector::<HeroTelemetry>::start(&rig.station),
@@ -105,20 +105,21 @@ fn a_mission_typed_at_the_station_flies_and_the_station_shows_what_the_robot_doe
 
     let place = rig.take_off();
     let square = Rig::square(place, 0.0);
-    let flown = rig.station.expect(&format!("goto {square}"), 0);
-    assert!(says(&flown.stdout, "goto: done"), "{flown:#?}");
-    rig.station.expect("land", 0);
-    rig.station.expect("stop", 0);
+    rig.station
+        .run(&format!("goto {square}"), 0)
+        .out_says("goto: done");
+    rig.station.run("land", 0);
+    rig.station.run("stop", 0);
     // A verb that the robot refuses has the same exit code as on the robot.
-    rig.station.expect("takeoff --altitude 5", 5);
-    rig.station.expect("relay status", 0);
+    rig.station.run("takeoff --altitude 5", 5);
+    rig.station.run("relay status", 0);
     // On a machine that is busy some samples find no room on their way, which is a warning.
-    let doctor = rig.station.run("doctor");
+    let doctor = rig.station.finish("doctor");
     let checked = &doctor.stdout;
     let has_error = checked.iter().any(|line| line.starts_with("FAIL"));
     assert!(!checked.is_empty() && !has_error, "{doctor:#?}");
     assert!(matches!(doctor.code(), Some(0 | 8)), "{doctor:#?}");
-    rig.robot.expect("relay status", 0);
+    rig.robot.run("relay status", 0);
 
     let (dsp, hero, state) = (station.0.end(), station.1.end(), station.2.end());
     assert_same(&robot.0.end(), &dsp);
@@ -131,7 +132,7 @@ fn a_mission_typed_at_the_station_flies_and_the_station_shows_what_the_robot_doe
     assert_eq!(log.executed_twice(), Vec::<u64>::new());
     // Taken, not reached: the bridge's box is larger than the DSP's, so a landing that follows at once is allowed to empty the
     // path buffer just before the DSP reaches the last waypoint.
-    assert!(says(&sim.stderr, "waypoints_taken=4"), "{:#?}", sim.stderr);
+    sim.err_says("waypoints_taken=4");
 }
 
 #[test]
@@ -210,7 +211,7 @@ fn fly_a_star(order: [Part; 3]) {
     await_link(&station, 1);
     await_link(&station, 2);
     // Only the robot that is meant starts.
-    station.expect("start --robot 2", 0);
+    station.run("start --robot 2", 0);
     let is_running = |state: &ModuleState| state.status == ModuleStatus::Running.code();
     station
         .subscribe::<ModuleState>(2)
@@ -219,12 +220,12 @@ fn fly_a_star(order: [Part; 3]) {
         &station.subscribe::<ModuleState>(1).next_sample()
     ));
     for number in [2, 1] {
-        station.expect(
+        station.run(
             &format!("start --robot {number}"),
             if number == 2 { 5 } else { 0 },
         );
-        station.expect(&format!("takeoff --robot {number} --altitude 5"), 0);
-        station.expect(&format!("land --robot {number}"), 0);
+        station.run(&format!("takeoff --robot {number} --altitude 5"), 0);
+        station.run(&format!("land --robot {number}"), 0);
     }
     relays.into_iter().rev().for_each(|relay| {
         relay.end();

@@ -8,7 +8,7 @@ mod mission;
 use std::path::{Path, PathBuf};
 
 use ril_tests::Rig;
-use ril_tests::chain::beside_or_skip;
+use ril_tests::sandbox::beside_or_skip;
 
 /// `None` if there is no `ril`: the test is skipped, and says so.
 fn ril() -> Option<PathBuf> {

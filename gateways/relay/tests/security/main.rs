@@ -1,7 +1,8 @@
 //! Strangers on the network: what they can read and order with certificates and without, and what their floods cost.
 
+mod as_root;
 mod hostile;
-mod loopback;
+
 mod rig;
 
 use std::collections::BTreeSet;

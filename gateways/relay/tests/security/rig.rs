@@ -7,9 +7,9 @@ use std::time::Duration;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, MovementData, RequestReport};
 use ipc_types::{Client, Ipc, Subscriber};
-use ril_tests::chain::place;
 use ril_tests::process::{Process, WAIT_LIMIT};
 use ril_tests::sandbox::Holdings;
+use ril_tests::sandbox::place;
 use ril_tests::{Received, Script, StandInBridge, StandInStatus, TestDomain};
 
 use crate::hostile::Flood;

@@ -11,7 +11,7 @@ use relay::orders::message::{Answer, NO_PLACE, Order, WINDOW};
 use relay::orders::robot::{
     Config as RobotConfig, NotSent, ORPHANS, Output, Robot, SESSIONS, Traits,
 };
-use relay::orders::station::{Config as StationConfig, OPEN_ORDERS, Request, Station};
+use relay::orders::station::{ClientRequest, Config as StationConfig, OPEN_ORDERS, Station};
 use relay::robot::mailbox::Admission;
 use relay::robot::stations::Stations;
 use relay::station::link::Link;
@@ -288,7 +288,7 @@ pub fn station_side(data: &[u8]) {
             }
             6 => {
                 handle += 1;
-                let request = Request {
+                let request = ClientRequest {
                     handle,
                     path_id: script.number(),
                     service: script.number() % 3,

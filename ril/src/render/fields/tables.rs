@@ -88,6 +88,16 @@ macro_rules! by_group {
     };
 }
 
+/// Rows `"field" => Code` of [`Shown::CODES`].
+macro_rules! codes {
+    ($($field:literal => $code:ident),+; $($other:literal as $name:expr),+ $(,)?) => {
+        &[
+            $(($field, |number| $code::from_code(number).map(|code| code.to_string())),)+
+            $(($other, $name),)+
+        ]
+    };
+}
+
 impl Shown for DspTelemetry {
     const CONDITIONS: &'static [Condition<Self>] = by_group! {
         "dsp_time_ms" => Time,
@@ -155,42 +165,20 @@ impl Shown for ModuleState {
         ("safety.action", |state| state.safety.action != 0),
     ];
 
-    const CODES: &'static [Naming] = &[
-        ("module_id", |code| {
-            ModuleId::from_code(code).map(|id| id.to_string())
-        }),
-        ("status", |code| {
-            ModuleStatus::from_code(code).map(|status| status.to_string())
-        }),
-        ("imi_error", imi_name),
-        ("functionality", |code| {
-            Functionality::from_code(code).map(|doing| doing.to_string())
-        }),
-        ("movement.kind", |code| {
-            MovementKind::from_code(code).map(|kind| kind.to_string())
-        }),
-        ("link.state", |code| {
-            LinkState::from_code(code).map(|state| state.to_string())
-        }),
-        ("link.dsp_path", |code| {
-            DspPathState::from_code(code).map(|path| path.to_string())
-        }),
-        ("dsp_errors.last_code", dsp_error_name),
-        ("safety.rule", |code| {
-            SafetyRule::from_code(code).map(|rule| rule.to_string())
-        }),
-        ("safety.action", |code| {
-            SafetyAction::from_code(code).map(|action| action.to_string())
-        }),
-        ("safety.pilot_switch", |code| {
-            PilotSwitch::from_code(code).map(|switch| switch.to_string())
-        }),
-    ];
-}
-
-/// Every IMI code has a name.
-fn imi_name(code: u32) -> Option<String> {
-    Some(ImiCode(code).to_string())
+    const CODES: &'static [Naming] = codes! {
+        "module_id" => ModuleId,
+        "status" => ModuleStatus,
+        "functionality" => Functionality,
+        "movement.kind" => MovementKind,
+        "link.state" => LinkState,
+        "link.dsp_path" => DspPathState,
+        "safety.rule" => SafetyRule,
+        "safety.action" => SafetyAction,
+        "safety.pilot_switch" => PilotSwitch;
+        // Every number of these has a name.
+        "imi_error" as |code| Some(ImiCode(code).to_string()),
+        "dsp_errors.last_code" as dsp_error_name,
+    };
 }
 
 /// Every DSP error has a name, of a known code or not.

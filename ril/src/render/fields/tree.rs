@@ -103,7 +103,7 @@ impl Tree {
     /// The chosen fields of a sample, of which `payload` are the bytes, `schema` says where they lie and `meaning` what
     /// they mean beyond that.
     pub fn read(schema: &Schema, meaning: Meaning, payload: &[u8], selection: &Selection) -> Tree {
-        let reader = Reader {
+        let reader = SampleReader {
             payload,
             selection,
             void: meaning.void(payload),
@@ -137,7 +137,7 @@ impl Tree {
 }
 
 /// Reads the chosen fields of one sample.
-struct Reader<'a> {
+struct SampleReader<'a> {
     payload: &'a [u8],
     selection: &'a Selection,
     meaning: Meaning,
@@ -145,7 +145,7 @@ struct Reader<'a> {
     void: Vec<&'static str>,
 }
 
-impl Reader<'_> {
+impl SampleReader<'_> {
     /// The struct `path`, which lies at `offset`.
     fn message(&self, message: &Message, path: &str, offset: usize) -> Tree {
         let mut inner = Vec::new();

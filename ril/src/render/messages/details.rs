@@ -246,10 +246,13 @@ mod tests {
 
     #[test]
     fn a_port_whose_name_could_harm_a_terminal_is_called_by_its_number() {
-        let port = |name: &str| PortInfo {
-            number: 20_000,
-            name: PortInfo::name_bytes(name),
-            ..PortInfo::default()
+        let port = |name: &str| {
+            let mut port = PortInfo {
+                number: 20_000,
+                ..PortInfo::default()
+            };
+            port.name[..name.len()].copy_from_slice(name.as_bytes());
+            port
         };
         assert_eq!(port_label(&port("cruise_speed_mps")), "cruise_speed_mps");
         for name in ["", "\u{1b}[2J", "two words", "señal"] {

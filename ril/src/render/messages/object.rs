@@ -6,8 +6,8 @@ use ipc_types::payload::{PortInfo, RequestReport, SharedStruct};
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
+use super::Verb;
 use super::details::{port_name, port_value};
-use super::verb::Verb;
 
 /// One report as an object for programs; the codes have their names.
 #[derive(Debug, Serialize)]

@@ -1,9 +1,9 @@
 //! Lines, endings, objects and exit codes of reports.
 
-use ipc_types::code::{PortKind, Reason, SafetyRule};
+use ipc_types::code::SafetyRule;
 use ipc_types::payload::PortInfo;
-use runtime::exit::ExitCode;
 
+use super::object::ReportObject;
 use super::*;
 
 #[test]

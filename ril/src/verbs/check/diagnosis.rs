@@ -164,7 +164,7 @@ const ROBOT_BYTES: u64 = 24 * MIB;
 const ROBOT_INODES: u64 = 768;
 
 /// How much is free of bytes or of inodes.
-struct Room {
+struct FreeRoom {
     /// Names of the findings: as good as full, and nearly full.
     ids: [&'static str; 2],
     free: u64,
@@ -187,7 +187,7 @@ fn memory(free: &Look<FreeMemory>) -> Vec<Finding> {
             )];
         }
     };
-    let bytes = Room {
+    let bytes = FreeRoom {
         ids: ["memory-short", "memory-low"],
         free: free.bytes,
         full: FULL_BYTES,
@@ -195,7 +195,7 @@ fn memory(free: &Look<FreeMemory>) -> Vec<Finding> {
         words: |bytes| format!("{} MiB", bytes / MIB),
         next_step: "remove what fills it (`df -h /dev/shm`), or enlarge it: `mount -o remount,size=256m /dev/shm`",
     };
-    let inodes = free.inodes.map(|inodes| Room {
+    let inodes = free.inodes.map(|inodes| FreeRoom {
         ids: ["inodes-short", "inodes-low"],
         free: inodes,
         full: FULL_INODES,
@@ -203,7 +203,7 @@ fn memory(free: &Look<FreeMemory>) -> Vec<Finding> {
         words: |inodes| format!("{inodes} inodes"),
         next_step: "remove files that fill it (`df -i /dev/shm`), or allow more: `mount -o remount,nr_inodes=64k /dev/shm`",
     });
-    let rooms: Vec<Room> = [Some(bytes), inodes].into_iter().flatten().collect();
+    let rooms: Vec<FreeRoom> = [Some(bytes), inodes].into_iter().flatten().collect();
     let troubles: Vec<Finding> = rooms.iter().filter_map(shortage).collect();
     if !troubles.is_empty() {
         return troubles;
@@ -213,7 +213,7 @@ fn memory(free: &Look<FreeMemory>) -> Vec<Finding> {
     vec![Finding::note("memory-right", text)]
 }
 
-fn shortage(room: &Room) -> Option<Finding> {
+fn shortage(room: &FreeRoom) -> Option<Finding> {
     let [short, low] = room.ids;
     let [free, wanted] = [room.free, room.for_a_robot].map(room.words);
     if room.free < room.full {

@@ -27,8 +27,8 @@ pub fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     runtime::logging::init(common.verbosity())?;
     let sim = args.sim.as_deref();
     let report = match common.check_config {
-        true => Report::of_files(common.robot.get(), &gather::files(&args.machine, sim).0),
-        false => Report::of(&gather::machine(&args.machine, sim, args.repair).0),
+        true => DoctorReport::of_files(common.robot().get(), &gather::files(&args.machine, sim).0),
+        false => DoctorReport::of(&gather::machine(&args.machine, sim, args.repair).0),
     };
     let mut out = io::stdout().lock();
     if args.json {
@@ -45,7 +45,7 @@ pub fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
 
 /// What the doctor found, as text for people and as JSON for programs.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct DoctorReport {
     schema: &'static str,
     robot: u32,
     /// The folder of the domain; `None` if the environment names none, or it was not asked for.
@@ -85,27 +85,27 @@ fn objects<S: Serializer>(
     }))
 }
 
-impl Report {
+impl DoctorReport {
     /// What the facts mean.
-    pub fn of(facts: &MachineFacts) -> Report {
+    pub fn of(facts: &MachineFacts) -> DoctorReport {
         let domain = facts.domain.as_ref().ok();
-        Report {
+        DoctorReport {
             root: domain.map(|domain| domain.root.display().to_string()),
-            ..Report::new(facts.robot, diagnose(facts))
+            ..DoctorReport::new(facts.robot, diagnose(facts))
         }
     }
 
     /// What the configuration files alone mean.
-    pub fn of_files(robot: u32, files: &[FileFacts]) -> Report {
-        Report::new(robot, diagnose_files(files))
+    pub fn of_files(robot: u32, files: &[FileFacts]) -> DoctorReport {
+        DoctorReport::new(robot, diagnose_files(files))
     }
 
-    fn new(robot: u32, findings: Vec<(Subject, Finding)>) -> Report {
+    fn new(robot: u32, findings: Vec<(Subject, Finding)>) -> DoctorReport {
         let number = |severity| {
             let alike = findings.iter().filter(|(_, one)| one.severity == severity);
             alike.count()
         };
-        Report {
+        DoctorReport {
             schema: "ril.Doctor.v1",
             robot,
             root: None,
@@ -175,7 +175,7 @@ mod tests {
 
     #[test]
     fn people_get_a_line_for_each_finding_and_one_for_what_to_do() {
-        let report = Report::of_files(7, &files()[..2]);
+        let report = DoctorReport::of_files(7, &files()[..2]);
         let expected = "\
 robot 7
 ok    configuration   bridge.toml of `ril run bridge` is right
@@ -184,7 +184,7 @@ FAIL  configuration   the configuration of `ril run status` is refused: status.t
 ";
         assert_eq!(report.text(usize::MAX), expected);
         assert_eq!(report.verdict(), "1 error; each says what to do");
-        let report = Report::of_files(7, &files()[..1]);
+        let report = DoctorReport::of_files(7, &files()[..1]);
         assert!(
             report
                 .text(usize::MAX)
@@ -194,7 +194,7 @@ FAIL  configuration   the configuration of `ril run status` is refused: status.t
 
     #[test]
     fn programs_get_names_and_numbers() {
-        let json = serde_json::to_value(Report::of_files(7, &files())).unwrap();
+        let json = serde_json::to_value(DoctorReport::of_files(7, &files())).unwrap();
         for (pointer, expected) in [
             ("/schema", serde_json::json!("ril.Doctor.v1")),
             ("/robot", 7.into()),

@@ -1,4 +1,4 @@
-//! Shared memory: the root, the processes of each robot, what dead ones left, and whose domains there are besides.
+//! Judges shared memory for the doctor: the root, the processes of each robot, what dead ones left, and other users' domains.
 
 use std::collections::BTreeSet;
 
@@ -8,8 +8,7 @@ use runtime::finding::Finding;
 
 use crate::render::words::count;
 use crate::robot::domain::DomainFacts;
-use crate::session::as_user;
-use crate::session::process_of;
+use crate::session::{as_user, process_of};
 
 /// What to do about what is certainly dead.
 const REPAIR: &str =

@@ -107,7 +107,7 @@ pub struct PortHolders {
 
 /// Everything that the preflight knows.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Facts {
+pub struct PreflightFacts {
     /// The robot.
     pub robot: u32,
     /// When the samples were looked at.
@@ -121,7 +121,7 @@ pub struct Facts {
     /// Where status writes its logs.
     pub logs: Logs,
     /// The wall clock.
-    pub clock: Clock,
+    pub clock: WallClock,
 }
 
 /// The newest sample of each topic; `None` if none came in time.
@@ -165,7 +165,7 @@ pub struct LogPlace {
 
 /// The wall clock, s since 1970.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Clock {
+pub struct WallClock {
     /// What it shows.
     pub unix_s: u64,
     /// The newest moment that must have been: when the file of this program was written.

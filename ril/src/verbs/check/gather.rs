@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use bridge::BridgeConfig;
-use bridge::shell::serial::holders::{Holders, Terminal};
+use bridge::shell::serial::holders::{Holders, TerminalDevice};
 use bridge::shell::serial::permission_hint;
 use ipc_types::payload::RelayLink;
 use ipc_types::{Domain, Ipc, MonotonicNs, Repair, RobotId, Subscriber, Topic};
@@ -21,12 +21,12 @@ use serde::de::DeserializeOwned;
 use status::log::config::LogConfig;
 
 use super::facts::{
-    Clock, Device, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs, MachineFacts,
-    PortFacts, PortHolders,
+    Device, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs, MachineFacts, PortFacts,
+    PortHolders, WallClock,
 };
 use super::options::MachineArgs;
 use super::services::bridge_pid;
-use crate::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, failed, open_files};
+use crate::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, open_files};
 
 /// How long a sample of the relay's link is waited for, which is published once a second: twice that.
 const LINK_TIMEOUT: Duration = Duration::from_secs(2);
@@ -48,7 +48,7 @@ pub(super) fn machine(
     is_to_repair: bool,
 ) -> (MachineFacts, Option<BridgeConfig>) {
     let (files, bridge) = files(args, sim);
-    let robot = RobotId::from(args.common.robot);
+    let robot = RobotId::from(args.common.robot());
     let place = Domain::from_environment();
     let repair = match &place {
         Ok(place) if is_to_repair => Some(repair(place)),
@@ -105,10 +105,9 @@ fn chosen_port(
 ///
 /// The state of a link is in the samples of the relay alone, so this look takes part in the shared memory for a moment.
 fn relay(domain: &Domain, robot: RobotId) -> Option<LinkFacts> {
-    let began = Instant::now();
     let asked = domain.clone();
-    let looking = Looking::start(move || latest_link(&asked, robot).map_err(failed));
-    let link = match looking.end(began, LOOK_TIMEOUT).and_then(|result| result) {
+    let looking = Looking::attempt(move || latest_link(&asked, robot));
+    let link = match looking.end(LOOK_TIMEOUT) {
         Ok(None) => return None,
         Ok(Some(link)) => Ok(link),
         Err(trouble) => Err(trouble),
@@ -145,17 +144,12 @@ fn latest_link(
 /// Removes what is certainly dead.
 fn repair(domain: &Domain) -> Look<Repair> {
     let domain = domain.clone();
-    let repair = Looking::start(move || domain.repair().map_err(failed));
-    repair
-        .end(Instant::now(), REPAIR_TIMEOUT)
-        .and_then(|result| result)
+    Looking::attempt(move || domain.repair()).end(REPAIR_TIMEOUT)
 }
 
 /// What is free in `/dev/shm`.
 fn memory() -> Look<FreeMemory> {
-    Looking::start(|| free_memory().map_err(failed))
-        .end(Instant::now(), LOOK_TIMEOUT)
-        .and_then(|result| result)
+    Looking::attempt(free_memory).end(LOOK_TIMEOUT)
 }
 
 fn free_memory() -> io::Result<FreeMemory> {
@@ -173,11 +167,10 @@ pub(super) fn files(
     sim: Option<&Path>,
 ) -> (Vec<FileFacts>, Option<BridgeConfig>) {
     use crate::config as ril;
-    let began = Instant::now();
-    let bridge = Source::new(args.bridge.as_deref(), bridge::cli::DEFAULT_CONFIG_FILE);
-    let status = Source::new(args.status.as_deref(), status::config::DEFAULT_FILE);
-    let sim = Source::new(sim, dsp_sim::config::DEFAULT_FILE);
-    let own = Source::new(args.common.config.as_deref(), ril::DEFAULT_FILE);
+    let bridge = ConfigSource::new(args.bridge.as_deref(), bridge::cli::DEFAULT_CONFIG_FILE);
+    let status = ConfigSource::new(args.status.as_deref(), status::config::DEFAULT_FILE);
+    let sim = ConfigSource::new(sim, dsp_sim::config::DEFAULT_FILE);
+    let own = ConfigSource::new(args.common.config.as_deref(), ril::DEFAULT_FILE);
     let reading = bridge.start::<BridgeConfig>();
     let others = [
         (
@@ -192,26 +185,26 @@ pub(super) fn files(
         ),
         (None, &own, own.start_check::<ril::Config>()),
     ];
-    let (content, config) = match reading.end(began, LOOK_TIMEOUT) {
+    let (content, config) = match reading.end(LOOK_TIMEOUT) {
         Ok((content, config)) => (Ok(content), config),
         Err(trouble) => (Err(trouble), None),
     };
     let mut files = vec![bridge.facts(Some("bridge"), content)];
     for (command, source, check) in others {
-        files.push(source.facts(command, check.end(began, LOOK_TIMEOUT)));
+        files.push(source.facts(command, check.end(LOOK_TIMEOUT)));
     }
     (files, config)
 }
 
 /// Where a configuration comes from.
-struct Source {
+struct ConfigSource {
     explicit: Option<PathBuf>,
     default: &'static str,
 }
 
-impl Source {
-    fn new(explicit: Option<&Path>, default: &'static str) -> Source {
-        Source {
+impl ConfigSource {
+    fn new(explicit: Option<&Path>, default: &'static str) -> ConfigSource {
+        ConfigSource {
             explicit: explicit.map(Path::to_owned),
             default,
         }
@@ -256,15 +249,14 @@ fn read<T: DeserializeOwned + Default>(
 
 /// Looks at a serial port, chosen or the default, and at the processes that have terminals open, `bridge` among them.
 fn port(path: PathBuf, is_chosen: bool, bridge: Option<u32>) -> PortFacts {
-    let began = Instant::now();
     let (looked_at, held) = (path.clone(), path.clone());
-    let device = Looking::start(move || device(&looked_at).map_err(failed));
-    let holders = Looking::start(move || holders(&held, bridge).map_err(failed));
+    let device = Looking::attempt(move || device(&looked_at));
+    let holders = Looking::attempt(move || holders(&held, bridge));
     PortFacts {
         path,
         is_chosen,
-        device: device.end(began, LOOK_TIMEOUT).and_then(|result| result),
-        holders: holders.end(began, LOOK_TIMEOUT).and_then(|result| result),
+        device: device.end(LOOK_TIMEOUT),
+        holders: holders.end(LOOK_TIMEOUT),
     }
 }
 
@@ -292,7 +284,7 @@ fn device(path: &Path) -> io::Result<Device> {
         };
         return Ok(Device::Other(what));
     }
-    if Terminal::new(path, &metadata).is_none() {
+    if TerminalDevice::new(path, &metadata).is_none() {
         return Ok(Device::Other("another kind of device"));
     }
     let may_open = rustix::fs::access(path, Access::READ_OK | Access::WRITE_OK).is_ok();
@@ -305,7 +297,7 @@ fn device(path: &Path) -> io::Result<Device> {
 fn holders(port: &Path, bridge: Option<u32>) -> io::Result<PortHolders> {
     let terminal = fs::metadata(port)
         .ok()
-        .and_then(|metadata| Terminal::new(port, &metadata));
+        .and_then(|metadata| TerminalDevice::new(port, &metadata));
     let of_port = match terminal {
         Some(terminal) => Holders::find(&terminal)?,
         None => Holders::default(),
@@ -344,7 +336,7 @@ pub(super) fn logs(explicit: Option<PathBuf>, folder: Option<PathBuf>) -> Logs {
         Some(logs.map(|log| log_place(&log, folder.as_deref())).collect())
     });
     looked
-        .end(Instant::now(), LOOK_TIMEOUT)
+        .end(LOOK_TIMEOUT)
         .ok()
         .flatten()
         .map_or(Logs::Unknown, Logs::Configured)
@@ -375,14 +367,14 @@ fn log_place(log: &LogConfig, folder: Option<&Path>) -> LogPlace {
     }
 }
 
-pub(super) fn clock() -> Clock {
+pub(super) fn clock() -> WallClock {
     let unix_s = |time: SystemTime| {
         time.duration_since(UNIX_EPOCH)
             .map_or(0, |time| time.as_secs())
     };
     let program = std::env::current_exe().and_then(fs::metadata);
     let written = program.and_then(|metadata| metadata.modified());
-    Clock {
+    WallClock {
         unix_s: unix_s(SystemTime::now()),
         not_before_unix_s: written.map_or(0, unix_s),
         is_synchronized: Path::new(SYNCHRONIZED).exists(),

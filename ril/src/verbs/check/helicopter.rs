@@ -1,13 +1,13 @@
-//! The helicopter and the rules it flies by: switch, position, GPS, battery, fuel, geofence.
+//! Judges the helicopter and the rules it flies by for the preflight: switch, position, GPS, battery, fuel, geofence.
 
 use ipc_types::code::PilotSwitch;
 use ipc_types::payload::DspTelemetry;
 use ipc_types::{MonotonicNs, TelemetryGroup};
 use runtime::finding::Finding;
 
-use super::facts::Facts;
+use super::facts::PreflightFacts;
 use super::robot::{Checked, age_s, either, state};
-use crate::config::{Limits, Threshold};
+use crate::config::{PreflightLimits, Threshold};
 use crate::render::messages::details::broken_rule;
 use crate::render::words::count;
 use crate::robot::pilot::GpsFix;
@@ -16,7 +16,7 @@ use crate::robot::pilot::GpsFix;
 const ADD_GROUP: &str = "add the group to `status.groups` of bridge.toml and restart the bridge";
 
 /// The checks of the helicopter and its rules.
-pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
+pub(super) fn judge(facts: &PreflightFacts, limits: &PreflightLimits) -> Vec<Finding> {
     let mut checks: Vec<Finding> = [
         ground(facts, limits),
         switch(facts),
@@ -35,8 +35,8 @@ pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
 
 /// A sample of the present that has `group`, or the check that cannot be made without it.
 fn sample<'a>(
-    facts: &'a Facts,
-    limits: &Limits,
+    facts: &'a PreflightFacts,
+    limits: &PreflightLimits,
     id: &'static str,
     group: Option<TelemetryGroup>,
 ) -> Result<&'a DspTelemetry, Finding> {
@@ -59,7 +59,7 @@ fn sample<'a>(
     }
 }
 
-fn ground(facts: &Facts, limits: &Limits) -> Checked {
+fn ground(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
     const ID: &str = "ground";
     let check = match sample(facts, limits, ID, None)?.flying {
         0 => Finding::note(ID, "on the ground"),
@@ -68,7 +68,7 @@ fn ground(facts: &Facts, limits: &Limits) -> Checked {
     Ok(check.with_limit("on the ground"))
 }
 
-fn switch(facts: &Facts) -> Checked {
+fn switch(facts: &PreflightFacts) -> Checked {
     const ID: &str = "mode-switch";
     let state = state(facts, ID)?;
     let check = match PilotSwitch::from_code(state.safety.pilot_switch) {
@@ -90,7 +90,7 @@ fn switch(facts: &Facts) -> Checked {
 }
 
 /// Where the helicopter stands: without it no take-off and no path is taken.
-fn home(facts: &Facts, limits: &Limits) -> Checked {
+fn home(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
     const ID: &str = "home";
     let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Geographic))?;
     if dsp.valid(TelemetryGroup::GpsQuality) && dsp.gps_quality == 0 {
@@ -105,7 +105,7 @@ fn home(facts: &Facts, limits: &Limits) -> Checked {
     Ok(Finding::note(ID, text).with_limit("a position"))
 }
 
-fn gps_fix(facts: &Facts, limits: &Limits) -> Checked {
+fn gps_fix(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
     const ID: &str = "gps-fix";
     let dsp = sample(facts, limits, ID, Some(TelemetryGroup::GpsQuality))?;
     let quality = u32::from(dsp.gps_quality);
@@ -137,7 +137,7 @@ fn list(numbers: &[u32]) -> String {
     }
 }
 
-fn battery(facts: &Facts, limits: &Limits) -> Checked {
+fn battery(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
     const ID: &str = "battery";
     let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Supply))?;
     let volts = f64::from(dsp.supply.battery_mv) / 1000.0;
@@ -145,7 +145,7 @@ fn battery(facts: &Facts, limits: &Limits) -> Checked {
     Ok(at_least(ID, volts, "V", limits.battery_v, next_step))
 }
 
-fn fuel(facts: &Facts, limits: &Limits) -> Checked {
+fn fuel(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
     const ID: &str = "fuel";
     let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Supply))?;
     let percent = f64::from(dsp.supply.fuel_percent);
@@ -174,7 +174,7 @@ fn at_least(
     ))
 }
 
-fn fence(facts: &Facts) -> Checked {
+fn fence(facts: &PreflightFacts) -> Checked {
     const ID: &str = "fence";
     let state = state(facts, ID)?;
     let in_force = state.safety.fence_areas as usize;
@@ -204,7 +204,7 @@ fn fence(facts: &Facts) -> Checked {
 }
 
 /// Whether a safety rule is broken now.
-fn safety_rules(facts: &Facts) -> Checked {
+fn safety_rules(facts: &PreflightFacts) -> Checked {
     const ID: &str = "safety-rules";
     let state = state(facts, ID)?;
     let check = match broken_rule(&state.safety) {
@@ -223,7 +223,7 @@ fn safety_rules(facts: &Facts) -> Checked {
 }
 
 /// Whether the bridge watches battery and fuel in flight.
-fn supply_rules(facts: &Facts) -> Finding {
+fn supply_rules(facts: &PreflightFacts) -> Finding {
     const ID: &str = "supply-rules";
     let Some(config) = &facts.bridge else {
         let why = "no bridge.toml that can be read is here";

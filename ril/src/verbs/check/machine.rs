@@ -1,16 +1,16 @@
-//! The machine: what `ril doctor` finds, the clock, and room for logs.
+//! Judges the machine for the preflight: the doctor's findings by subject, the clock, and room for logs.
 
 use runtime::finding::{Finding, Severity};
 use status::log::clock::Utc;
 
 use super::diagnosis::{Subject, diagnose};
-use super::facts::{Facts, LogPlace, Logs};
-use crate::config::Limits;
+use super::facts::{LogPlace, Logs, PreflightFacts};
+use crate::config::PreflightLimits;
 
 const MIB: u64 = 1 << 20;
 
 /// The checks of the machine.
-pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
+pub(super) fn judge(facts: &PreflightFacts, limits: &PreflightLimits) -> Vec<Finding> {
     let findings = diagnose(&facts.machine);
     let mut checks = vec![clock(facts)];
     // Of a robot on another machine, status writes its logs there.
@@ -58,7 +58,7 @@ fn of_findings(
     })
 }
 
-fn clock(facts: &Facts) -> Finding {
+fn clock(facts: &PreflightFacts) -> Finding {
     const ID: &str = "clock";
     let clock = facts.clock;
     let shown = |unix_s| {
@@ -90,7 +90,7 @@ fn clock(facts: &Facts) -> Finding {
     check.with_limit(format!("after {}", shown(clock.not_before_unix_s)))
 }
 
-fn log_room(facts: &Facts, limits: &Limits) -> Finding {
+fn log_room(facts: &PreflightFacts, limits: &PreflightLimits) -> Finding {
     const ID: &str = "log-room";
     let logs = match &facts.logs {
         Logs::Unknown => return Finding::unchecked(ID, "the configuration of status is wrong"),
@@ -118,7 +118,7 @@ fn log_room(facts: &Facts, limits: &Limits) -> Finding {
     worst.unwrap_or_else(|| Finding::unchecked(ID, "no log"))
 }
 
-fn of_log(id: &'static str, log: &LogPlace, all: &[LogPlace], limits: &Limits) -> Finding {
+fn of_log(id: &'static str, log: &LogPlace, all: &[LogPlace], limits: &PreflightLimits) -> Finding {
     let place = log.directory.display();
     let free = match &log.free_bytes {
         Ok(free) => *free,

@@ -6,8 +6,7 @@ use std::time::Duration;
 use clap::Args;
 use runtime::args::CommonArgs;
 
-use crate::options::EXIT_CODES;
-use crate::options::duration;
+use crate::options::{EXIT_CODES, duration};
 
 /// What the checks are judged by, for the end of the help.
 const NOTES: &str = "\

@@ -1,33 +1,30 @@
 //! `ril preflight`: whether a robot is ready to take off, and what `ril start` says of that before it starts.
 //!
 //! What the machine is like comes from the doctor and is not judged a second time. [`judge`] is pure: the same facts give the same
-//! findings. [`Limits`] is `[preflight]` of `ril.toml`.
+//! findings. [`PreflightLimits`] is `[preflight]` of `ril.toml`.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
 use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, ParameterRequest};
-use ipc_types::{MonotonicNs, Request, Source, Topic, fresh_request_id};
+use ipc_types::{MonotonicNs, Request, Topic, fresh_request_id};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure};
 use runtime::finding::{Finding, Severity};
 use serde::{Serialize, Serializer};
 
-use super::facts::{Facts, FileContent, FileFacts, Live, Logs};
+use super::facts::{FileContent, FileFacts, Live, Logs, PreflightFacts};
 use super::options::{MachineArgs, PreflightArgs};
 use super::{HEADING, gather, helicopter, machine, robot, width};
-use crate::config::Config;
-use crate::config::Limits;
+use crate::config::{Config, PreflightLimits};
 use crate::render::finding::lines;
 use crate::render::json_line;
 use crate::render::messages::Verb;
 use crate::render::words::{count, wrap};
-use crate::request::exchange::Until;
-use crate::request::{Conversation, Format};
+use crate::request::{Conversation, Format, Until};
 use crate::robot::domain::Namespace;
-use crate::session::Latest;
-use crate::session::{Session, configuration, is_relayed};
+use crate::session::{Latest, Session, configuration, is_relayed};
 
 /// How long `ril start` waits for samples that it goes by: twice the period of the module's state. A start is not held up by what
 /// is missing.
@@ -97,7 +94,7 @@ pub(crate) fn warn(session: &Session, common: &CommonArgs, config: &Config) -> R
 }
 
 /// Looks at the machine and judges all.
-fn report(args: &MachineArgs, live: Live, config: &Config) -> Report {
+fn report(args: &MachineArgs, live: Live, config: &Config) -> PreflightReport {
     // The samples were looked at just now; the looks at the machine may take seconds.
     let now = MonotonicNs::now();
     let (machine, bridge) = gather::machine(args, None, false);
@@ -110,7 +107,7 @@ fn report(args: &MachineArgs, live: Live, config: &Config) -> Report {
         (status.pids == Namespace::Ours)
             .then(|| PathBuf::from(format!("/proc/{}/cwd", status.by.pid)))
     });
-    let facts = Facts {
+    let facts = PreflightFacts {
         robot: machine.robot,
         now,
         bridge: bridge.filter(|_| is_there(&machine.files, "bridge")),
@@ -122,7 +119,7 @@ fn report(args: &MachineArgs, live: Live, config: &Config) -> Report {
         live,
         clock: gather::clock(),
     };
-    Report::new(facts.robot, judge(&facts, &config.preflight))
+    PreflightReport::new(facts.robot, judge(&facts, &config.preflight))
 }
 
 /// Whether the configuration file of `command` is there, right or wrong.
@@ -135,24 +132,27 @@ fn is_there(files: &[FileFacts], command: &str) -> bool {
 
 /// Waits for the newest sample of each topic that is to be expected.
 fn live(session: &Session, timeout: Duration) -> Result<Live, Failure> {
-    let mut newest = Newest {
-        state: Latest::open(&session.ipc)?,
-        dsp: Latest::open(&session.ipc)?,
-        hero: Latest::open(&session.ipc)?,
-    };
+    let state = Latest::<ModuleState>::open(&session.ipc)?;
+    let dsp = Latest::<DspTelemetry>::open(&session.ipc)?;
+    let hero = Latest::<HeroTelemetry>::open(&session.ipc)?;
+    let mut newest = (state, (dsp, hero));
     let give_up = MonotonicNs::now() + timeout;
-    while !newest.is_complete(session)?
-        && MonotonicNs::now() < give_up
-        && !session.termination.requested()
-    {
-        session.wait(newest.ports(), Some(give_up))?;
-        newest.drain();
-    }
+    // Nothing is to be expected without a bridge; telemetry when it has published some, the robot's when there is a status.
+    session.gather(&mut newest, give_up, |(state, (dsp, hero)), _| {
+        let Some(state) = &state.sample else {
+            return Ok(!session.is_provided(ModuleState::KEY)?);
+        };
+        let is_silent = state.link.telemetry_published == 0;
+        Ok(is_silent
+            || dsp.sample.is_some()
+                && (hero.sample.is_some() || !session.is_provided(HeroTelemetry::KEY)?))
+    })?;
+    let (state, (dsp, hero)) = newest;
     let provider = session.provider(ModuleState::KEY)?;
     Ok(Live {
-        state: newest.state.sample,
-        dsp: newest.dsp.sample,
-        hero: newest.hero.sample,
+        state: state.sample,
+        dsp: dsp.sample,
+        hero: hero.sample,
         answer: None,
         is_relayed: provider.is_some_and(|provider| is_relayed(ModuleState::KEY, &provider)),
     })
@@ -174,43 +174,8 @@ fn answer(session: &Session, timeout: Duration) -> Result<Option<Result<(), Stri
     ))
 }
 
-struct Newest {
-    state: Latest<ModuleState>,
-    dsp: Latest<DspTelemetry>,
-    hero: Latest<HeroTelemetry>,
-}
-
-impl Newest {
-    fn ports(&mut self) -> [&mut dyn Source; 3] {
-        [
-            &mut self.state.port,
-            &mut self.dsp.port,
-            &mut self.hero.port,
-        ]
-    }
-
-    fn drain(&mut self) {
-        self.state.drain();
-        self.dsp.drain();
-        self.hero.drain();
-    }
-
-    /// Whether everything is there that can be expected: nothing without a bridge, telemetry when it has published some, the
-    /// robot's when there is a status.
-    fn is_complete(&self, session: &Session) -> Result<bool, Failure> {
-        let Some(state) = &self.state.sample else {
-            return Ok(!session.is_provided(ModuleState::KEY)?);
-        };
-        if state.link.telemetry_published == 0 {
-            return Ok(true);
-        }
-        Ok(self.dsp.sample.is_some()
-            && (self.hero.sample.is_some() || !session.is_provided(HeroTelemetry::KEY)?))
-    }
-}
-
 /// What the facts mean, in the order in which an operator sets things right: processes, link, helicopter, rules, machine.
-pub fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
+pub fn judge(facts: &PreflightFacts, limits: &PreflightLimits) -> Vec<Finding> {
     let mut checks = robot::judge(facts, limits);
     checks.extend(helicopter::judge(facts, limits));
     checks.extend(machine::judge(facts, limits));
@@ -226,7 +191,7 @@ pub fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
 
 /// What the preflight found, as text for people and as JSON for programs.
 #[derive(Clone, Debug, Serialize)]
-pub struct Report {
+pub struct PreflightReport {
     schema: &'static str,
     robot: u32,
     verdict: &'static str,
@@ -276,13 +241,13 @@ pub fn worst(checks: &[Finding]) -> Severity {
     worst.unwrap_or(Severity::Error)
 }
 
-impl Report {
+impl PreflightReport {
     /// A report of `checks`.
-    pub fn new(robot: u32, checks: Vec<Finding>) -> Report {
+    pub fn new(robot: u32, checks: Vec<Finding>) -> PreflightReport {
         let number = |is_counted: fn(&Finding) -> bool| {
             checks.iter().filter(|check| is_counted(check)).count()
         };
-        Report {
+        PreflightReport {
             schema: "ril.Preflight.v1",
             robot,
             verdict: verdict(worst(&checks)),

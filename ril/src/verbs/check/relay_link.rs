@@ -1,4 +1,4 @@
-//! The relay's link to a robot on another machine: whether it is up, how much it loses, and how true its times are.
+//! Judges the relay's link to a robot on another machine for the doctor: whether it is up, how much it loses, how true its times are.
 
 use ipc_types::code::RelayLinkState;
 use ipc_types::payload::RelayLink;

@@ -1,12 +1,12 @@
-//! The robot's processes, the link to its DSP, and whether the data is of the present.
+//! Judges a robot for the preflight: its processes, the link to its DSP, and whether the data is of the present.
 
 use ipc_types::code::{LinkState, ModuleStatus};
 use ipc_types::payload::{LastMinute, ModuleState};
 use ipc_types::{Module, MonotonicNs, RelayModule};
 use runtime::finding::Finding;
 
-use super::facts::Facts;
-use crate::config::Limits;
+use super::facts::PreflightFacts;
+use crate::config::PreflightLimits;
 use crate::render::messages::details::dsp_error;
 use crate::render::words::count;
 use crate::robot::domain::Provided;
@@ -23,7 +23,7 @@ pub(super) fn either(check: Checked) -> Finding {
 }
 
 /// The checks of processes, link and data.
-pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
+pub(super) fn judge(facts: &PreflightFacts, limits: &PreflightLimits) -> Vec<Finding> {
     vec![
         process(facts, "bridge"),
         process(facts, "status"),
@@ -39,7 +39,7 @@ pub(super) fn judge(facts: &Facts, limits: &Limits) -> Vec<Finding> {
 }
 
 /// Whether a live process provides what `command` should.
-fn process(facts: &Facts, command: &'static str) -> Finding {
+fn process(facts: &PreflightFacts, command: &'static str) -> Finding {
     let robot = facts.robot;
     let start = format!("start it: `ril run {command} --robot {robot}`");
     let providers = facts
@@ -65,7 +65,7 @@ fn process(facts: &Facts, command: &'static str) -> Finding {
 }
 
 /// Whether an order would be answered.
-fn orders(facts: &Facts) -> Finding {
+fn orders(facts: &PreflightFacts) -> Finding {
     const ID: &str = "orders";
     match &facts.live.answer {
         None => Finding::unchecked(ID, "no process takes orders"),
@@ -81,12 +81,15 @@ fn orders(facts: &Facts) -> Finding {
 }
 
 /// The newest state of the bridge, or the check that cannot be made without it.
-pub(super) fn state<'a>(facts: &'a Facts, id: &'static str) -> Result<&'a ModuleState, Finding> {
+pub(super) fn state<'a>(
+    facts: &'a PreflightFacts,
+    id: &'static str,
+) -> Result<&'a ModuleState, Finding> {
     let state = facts.live.state.as_ref();
     state.ok_or_else(|| Finding::unchecked(id, "no state came from the bridge"))
 }
 
-fn link(facts: &Facts) -> Checked {
+fn link(facts: &PreflightFacts) -> Checked {
     const ID: &str = "dsp-link";
     let state = state(facts, ID)?;
     let since = MonotonicNs(state.link.state_since_ns);
@@ -118,7 +121,7 @@ fn link(facts: &Facts) -> Checked {
 }
 
 /// What the line lost in the last minute: an outage before that is over.
-fn losses(facts: &Facts, limits: &Limits) -> Checked {
+fn losses(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
     const ID: &str = "link-losses";
     let state = state(facts, ID)?;
     let LastMinute {
@@ -149,7 +152,7 @@ fn losses(facts: &Facts, limits: &Limits) -> Checked {
     )))
 }
 
-fn dsp_errors(facts: &Facts) -> Checked {
+fn dsp_errors(facts: &PreflightFacts) -> Checked {
     const ID: &str = "dsp-errors";
     let state = state(facts, ID)?;
     let errors = &state.dsp_errors;
@@ -169,7 +172,7 @@ fn dsp_errors(facts: &Facts) -> Checked {
 }
 
 /// Whether what the DSP sends is of the present.
-fn telemetry(facts: &Facts, limits: &Limits) -> Finding {
+fn telemetry(facts: &PreflightFacts, limits: &PreflightLimits) -> Finding {
     const ID: &str = "telemetry";
     if facts.live.state.is_none() && facts.live.dsp.is_none() {
         return Finding::unchecked(ID, "no state came from the bridge");
@@ -184,7 +187,7 @@ fn telemetry(facts: &Facts, limits: &Limits) -> Finding {
 }
 
 /// Whether status translates what the DSP sends.
-fn robot_telemetry(facts: &Facts, limits: &Limits) -> Finding {
+fn robot_telemetry(facts: &PreflightFacts, limits: &PreflightLimits) -> Finding {
     const ID: &str = "robot-telemetry";
     if facts.live.dsp.is_none() && facts.live.hero.is_none() {
         return Finding::unchecked(ID, "no raw telemetry came");
@@ -202,7 +205,7 @@ fn fresh(
     id: &'static str,
     received: Option<MonotonicNs>,
     now: MonotonicNs,
-    limits: &Limits,
+    limits: &PreflightLimits,
     next_step: &str,
 ) -> Finding {
     let age = received.map(|received| age_s(received, now));
@@ -220,7 +223,7 @@ fn fresh(
 }
 
 /// Whether the module takes a start.
-fn module(facts: &Facts) -> Checked {
+fn module(facts: &PreflightFacts) -> Checked {
     const ID: &str = "module";
     let state = state(facts, ID)?;
     Ok(match ModuleStatus::from_code(state.status) {
@@ -242,7 +245,7 @@ fn module(facts: &Facts) -> Checked {
 }
 
 /// What stops the helicopter when the bridge is gone.
-fn without_bridge(facts: &Facts) -> Checked {
+fn without_bridge(facts: &PreflightFacts) -> Checked {
     const ID: &str = "dsp-timeout";
     let state = state(facts, ID)?;
     if state.link.state() != Some(LinkState::Up) {

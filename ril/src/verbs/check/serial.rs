@@ -1,4 +1,4 @@
-//! The serial port of the bridge.
+//! Judges the bridge's serial port for the doctor: whether it is there, may be opened, and which process has it open.
 
 use bridge::shell::serial::holders::{Hold, Holder};
 use runtime::finding::{Finding, Severity};

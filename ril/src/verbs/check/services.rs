@@ -1,4 +1,4 @@
-//! Which live process provides what of a robot, and whether it lives in namespaces of its own.
+//! Judges the providers for the doctor: which live process provides what of a robot, and whether it lives in namespaces of its own.
 
 use ipc_types::service::SERVICES;
 use ipc_types::{Module, RelayModule};

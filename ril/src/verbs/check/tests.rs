@@ -1,3 +1,5 @@
+//! Checks of facts: what a doctor and a preflight say of machines and robots in order, and of each fault.
+
 use bridge::BridgeConfig;
 use ipc_types::code::{LinkState, ModuleStatus, PilotSwitch, SafetyAction, SafetyRule};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
@@ -5,9 +7,11 @@ use ipc_types::service::SERVICES;
 use ipc_types::{MonotonicNs, Provider, RobotId};
 use runtime::finding::{Finding, Severity};
 
-use super::facts::{Clock, Facts, FreeMemory, LinkFacts, Live, LogPlace, Logs, MachineFacts};
-use super::preflight::{Report, judge, worst};
-use crate::config::Limits;
+use super::facts::{
+    FreeMemory, LinkFacts, Live, LogPlace, Logs, MachineFacts, PreflightFacts, WallClock,
+};
+use super::preflight::{PreflightReport, judge, worst};
+use crate::config::PreflightLimits;
 use crate::robot::domain::{DomainFacts, Namespace, Provided};
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
@@ -15,7 +19,7 @@ const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 const MIB: u64 = 1 << 20;
 
 /// A robot that is ready to take off.
-fn ready() -> Facts {
+fn ready() -> PreflightFacts {
     let provided = |spec: &ipc_types::service::ServiceSpec| Provided {
         robot: RobotId::DEFAULT,
         service: spec.id,
@@ -34,7 +38,7 @@ fn ready() -> Facts {
          [[fence.area]]\nname = 'field'\nkind = 'inclusion'\ncentre = [37.4, -6.0]\nradius_m = 100.0\n",
         "bridge.toml",
     );
-    Facts {
+    PreflightFacts {
         robot: 1,
         now: NOW,
         machine: MachineFacts {
@@ -67,7 +71,7 @@ fn ready() -> Facts {
         },
         bridge: Some(bridge.unwrap()),
         logs: Logs::Configured(vec![log()]),
-        clock: Clock {
+        clock: WallClock {
             unix_s: 1_800_000_000,
             not_before_unix_s: 1_700_000_000,
             is_synchronized: true,
@@ -120,11 +124,11 @@ fn made(check: &Finding) -> Option<Severity> {
 
 /// The check `id` after `change`, and that every other check stays as it is with a ready robot, but those in `others`.
 #[track_caller]
-fn after(id: &str, others: &[&str], change: impl FnOnce(&mut Facts)) -> Finding {
+fn after(id: &str, others: &[&str], change: impl FnOnce(&mut PreflightFacts)) -> Finding {
     let mut facts = ready();
-    let before = judge(&facts, &Limits::default());
+    let before = judge(&facts, &PreflightLimits::default());
     change(&mut facts);
-    let checks = judge(&facts, &Limits::default());
+    let checks = judge(&facts, &PreflightLimits::default());
     for check in &checks {
         let is_trouble = check.is_checked && check.severity > Severity::Note;
         assert!(!is_trouble || check.next_step.is_some(), "{check:?}");
@@ -141,7 +145,7 @@ fn after(id: &str, others: &[&str], change: impl FnOnce(&mut Facts)) -> Finding 
 
 #[test]
 fn a_robot_that_is_ready_passes_every_check_that_can_be_made() {
-    let checks = judge(&ready(), &Limits::default());
+    let checks = judge(&ready(), &PreflightLimits::default());
     assert_eq!(worst(&checks), Severity::Note, "{checks:#?}");
     let unmade: Vec<&str> = checks
         .iter()
@@ -154,7 +158,7 @@ fn a_robot_that_is_ready_passes_every_check_that_can_be_made() {
 #[test]
 fn each_trouble_is_found_by_its_own_check() {
     use Severity::{Error, Note, Warning};
-    type Change = fn(&mut Facts);
+    type Change = fn(&mut PreflightFacts);
     let cases: &[(&str, Change, Option<Severity>, &str)] = &[
         (
             "dsp-link",
@@ -452,7 +456,7 @@ fn what_was_not_checked_is_not_ready_unless_the_operator_does_without_it() {
     let mut facts = ready();
     facts.live.dsp.as_mut().unwrap().valid_groups = 0;
     let unmade = ["home", "gps-fix", "battery", "fuel"];
-    let report = Report::new(1, judge(&facts, &Limits::default()));
+    let report = PreflightReport::new(1, judge(&facts, &PreflightLimits::default()));
     assert_eq!(report.worst(), Severity::Error);
     let expected = "0 failed, 0 warnings, 20 passed, 4 not checked: home, gps-fix, battery, fuel";
     assert_eq!(report.summary(), expected);
@@ -467,9 +471,9 @@ fn what_was_not_checked_is_not_ready_unless_the_operator_does_without_it() {
     let expected = "not ready to take off, not checked: home, gps-fix, battery, fuel; `ril preflight` says what to do";
     assert_eq!(report.warnings(), [expected]);
 
-    let limits = Limits {
+    let limits = PreflightLimits {
         may_be_unchecked: unmade.map(str::to_owned).to_vec(),
-        ..Limits::default()
+        ..PreflightLimits::default()
     };
     let checks = judge(&facts, &limits);
     assert_eq!(worst(&checks), Severity::Warning);
@@ -491,13 +495,13 @@ fn what_was_not_checked_is_not_ready_unless_the_operator_does_without_it() {
 fn a_robot_of_which_nothing_could_be_checked_is_not_ready() {
     let mut facts = ready();
     facts.live = Live::default();
-    let checks = judge(&facts, &Limits::default());
+    let checks = judge(&facts, &PreflightLimits::default());
     assert!(
         !checks
             .iter()
             .any(|check| made(check) == Some(Severity::Error))
     );
-    let report = Report::new(1, checks);
+    let report = PreflightReport::new(1, checks);
     assert_eq!(report.worst(), Severity::Error);
     let summary = report.summary();
     assert!(
@@ -513,7 +517,7 @@ fn without_a_bridge_the_processes_fail_and_the_rest_says_why_it_was_not_checked(
     if let Ok(domain) = &mut facts.machine.domain {
         domain.providers = Ok(Vec::new());
     }
-    let checks = judge(&facts, &Limits::default());
+    let checks = judge(&facts, &PreflightLimits::default());
     let failed: Vec<&str> = checks
         .iter()
         .filter(|check| made(check) == Some(Severity::Error))
@@ -551,7 +555,7 @@ fn of_a_robot_on_another_machine_the_link_is_checked_and_its_disk_is_not() {
             link: Ok(Some(link)),
             now: NOW,
         });
-        judge(&facts, &Limits::default())
+        judge(&facts, &PreflightLimits::default())
     };
     let link = ipc_types::payload::RelayLink {
         published_ns: NOW.0,
@@ -575,7 +579,7 @@ fn of_a_robot_on_another_machine_the_link_is_checked_and_its_disk_is_not() {
         ..link
     });
     assert_eq!(made(&of(&checks, "relay-link")), Some(Severity::Error));
-    let here = judge(&ready(), &Limits::default());
+    let here = judge(&ready(), &PreflightLimits::default());
     assert!(here.iter().all(|check| check.id != "relay-link"));
 }
 
@@ -598,7 +602,7 @@ fn the_report_is_a_line_for_each_check_and_fits_the_terminal() {
     let mut facts = ready();
     facts.live.dsp.as_mut().unwrap().supply.battery_mv = 22_000;
     facts.live.state.as_mut().unwrap().safety.pilot_switch = 0;
-    let report = Report::new(1, judge(&facts, &Limits::default()));
+    let report = PreflightReport::new(1, judge(&facts, &PreflightLimits::default()));
     assert_eq!(report.worst(), Severity::Error);
     let text = report.text(80);
     assert!(
@@ -634,6 +638,7 @@ fn the_report_is_a_line_for_each_check_and_fits_the_terminal() {
     ] {
         assert_eq!(json.pointer(pointer), Some(&expected), "{pointer}");
     }
-    let none: Vec<String> = Report::new(1, judge(&ready(), &Limits::default())).warnings();
+    let none: Vec<String> =
+        PreflightReport::new(1, judge(&ready(), &PreflightLimits::default())).warnings();
     assert!(none.is_empty(), "{none:?}");
 }

@@ -3,7 +3,7 @@
 use ipc_types::code::{Functionality, ModuleStatus};
 use runtime::finding::{Finding, Severity};
 
-use super::seen::{Counts, Seen};
+use super::seen::{LossCounts, Seen};
 
 /// How near a consumer must have seen the helicopter to each waypoint, m: the acceptance radius that the DSP is given
 /// (1 m), and what the noise of a simulated GPS and the time between two samples add.
@@ -131,7 +131,7 @@ fn states(seen: &Seen) -> Finding {
     )
 }
 
-fn losses(Counts { dsp, hero, state }: Counts) -> Finding {
+fn losses(LossCounts { dsp, hero, state }: LossCounts) -> Finding {
     let lost = dsp.lost + hero.lost + state.lost;
     check(
         "no sample lost",
@@ -187,7 +187,7 @@ fn record(evidence: &Evidence<'_>) -> Finding {
     let Some(record) = evidence.record else {
         return check(ID, false, "there is no record".to_owned());
     };
-    let Counts { dsp, hero, state } = evidence.seen.counts;
+    let LossCounts { dsp, hero, state } = evidence.seen.counts;
     let received = [dsp, hero, state].map(|losses| losses.received);
     let missing = received.into_iter().zip(record.messages);
     let missing: u64 = missing
@@ -259,7 +259,7 @@ mod tests {
         let mut seen = Seen {
             home: Some(HOME),
             waypoints: points.clone(),
-            counts: Counts {
+            counts: LossCounts {
                 dsp: received(7),
                 hero: received(7),
                 state: received(9),

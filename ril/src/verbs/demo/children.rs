@@ -12,39 +12,19 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use ipc_types::Domain;
+use runtime::signal::WITH_PARENT;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::process::{
-    Pid, PidfdFlags, Signal, getppid, pidfd_open, pidfd_send_signal,
-    set_parent_process_death_signal,
-};
+use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 /// How long a process may take to end after SIGTERM before it is killed. It takes milliseconds; machines stall.
 const END_WITHIN: Duration = Duration::from_secs(10);
-
-/// Environment variable that makes a process end with its parent, even when that is killed.
-const WITH_PARENT: &str = "RIL_ENDS_WITH_PARENT";
-
-/// Makes this process end with its parent, if the parent wants that.
-pub fn end_with_parent() -> io::Result<()> {
-    if std::env::var_os(WITH_PARENT).is_none() {
-        return Ok(());
-    }
-    set_parent_process_death_signal(Some(Signal::TERM))?;
-    // A parent that has gone meanwhile sends no signal any more.
-    if getppid().is_none_or(Pid::is_init) {
-        return Err(io::Error::other(
-            "the process that started this one is gone",
-        ));
-    }
-    Ok(())
-}
 
 /// Lines of a process's own output that are shown when it failed.
 const SHOWN_LINES: usize = 5;
 
 /// A running process.
 #[derive(Debug)]
-pub struct Process {
+pub struct ChildProcess {
     name: &'static str,
     child: Child,
     pidfd: OwnedFd,
@@ -73,7 +53,7 @@ impl Spawner<'_> {
     }
 
     /// Starts the process `name` by `ril run` with its configuration. It says on [`Readiness`] when it is ready.
-    pub fn start(&self, name: &'static str, args: &[&str]) -> io::Result<Process> {
+    pub fn start(&self, name: &'static str, args: &[&str]) -> io::Result<ChildProcess> {
         let mut command = Command::new(std::env::current_exe()?);
         command.args(["run", name, "--config"]);
         command.arg(self.config_file(name)).args(args);
@@ -81,7 +61,7 @@ impl Spawner<'_> {
     }
 
     /// Starts the recorder, which records the configurations along.
-    pub fn start_recorder(&self) -> io::Result<Process> {
+    pub fn start_recorder(&self) -> io::Result<ChildProcess> {
         let mut command = Command::new(std::env::current_exe()?);
         // A few megabytes, however full the disk is.
         command.args(["record", "--min-free", "0", "--output"]);
@@ -94,7 +74,7 @@ impl Spawner<'_> {
 
     /// Gives a command of the operator, in the folder, where no configuration of the user's is. It is patient: a machine may
     /// stall.
-    pub fn order(&self, name: &'static str, words: &[&str]) -> io::Result<Process> {
+    pub fn order(&self, name: &'static str, words: &[&str]) -> io::Result<ChildProcess> {
         let mut command = Command::new(std::env::current_exe()?);
         command
             .args(words)
@@ -103,7 +83,7 @@ impl Spawner<'_> {
         self.spawn(name, command)
     }
 
-    fn spawn(&self, name: &'static str, mut command: Command) -> io::Result<Process> {
+    fn spawn(&self, name: &'static str, mut command: Command) -> io::Result<ChildProcess> {
         let output = self.folder.join(format!("{name}.out"));
         let out = File::create(&output)?;
         command
@@ -121,7 +101,7 @@ impl Spawner<'_> {
             .process_group(0);
         let child = command.spawn()?;
         let pid = Pid::from_child(&child);
-        Ok(Process {
+        Ok(ChildProcess {
             name,
             child,
             pidfd: pidfd_open(pid, PidfdFlags::empty())?,
@@ -131,7 +111,7 @@ impl Spawner<'_> {
     }
 }
 
-impl Process {
+impl ChildProcess {
     /// Its name, as behind `ril run`; that of the recorder and of the operator's commands as behind `ril`.
     pub fn name(&self) -> &'static str {
         self.name
@@ -189,13 +169,13 @@ impl Process {
 }
 
 /// Readable when the process has ended.
-impl AsFd for Process {
+impl AsFd for ChildProcess {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.pidfd.as_fd()
     }
 }
 
-impl Drop for Process {
+impl Drop for ChildProcess {
     fn drop(&mut self) {
         self.end();
     }

@@ -15,9 +15,9 @@ use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 
-use super::children::{Process, Readiness, Spawner};
+use super::children::{ChildProcess, Readiness, Spawner};
 use super::screen::Screen;
-use super::seen::{Counts, Seen};
+use super::seen::{LossCounts, Seen};
 
 /// The whole demonstration ends within this, or something hangs. A flight takes less than 20 s; machines stall.
 const TIME_LIMIT: Duration = Duration::from_secs(120);
@@ -64,7 +64,7 @@ pub(super) fn waypoints_of(home: &Waypoint) -> [Vec<Waypoint>; 2] {
 }
 
 /// A flight that ended.
-pub(super) struct Flight {
+pub(super) struct DemoFlight {
     /// How many commands ended with 0.
     pub orders_done: usize,
     /// The command that did not, and what it said.
@@ -85,7 +85,7 @@ pub(super) fn fly(
     speed: f64,
     termination: &Termination,
     screen: &mut Screen,
-) -> Result<Flight, Failure> {
+) -> Result<DemoFlight, Failure> {
     let readiness = Readiness::new().or_fail(ExitCode::Internal)?;
     let spawner = Spawner {
         domain,
@@ -159,7 +159,7 @@ pub(super) fn fly(
     }
     let took = began.elapsed();
     let exits = stage.end_processes()?;
-    Ok(Flight {
+    Ok(DemoFlight {
         orders_done,
         order_failed,
         seen: std::mem::take(&mut stage.seen),
@@ -206,10 +206,10 @@ struct Stage<'a> {
     termination: &'a Termination,
     readiness: &'a Readiness,
     waiter: Waiter,
-    processes: Vec<Process>,
+    processes: Vec<ChildProcess>,
     ready: usize,
     /// The operator's command that is under way.
-    order: Option<Process>,
+    order: Option<ChildProcess>,
     dsp: Subscriber<DspTelemetry>,
     hero: Subscriber<HeroTelemetry>,
     state: Subscriber<ModuleState>,
@@ -240,7 +240,11 @@ impl<'a> Stage<'a> {
     }
 
     /// Waits until a process is ready that was just started.
-    fn await_ready(&mut self, name: &str, started: io::Result<Process>) -> Result<(), Failure> {
+    fn await_ready(
+        &mut self,
+        name: &str,
+        started: io::Result<ChildProcess>,
+    ) -> Result<(), Failure> {
         self.processes.push(begun(name, started)?);
         let expected = self.processes.len();
         self.wait_until(&mut Screen::new(true), |stage| stage.ready == expected)
@@ -250,14 +254,14 @@ impl<'a> Stage<'a> {
     fn order(
         &mut self,
         screen: &mut Screen,
-        given: io::Result<Process>,
+        given: io::Result<ChildProcess>,
     ) -> Result<(Option<i32>, String), Failure> {
         self.order = Some(begun("ril", given)?);
         self.wait_until(screen, |stage| {
-            stage.order.as_mut().is_none_or(Process::has_ended)
+            stage.order.as_mut().is_none_or(ChildProcess::has_ended)
         })?;
         let mut order = self.order.take();
-        let code = order.as_mut().and_then(Process::end);
+        let code = order.as_mut().and_then(ChildProcess::end);
         let said = order.map(|order| order.last_words());
         Ok((code, said.unwrap_or_default()))
     }
@@ -313,7 +317,7 @@ impl<'a> Stage<'a> {
         self.state
             .drain(|state| seen.state(state))
             .map_err(Failure::internal)?;
-        seen.counts = Counts {
+        seen.counts = LossCounts {
             dsp: self.dsp.losses(),
             hero: self.hero.losses(),
             state: self.state.losses(),
@@ -357,7 +361,7 @@ impl<'a> Stage<'a> {
     }
 }
 
-fn begun(name: &str, started: io::Result<Process>) -> Result<Process, Failure> {
+fn begun(name: &str, started: io::Result<ChildProcess>) -> Result<ChildProcess, Failure> {
     let text = || format!("the process {name} cannot be started");
     started.or_fail_with(ExitCode::Internal, text())
 }

@@ -31,7 +31,6 @@ use status::log::file_name::{FileKind, recognize};
 use crate::options::EXIT_CODES;
 use crate::recorded::topic_of;
 use checks::{Evidence, RecordEvidence};
-pub use children::end_with_parent;
 use flight::{SCRIPT, fly};
 use screen::{Kept, Screen, print_result};
 

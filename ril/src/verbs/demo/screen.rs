@@ -23,7 +23,7 @@ const HEADING: usize = 34;
 /// Where and how to show.
 #[derive(Debug)]
 pub(super) struct Screen {
-    kind: Kind,
+    kind: ScreenKind,
     drawn: Option<Instant>,
     live: Block,
     /// The operator's command that is under way.
@@ -31,7 +31,7 @@ pub(super) struct Screen {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum ScreenKind {
     Live,
     Plain,
     Silent,
@@ -41,9 +41,9 @@ impl Screen {
     /// A screen on standard output; a silent one when the output is to be one JSON document.
     pub fn new(json: bool) -> Screen {
         let kind = match (json, io::stdout().is_terminal()) {
-            (true, _) => Kind::Silent,
-            (false, true) => Kind::Live,
-            (false, false) => Kind::Plain,
+            (true, _) => ScreenKind::Silent,
+            (false, true) => ScreenKind::Live,
+            (false, false) => ScreenKind::Plain,
         };
         Screen {
             kind,
@@ -55,7 +55,7 @@ impl Screen {
 
     /// One line that stays.
     pub fn line(&mut self, line: &str) -> Result<(), Failure> {
-        if self.kind == Kind::Silent {
+        if self.kind == ScreenKind::Silent {
             return Ok(());
         }
         let mut out = io::stdout().lock();
@@ -70,7 +70,7 @@ impl Screen {
         let is_recent = self
             .drawn
             .is_some_and(|drawn| drawn.elapsed() < REDRAW_PERIOD);
-        if self.kind != Kind::Live || is_recent {
+        if self.kind != ScreenKind::Live || is_recent {
             return Ok(());
         }
         let phase = self.order.as_deref().unwrap_or("starting");
@@ -144,7 +144,7 @@ pub(super) struct Kept<'a> {
 
 /// The demonstration's result as JSON.
 #[derive(Serialize)]
-struct Report<'a> {
+struct DemoObject<'a> {
     schema: &'static str,
     passed: bool,
     flight_s: f64,
@@ -181,7 +181,7 @@ pub(super) fn print_result(
             passed: has_passed(check),
             detail: &check.text,
         });
-        let report = Report {
+        let report = DemoObject {
             schema: "ril.Demo.v1",
             passed,
             flight_s,

@@ -32,14 +32,14 @@ pub(super) struct Seen {
     /// Whether the helicopter was ever in the air.
     pub ever_flew: bool,
     /// What the subscribers counted.
-    pub counts: Counts,
+    pub counts: LossCounts,
     /// Ages of the robot's telemetry at this consumer, from the serial byte to here, µs.
     pub ages_us: Vec<u32>,
 }
 
 /// What the subscribers counted.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Counts {
+pub(super) struct LossCounts {
     /// Raw telemetry.
     pub dsp: Losses,
     /// The robot's telemetry.

@@ -4,10 +4,13 @@ use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use ipc_types::TelemetryGroup;
+use recording::read::RecordFile;
 use runtime::config::load;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use status::log::config::LogConfig;
 use status::log::file_name::{FileKind, Series, Stamp, recognize};
+use status::log::groups::LogGroups;
 use status::log::read::{LogReader, MAX_LINE_BYTES};
 
 use super::options::LogPlaceArgs;
@@ -44,13 +47,13 @@ impl Found {
     /// two ends of the file only, but for a record that was cut off.
     pub fn duration_s(&self) -> Result<Option<f64>, Failure> {
         if self.series.kind() == FileKind::Mcap {
-            let mut file = open(&self.path)?;
-            let summary = recording::read::summary_of(&mut file)
+            let file = RecordFile::open(&self.path).or_fail_usage(&self.path)?;
+            let summary = recording::read::summary_of(&file)
                 .map_err(|error| Failure::usage(error).context(self.path.display().to_string()))?;
             let span = summary.first_ns.zip(summary.last_ns);
             return Ok(span.map(|(first, last)| last.saturating_sub(first) as f64 / 1e9));
         }
-        let mut file = LogFile::open(&self.path)?;
+        let mut file = LogFile::open(&self.path, LogGroups::default())?;
         let name = file.name();
         let Some(first) =
             next_row(file.recording.as_mut()).map_err(|error| unreadable(&name, error))?
@@ -162,6 +165,22 @@ pub(super) fn folder_of(path: &Path) -> PathBuf {
     }
 }
 
+/// What a summary or a report is made of. A flight has hundreds of thousands of rows, and each column takes its time.
+pub(super) fn of_flight() -> LogGroups {
+    let groups = [
+        TelemetryGroup::Time,
+        TelemetryGroup::Geographic,
+        TelemetryGroup::GpsVelocity,
+        TelemetryGroup::GpsQuality,
+        TelemetryGroup::Supply,
+        TelemetryGroup::RotorSpeed,
+    ];
+    LogGroups {
+        telemetry: groups.into_iter().collect(),
+        dsp_errors: true,
+    }
+}
+
 /// A file of a log that is open.
 pub(super) struct LogFile {
     path: PathBuf,
@@ -170,17 +189,17 @@ pub(super) struct LogFile {
 }
 
 impl LogFile {
-    /// Opens the file at `path`.
+    /// Opens the file at `path`. The rows of a record have the columns of these groups, those of a log of status all that it has.
     ///
     /// # Errors
     ///
     /// Code 2 when it is no regular file, or cannot be read.
-    pub fn open(path: &Path) -> Result<LogFile, Failure> {
+    pub fn open(path: &Path, groups: LogGroups) -> Result<LogFile, Failure> {
         let mut input = BufReader::new(open(path)?);
         let beginning = input.fill_buf().or_fail_usage(path)?;
-        let recording: Box<dyn Recording> = match Format::of(beginning) {
+        let recording: Box<dyn Recording> = match Format::of(path, beginning) {
             Format::Tsv => Box::new(LogReader::new(input)),
-            Format::Mcap => Box::new(McapReader::open(path).or_fail_usage(path)?),
+            Format::Mcap => Box::new(McapReader::open(path, groups).or_fail_usage(path)?),
         };
         Ok(LogFile {
             path: path.to_owned(),
@@ -244,14 +263,14 @@ pub(super) fn open(path: &Path) -> Result<File, Failure> {
 pub(super) fn last_rows(path: &Path, rows: u32) -> Result<Box<dyn Recording>, Failure> {
     let mut file = open(path)?;
     let header = first_line(&mut file, path)?;
-    match Format::of(&header) {
+    match Format::of(path, &header) {
         Format::Tsv => {
             let rest = from_a_line(file, header.len() as u64, rows, path)?;
             let input = io::Cursor::new(header).chain(rest);
             Ok(Box::new(LogReader::new(input)))
         }
         Format::Mcap => {
-            let reader = McapReader::open(path).or_fail_usage(path)?;
+            let reader = McapReader::open(path, LogGroups::ALL).or_fail_usage(path)?;
             let last = reader.last(rows as usize);
             let last = last.map_err(|error| unreadable(&path.display().to_string(), error))?;
             Ok(Box::new(last))
@@ -309,35 +328,77 @@ impl<T> OrFailUsage<T> for io::Result<T> {
     }
 }
 
-/// The file that is meant: the one that was named, or the newest one of the robot.
+/// The file that is meant: the one that was named, or that of the robot's last flight.
 pub(super) fn chosen_file(
     named: Option<&PathBuf>,
     place: &LogPlaceArgs,
+    groups: LogGroups,
 ) -> Result<LogFile, Failure> {
     match named {
-        Some(path) => LogFile::open(path),
-        None => LogFile::open(&newest(place, None)?),
+        Some(path) => LogFile::open(path, groups),
+        None => LogFile::open(&last_flight(place, None)?, groups),
     }
 }
 
-/// The newest file of the robot, of this kind if one is given.
-pub(super) fn newest(place: &LogPlaceArgs, kind: Option<FileKind>) -> Result<PathBuf, Failure> {
-    let robot = place.common.robot.get();
+/// Most files, beginning with the newest, in which a flight is looked for.
+const MAX_LOOKED_AT: usize = 20;
+
+/// The newest file of the robot, of this kind if one is given, in which it flew: a log may go on after the landing in a file of its own.
+/// The newest one if none of the last ones has a flight.
+pub(super) fn last_flight(
+    place: &LogPlaceArgs,
+    kind: Option<FileKind>,
+) -> Result<PathBuf, Failure> {
+    let files = of_robot(place, kind)?;
+    let flown = files
+        .iter()
+        .rev()
+        .take(MAX_LOOKED_AT)
+        .find(|path| has_flown(path));
+    Ok(flown.unwrap_or(&files[files.len() - 1]).clone())
+}
+
+/// Whether a sample in the file is of the air.
+fn has_flown(path: &Path) -> bool {
+    let Ok(mut file) = LogFile::open(path, LogGroups::default()) else {
+        return false;
+    };
+    if file.begin().is_err() {
+        return false;
+    }
+    loop {
+        match file.recording.next() {
+            Ok(Some(Entry::Row(row))) if row.flying => return true,
+            Ok(Some(_)) => {}
+            Ok(None) | Err(_) => return false,
+        }
+    }
+}
+
+/// The newest file of the robot.
+pub(super) fn newest(place: &LogPlaceArgs) -> Result<PathBuf, Failure> {
+    let files = of_robot(place, None)?;
+    Ok(files[files.len() - 1].clone())
+}
+
+/// The files of the robot, of this kind if one is given, the oldest first; at least one.
+fn of_robot(place: &LogPlaceArgs, kind: Option<FileKind>) -> Result<Vec<PathBuf>, Failure> {
+    let robot = place.common.robot().get();
     let folders = folders(place)?;
     let mut found = find(&folders)?;
     found
         .retain(|file| file.robot() == robot && kind.is_none_or(|kind| file.series.kind() == kind));
-    let newest = found.pop().ok_or_else(|| {
+    if found.is_empty() {
         let names = names(&folders);
         let what = match kind {
             Some(FileKind::Mcap) => "record",
             _ => "log",
         };
-        Failure::usage(format!(
+        return Err(Failure::usage(format!(
             "no {what} of robot {robot} in {names}: name a file, or the folder with --dir"
-        ))
-    })?;
-    Ok(newest.path)
+        )));
+    }
+    Ok(found.into_iter().map(|file| file.path).collect())
 }
 
 /// How a command ends that has read the file `name` as far as it could.

@@ -8,7 +8,6 @@ use status::log::clock::IsoTime;
 
 use super::files::{self, Found, folders};
 use super::options::LogListArgs;
-use crate::options::RobotChoice;
 use crate::render::json_line;
 use crate::render::words::duration_with_tenths;
 use crate::session::configuration;
@@ -73,14 +72,14 @@ impl<'a> FileObject<'a> {
 /// # Errors
 ///
 /// Code 2 when a folder cannot be read.
-pub(super) fn list(args: &LogListArgs, choice: RobotChoice) -> Result<(), Failure> {
+pub(super) fn list(args: &LogListArgs) -> Result<(), Failure> {
     if configuration(&args.place.common)?.is_none() {
         return Ok(());
     }
     let folders = folders(&args.place)?;
     let mut found = files::find(&folders)?;
-    if choice == RobotChoice::Explicit {
-        found.retain(|file| file.robot() == args.place.common.robot.get());
+    if args.place.common.robot.is_some() {
+        found.retain(|file| file.robot() == args.place.common.robot().get());
     }
     let mut out = BufWriter::new(io::stdout().lock());
     if found.is_empty() {

@@ -19,14 +19,14 @@ mod whole;
 use std::io::{self, BufWriter, Write};
 
 use runtime::exit::Failure;
+use status::log::groups::LogGroups;
 
 use self::files::ending;
-use self::files::{MAX_NAMED, chosen_file};
+use self::files::{MAX_NAMED, chosen_file, of_flight};
 use self::options::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs};
 use self::recording::{Damage, Entry};
 use self::row::{Chosen, UTC, UtcSource, UtcTimes};
 use self::summary::Summarizer;
-use crate::options::RobotChoice;
 use crate::render::json_line;
 use crate::session::configuration;
 
@@ -35,15 +35,16 @@ use crate::session::configuration;
 /// # Errors
 ///
 /// Code 2 when a file or folder cannot be read or is no log, 8 when a part of a log is damaged, after all that could be read.
-pub fn log(args: &LogArgs, choice: RobotChoice) -> Result<(), Failure> {
+pub fn log(args: &LogArgs) -> Result<(), Failure> {
     match &args.command {
-        LogCommand::List(args) => list::list(args, choice),
+        LogCommand::List(args) => list::list(args),
         LogCommand::Summary(args) => summary(args),
         LogCommand::Report(args) => report::report(args),
         LogCommand::Tail(args) => tail::tail(args),
         LogCommand::Csv(args) => csv(args),
         LogCommand::Check(args) => whole::check(args),
         LogCommand::Recover(args) => whole::recover(args),
+        LogCommand::Export(args) => whole::export(args),
     }
 }
 
@@ -51,7 +52,7 @@ fn summary(args: &LogFileArgs) -> Result<(), Failure> {
     if configuration(&args.place.common)?.is_none() {
         return Ok(());
     }
-    let mut file = chosen_file(args.file.as_ref(), &args.place)?;
+    let mut file = chosen_file(args.file.as_ref(), &args.place, of_flight())?;
     let mut summarizer: Option<Summarizer> = None;
     let (name, robot, created) = (file.name(), file.robot(), file.created_unix_s());
     file.begin()?;
@@ -86,7 +87,7 @@ fn csv(args: &LogCsvArgs) -> Result<(), Failure> {
     if configuration(&args.place.common)?.is_none() {
         return Ok(());
     }
-    let mut file = chosen_file(args.file.as_ref(), &args.place)?;
+    let mut file = chosen_file(args.file.as_ref(), &args.place, LogGroups::ALL)?;
     let (name, created) = (file.name(), file.created_unix_s());
     file.begin()?;
     let columns = file.recording.columns().to_vec();

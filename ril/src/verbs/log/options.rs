@@ -1,11 +1,12 @@
 //! The arguments of `ril log`.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use clap::{Args, Subcommand};
 use runtime::args::CommonArgs;
 
-use crate::options::EXIT_CODES;
+use crate::options::{EXIT_CODES, duration};
 
 /// Most rows that `ril log tail` begins with: what a person can read back.
 const MAX_TAIL_ROWS: u32 = 10_000;
@@ -36,6 +37,8 @@ pub enum LogCommand {
     Check(LogFileArgs),
     /// Write a whole file of a flight record that was cut off or damaged
     Recover(LogRecoverArgs),
+    /// Write a part of a flight record, by topic and time, as a record of its own
+    Export(LogExportArgs),
 }
 
 /// Where logs are.
@@ -73,7 +76,7 @@ pub struct LogListArgs {
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct LogFileArgs {
-    /// File of a log [default: the newest one of the robot]
+    /// File of a log [default: that of the robot's last flight]
     #[arg(value_name = "FILE")]
     pub file: Option<PathBuf>,
 
@@ -92,7 +95,7 @@ pub struct LogFileArgs {
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct LogReportArgs {
-    /// File of a log [default: the newest one of the robot]
+    /// File of a log [default: that of the robot's last flight]
     #[arg(value_name = "FILE")]
     pub file: Option<PathBuf>,
 
@@ -127,7 +130,7 @@ pub struct LogReportArgs {
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct LogRecoverArgs {
-    /// The damaged record
+    /// The record
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
 
@@ -135,7 +138,7 @@ pub struct LogRecoverArgs {
     #[command(flatten)]
     pub common: CommonArgs,
 
-    /// The whole file, which must not be there yet [default: FILE with .recovered.mcap for .mcap]
+    /// The new file, which must not be there yet [default: FILE with .recovered.mcap or .part.mcap for .mcap]
     #[arg(long, value_name = "FILE")]
     pub output: Option<PathBuf>,
 
@@ -144,11 +147,33 @@ pub struct LogRecoverArgs {
     pub json: bool,
 }
 
+/// `ril log export`
+///
+/// The record stays as it is. Metadata and files within it are in the part too.
+#[derive(Args, Clone, Debug)]
+pub struct LogExportArgs {
+    /// Where from, where to.
+    #[command(flatten)]
+    pub file: LogRecoverArgs,
+
+    /// This topic only, such as hero/telemetry or /robot1/hero/telemetry; may be repeated
+    #[arg(long = "topic", value_name = "NAME")]
+    pub topics: Vec<String>,
+
+    /// From this time on since the first message, such as 30s
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    pub from: Option<Duration>,
+
+    /// Up to this time since the first message
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    pub to: Option<Duration>,
+}
+
 /// `ril log csv`
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct LogCsvArgs {
-    /// File of a log [default: the newest one of the robot]
+    /// File of a log [default: that of the robot's last flight]
     #[arg(value_name = "FILE")]
     pub file: Option<PathBuf>,
 

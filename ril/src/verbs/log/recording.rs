@@ -1,13 +1,14 @@
 //! The formats of log files, and what all of them can do: [`Format`] is the one place to add another. The rows of status are read by
 //! the crate `status`, the records of `ril record` here.
 
+use std::collections::VecDeque;
 use std::io::{self, BufRead};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
-use recording::read::{self, Bytes, Message};
+use recording::read::{self, Message, Messages, RecordFile, Source};
 use status::log::clock::ClockAnchor;
 use status::log::groups::LogGroups;
 pub use status::log::read::{Damage, Entry, ReadError, Row};
@@ -77,9 +78,13 @@ pub enum Format {
 const MCAP: &[u8] = b"\x89MCAP";
 
 impl Format {
-    /// The format of a file that begins with `beginning`.
-    pub fn of(beginning: &[u8]) -> Format {
-        match beginning.starts_with(MCAP) {
+    /// The format of the file at `path` that begins with `beginning`. A record whose beginning is damaged is one by its name.
+    pub fn of(path: &Path, beginning: &[u8]) -> Format {
+        let is_named = || {
+            path.extension()
+                .is_some_and(|extension| extension == "mcap")
+        };
+        match beginning.starts_with(MCAP) || (!beginning.is_empty() && is_named()) {
             true => Format::Mcap,
             // The first line says more; an empty file may be a log to which nothing was written yet.
             false => Format::Tsv,
@@ -90,47 +95,45 @@ impl Format {
 /// End of the name of the topic with the raw telemetry; the robot's number stands before it.
 const TOPIC: &str = "/dsp/telemetry";
 
-/// What was found in the file, in its order.
-enum Found {
-    /// A sample: its time in UTC, and where it begins in the file.
-    Sample { unix_ns: u64, at: usize },
-    /// Something that cannot be read.
-    Damaged(String),
-}
-
 /// Reads a record. See the module's documentation.
 pub struct McapReader {
-    path: PathBuf,
-    bytes: Bytes,
+    messages: Messages<'static>,
     table: Table,
     columns: Vec<String>,
-    /// `None` before [`Recording::begin`].
-    found: Option<Vec<Found>>,
-    next: usize,
+    /// Rows that were read ahead, and what is damaged among them.
+    ahead: VecDeque<Found>,
+    entries: u64,
     unfinished_bytes: usize,
     /// The row that was given last.
     line: String,
 }
 
+/// What was found in the file, in its order.
+enum Found {
+    /// A sample, and its time in UTC.
+    Sample(u64, Box<DspTelemetry>),
+    /// Something that cannot be read.
+    Damaged(String),
+}
+
 impl McapReader {
-    /// A reader of the file at `path`. No message is read yet.
+    /// A reader of the file at `path` whose rows have the columns of these groups. No message is read yet.
     ///
     /// # Errors
     ///
     /// It cannot be read.
-    pub fn open(path: &Path) -> io::Result<McapReader> {
-        let table = Table::new(LogGroups::ALL).with_utc(true);
+    pub fn open(path: &Path, groups: LogGroups) -> io::Result<McapReader> {
+        let table = Table::new(groups).with_utc(true);
         let mut names = Vec::new();
         table.header(&mut names);
         let names = String::from_utf8_lossy(&names);
         let columns = names.trim_end().split('\t').map(str::to_owned).collect();
         Ok(McapReader {
-            path: path.to_owned(),
-            bytes: Bytes::open(path)?,
+            messages: read::messages(Source::File(RecordFile::open(path)?)),
             table,
             columns,
-            found: None,
-            next: 0,
+            ahead: VecDeque::new(),
+            entries: 0,
             unfinished_bytes: 0,
             line: String::new(),
         })
@@ -142,87 +145,80 @@ impl McapReader {
     ///
     /// As [`Recording::begin`].
     pub fn last(mut self, rows: usize) -> Result<McapReader, ReadError> {
-        self.begin()?;
-        let found = self.found.as_deref().unwrap_or_default();
-        let samples = found.iter().enumerate().rev().filter_map(|(index, found)| {
-            let is_sample = matches!(found, Found::Sample { .. });
-            is_sample.then_some(index)
-        });
-        self.next = match rows.checked_sub(1) {
-            None => found.len(),
-            Some(others) => samples.take(others + 1).last().unwrap_or_default(),
-        };
+        let (mut ahead, mut samples) = (VecDeque::new(), 0);
+        while let Some(found) = self.found()? {
+            samples += usize::from(matches!(found, Found::Sample(..)));
+            ahead.push_back(found);
+            while samples > rows {
+                let gone = ahead.pop_front();
+                samples -= usize::from(matches!(gone, Some(Found::Sample(..))));
+            }
+        }
+        self.ahead = ahead;
         Ok(self)
     }
 
-    fn scan(&mut self) -> Result<Vec<Found>, ReadError> {
-        let bytes: &[u8] = &self.bytes;
-        let mut found = Vec::new();
-        for message in read::messages(bytes) {
+    /// The next sample, or what is damaged in its place; `None` at the end.
+    fn found(&mut self) -> Result<Option<Found>, ReadError> {
+        if let Some(found) = self.ahead.pop_front() {
+            return Ok(Some(found));
+        }
+        for message in self.messages.by_ref() {
             match message {
-                Ok(message) => found.extend(sample(bytes, &message)),
+                Ok(message) => {
+                    if let Some(sample) = sample(&message) {
+                        return Ok(Some(Found::Sample(
+                            message.publish_time_ns,
+                            Box::new(sample),
+                        )));
+                    }
+                }
                 Err(read::ReadError::NotMcap) => {
                     return Err(ReadError::NoLog(read::ReadError::NotMcap.to_string()));
                 }
-                Err(read::ReadError::Truncated { at }) => {
-                    let at = usize::try_from(at).unwrap_or(bytes.len());
-                    self.unfinished_bytes = bytes.len().saturating_sub(at);
-                }
-                Err(error) => found.push(Found::Damaged(error.to_string())),
+                // What follows is counted at the end.
+                Err(read::ReadError::Truncated { .. }) => {}
+                Err(error) => return Ok(Some(Found::Damaged(error.to_string()))),
             }
         }
-        Ok(found)
+        let behind = self.messages.bytes_behind();
+        self.unfinished_bytes = usize::try_from(behind).unwrap_or(usize::MAX);
+        Ok(None)
     }
 }
 
-/// Where the sample lies in the file; `None` if the message is another one.
-fn sample(bytes: &[u8], message: &Message<'_>) -> Option<Found> {
-    let is_sample = message.topic.ends_with(TOPIC)
-        && message.data.len() == CDR_HEADER.len() + size_of::<DspTelemetry>();
-    let unix_ns = message.publish_time_ns;
-    // A message is a piece of the file.
-    let at = (message.data.as_ptr() as usize).checked_sub(bytes.as_ptr() as usize)?;
-    is_sample.then_some(Found::Sample {
-        unix_ns,
-        at: at + CDR_HEADER.len(),
-    })
+/// The sample; `None` if the message is another one.
+fn sample(message: &Message) -> Option<DspTelemetry> {
+    let is_sample = message.topic().ends_with(TOPIC);
+    DspTelemetry::from_bytes(message.data().get(CDR_HEADER.len()..)?).filter(|_| is_sample)
 }
 
 impl Recording for McapReader {
     fn begin(&mut self) -> Result<bool, ReadError> {
-        if self.found.is_none() {
-            self.unfinished_bytes = 0;
-            self.found = Some(self.scan()?);
+        if self.entries == 0 && self.ahead.is_empty() {
+            let first = self.found()?;
+            self.ahead.extend(first);
         }
         Ok(true)
     }
 
     fn columns(&self) -> &[String] {
-        match self.found {
-            Some(_) => &self.columns,
-            None => &[],
-        }
+        &self.columns
     }
 
     fn next(&mut self) -> Result<Option<Entry<'_>>, ReadError> {
-        self.begin()?;
-        let found = self.found.as_deref().unwrap_or_default();
-        let Some(next) = found.get(self.next) else {
+        let Some(found) = self.found()? else {
             return Ok(None);
         };
-        self.next += 1;
-        let (unix_ns, at) = match next {
-            Found::Sample { unix_ns, at } => (*unix_ns, *at),
+        self.entries += 1;
+        let (unix_ns, sample) = match found {
+            Found::Sample(unix_ns, sample) => (unix_ns, sample),
             Found::Damaged(reason) => {
                 return Ok(Some(Entry::Damaged(Damage {
-                    line: self.next as u64,
-                    reason: DamageReason::Bytes(reason.clone()),
+                    line: self.entries,
+                    reason: DamageReason::Bytes(reason),
                 })));
             }
-        };
-        let payload = self.bytes.get(at..at + size_of::<DspTelemetry>());
-        let Some(sample) = payload.and_then(DspTelemetry::from_bytes) else {
-            return Ok(None);
         };
         self.table.set_clock(ClockAnchor {
             unix_ns,
@@ -239,11 +235,7 @@ impl Recording for McapReader {
     }
 
     fn refresh(&mut self) -> Result<(), ReadError> {
-        self.found = None;
-        // The former bytes go first: the file never lies in memory twice.
-        self.bytes = Bytes::default();
-        self.bytes = Bytes::open(&self.path)?;
-        self.begin().map(drop)
+        self.messages.refresh().map_err(ReadError::Unreadable)
     }
 
     fn unfinished_bytes(&self) -> usize {

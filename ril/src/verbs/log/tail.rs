@@ -14,8 +14,9 @@ use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::inotify;
 use rustix::io::Errno;
+use status::log::groups::LogGroups;
 
-use super::files::{LogFile, MAX_NAMED, chosen_file, folder_of, last_rows, successor, unreadable};
+use super::files::{LogFile, MAX_NAMED, folder_of, last_rows, newest, successor, unreadable};
 use super::options::LogTailArgs;
 use super::recording::{Entry, Recording, Row};
 use super::row::{Chosen, JsonRow, UtcSource, UtcTimes};
@@ -37,14 +38,14 @@ pub(super) fn tail(args: &LogTailArgs) -> Result<(), Failure> {
     if configuration(&args.place.common)?.is_none() {
         return Ok(());
     }
-    let mut file = chosen_file(args.file.as_ref(), &args.place)?;
-    let path = file.path().to_owned();
+    let path = match &args.file {
+        Some(path) => path.clone(),
+        None => newest(&args.place)?,
+    };
     if !args.follow {
         // A log that is followed may have no first line yet.
-        file.begin()?;
+        LogFile::open(&path, LogGroups::ALL)?.begin()?;
     }
-    // A record is in memory as a whole; it is never there twice.
-    drop(file);
     if !args.follow {
         return Tail::open(args, path)?.print().map(drop);
     }
@@ -100,7 +101,7 @@ impl<'a> Tail<'a> {
     /// The log that follows `former`, from its beginning.
     fn after(former: Tail<'a>, path: PathBuf) -> Result<Tail<'a>, Failure> {
         Ok(Tail {
-            recording: LogFile::open(&path)?.recording,
+            recording: LogFile::open(&path, LogGroups::ALL)?.recording,
             path,
             begin_with: None,
             shown: None,

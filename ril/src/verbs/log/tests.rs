@@ -1,3 +1,7 @@
+//! What `ril log` makes of the rows of logs: summaries, chosen columns, formats.
+
+use std::path::Path;
+
 use status::log::read::LogReader;
 
 use super::recording::{Entry, Format};
@@ -9,7 +13,7 @@ const CREATED_UNIX_S: u64 = 1_156_797_566;
 
 /// The summary of a log's text.
 fn summary(text: &str) -> Summary {
-    assert_eq!(Format::of(text.as_bytes()), Format::Tsv);
+    assert_eq!(Format::of(Path::new("a.tsv"), text.as_bytes()), Format::Tsv);
     let mut log = LogReader::new(text.as_bytes());
     assert!(log.begin().unwrap());
     let source = UtcSource::of(log.columns(), Some(CREATED_UNIX_S));
@@ -212,6 +216,8 @@ fn rows_are_shown_by_chosen_columns() {
 
 #[test]
 fn a_file_of_another_format_is_named() {
-    assert_eq!(Format::of(b"\x89MCAP0\r\n"), Format::Mcap);
-    assert_eq!(Format::of(b""), Format::Tsv);
+    let of = |name: &str, beginning: &[u8]| Format::of(Path::new(name), beginning);
+    assert_eq!(of("a", b"\x89MCAP0\r\n"), Format::Mcap);
+    assert_eq!(of("a.mcap", b"\x88MCAP0\r\n"), Format::Mcap);
+    assert_eq!(of("a.tsv", b""), Format::Tsv);
 }

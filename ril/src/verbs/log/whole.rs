@@ -1,17 +1,19 @@
-//! `ril log check` and `ril log recover`: what of a flight record is complete, and a whole file of a damaged one.
+//! `ril log check`, `recover` and `export`: what of a flight record is complete, a whole file of a damaged one, and a part of one.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::time::Duration;
 
-use recording::read::{self, Bytes, Recovered};
-use runtime::exit::{ExitCode, Failure, OrFail};
+use recording::read::{self, ReadError, RecordFile, Recovered};
+use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 use status::log::file_name::FileKind;
 
-use super::files::{OrFailUsage, newest, open};
-use super::options::{LogFileArgs, LogRecoverArgs};
+use super::files::{OrFailUsage, last_flight, open};
+use super::options::{LogExportArgs, LogFileArgs, LogRecoverArgs};
 use crate::recorded::check::FileCheck;
+use crate::recorded::new_file;
 use crate::render::json_line;
 use crate::render::words::{count, shell_word};
 use crate::session::configuration;
@@ -19,6 +21,9 @@ use crate::session::configuration;
 /// How a file of a record that was made whole ends, behind the name of the damaged one. No log and no recording gives such a
 /// name, so that none removes the file to make room.
 const RECOVERED: &str = "recovered.mcap";
+
+/// The same of a part of a record.
+const PART: &str = "part.mcap";
 
 /// `ril log check`
 ///
@@ -31,7 +36,7 @@ pub(super) fn check(args: &LogFileArgs) -> Result<(), Failure> {
     }
     let path = match &args.file {
         Some(path) => path.clone(),
-        None => newest(&args.place, Some(FileKind::Mcap))?,
+        None => last_flight(&args.place, Some(FileKind::Mcap))?,
     };
     let name = path.display().to_string();
     let check = FileCheck::new(name.clone(), read::check(&record(&path)?));
@@ -62,13 +67,13 @@ pub(super) fn check(args: &LogFileArgs) -> Result<(), Failure> {
     Err(Failure::new(ExitCode::NotInOrder, text).with_next_step(next_step))
 }
 
-/// A record that was made whole, for programs.
+/// A record that was written anew, for programs.
 #[derive(Serialize)]
-struct RecoveredObject {
+struct WrittenObject {
     schema: &'static str,
-    /// The damaged file, which stays as it is.
+    /// The record, which stays as it is.
     file: String,
-    /// The whole one.
+    /// The new one.
     output: String,
     messages: u64,
     /// What was wrong.
@@ -81,74 +86,94 @@ struct RecoveredObject {
 ///
 /// Code 2 when the file cannot be read or is no record, or when the new one is there already or cannot be written.
 pub(super) fn recover(args: &LogRecoverArgs) -> Result<(), Failure> {
+    write(args, RECOVERED, "ril.LogRecovered.v1", |record, to| {
+        read::recover(record, to)
+    })
+}
+
+/// `ril log export`
+///
+/// # Errors
+///
+/// As [`recover`].
+pub(super) fn export(args: &LogExportArgs) -> Result<(), Failure> {
+    write(&args.file, PART, "ril.LogExported.v1", |record, to| {
+        let summary = read::summary_of(record).unwrap_or_default();
+        // The times of a damaged file are those of its messages.
+        let first = summary.first_ns.or_else(|| read::check(record).first_ns);
+        let start_ns = first.unwrap_or_default();
+        let ns = |since: Duration| u64::try_from(since.as_nanos()).unwrap_or(u64::MAX);
+        let from_ns = start_ns.saturating_add(args.from.map_or(0, ns));
+        let to_ns = args
+            .to
+            .map_or(u64::MAX, |to| start_ns.saturating_add(ns(to)));
+        read::extract(record, to, |message| {
+            let is_wanted = |name: &String| is_topic(message.topic(), name);
+            (from_ns..=to_ns).contains(&message.log_time_ns)
+                && (args.topics.is_empty() || args.topics.iter().any(is_wanted))
+        })
+    })
+}
+
+/// Whether `topic` is called `name`: as in the file, or without the robot.
+fn is_topic(topic: &str, name: &str) -> bool {
+    topic == name
+        || topic.split_once('/').is_some_and(|(_, rest)| {
+            rest.split_once('/')
+                .is_some_and(|(_, rest)| rest == name.trim_start_matches('/'))
+        })
+}
+
+fn write(
+    args: &LogRecoverArgs,
+    ending: &str,
+    schema: &'static str,
+    write: impl FnOnce(&RecordFile, &mut BufWriter<File>) -> Result<Recovered, ReadError>,
+) -> Result<(), Failure> {
     if configuration(&args.common)?.is_none() {
         return Ok(());
     }
-    let bytes = record(&args.file)?;
-    let output = match &args.output {
-        Some(output) => output.clone(),
-        None => beside(&args.file),
-    };
-    let mut file = BufWriter::new(File::create_new(&output).or_fail_usage(&output)?);
-    let recovered = match write_whole(&bytes, &mut file) {
-        Ok(recovered) => recovered,
-        Err(error) => {
-            // A part of a file would look like one that was recovered.
-            let _ = fs::remove_file(&output);
-            return Err(Failure::usage(error).context(output.display().to_string()));
-        }
-    };
+    let record = record(&args.file)?;
+    let output = args.output.clone();
+    let output = output.unwrap_or_else(|| args.file.with_extension(ending));
+    let written = new_file(&output, |to| write(&record, to))?;
     let mut out = io::stdout().lock();
     if args.json {
-        let object = RecoveredObject {
-            schema: "ril.LogRecovered.v1",
+        let object = WrittenObject {
+            schema,
             file: args.file.display().to_string(),
             output: output.display().to_string(),
-            messages: recovered.messages,
-            errors: recovered.errors.iter().map(ToString::to_string).collect(),
+            messages: written.messages,
+            errors: written.errors.iter().map(ToString::to_string).collect(),
         };
         return json_line(&mut out, &object);
     }
-    for error in &recovered.errors {
+    for error in &written.errors {
         tracing::info!("{}: {error}", args.file.display());
     }
-    let messages = count(recovered.messages, "message");
+    let messages = count(written.messages, "message");
     writeln!(out, "{}: {messages}", output.display()).map_err(Failure::output)
 }
 
-/// Writes all that can be read of `bytes`, onto the disk.
-fn write_whole(bytes: &[u8], file: &mut BufWriter<File>) -> Result<Recovered, read::ReadError> {
-    let recovered = read::recover(bytes, file)?;
-    let written = file.flush().and_then(|()| file.get_ref().sync_all());
-    written.map_err(|error| read::ReadError::Io(error.to_string()))?;
-    Ok(recovered)
-}
-
-/// The bytes of the record at `path`.
-fn record(path: &Path) -> Result<Bytes, Failure> {
+/// The record at `path`.
+fn record(path: &Path) -> Result<RecordFile, Failure> {
     // Says why it cannot be read, and refuses what is no regular file.
     open(path)?;
-    let bytes = Bytes::open(path).or_fail(ExitCode::Usage);
-    let bytes = bytes.map_err(|failure| failure.context(path.display().to_string()))?;
-    if bytes.is_empty() {
+    let record = RecordFile::open(path).or_fail_usage(path)?;
+    if record.is_empty() {
         let name = path.display();
         return Err(Failure::usage(format!(
             "{name}: it is empty; the recorder ended before it wrote anything"
         )));
     }
-    let is_record = read::messages(&bytes).next() != Some(Err(read::ReadError::NotMcap));
-    match is_record {
-        true => Ok(bytes),
-        false => Err(Failure::usage(format!(
+    let first = read::messages(&record).next();
+    match matches!(first, Some(Err(ReadError::NotMcap))) {
+        false => Ok(record),
+        true => Err(Failure::usage(format!(
             "{}: it is no flight record in the format MCAP; `ril log summary` reads logs of status",
             path.display()
         ))),
     }
-}
-
-/// Where the whole file goes when nothing else is said.
-fn beside(damaged: &Path) -> PathBuf {
-    damaged.with_extension(RECOVERED)
 }
 
 #[cfg(test)]
@@ -157,12 +182,25 @@ mod tests {
 
     #[test]
     fn a_recovered_file_lies_beside_the_damaged_one_and_belongs_to_no_recording() {
-        let output = beside(Path::new("log/hero(1)_2026-11-22T11-54-43Z.mcap"));
-        assert_eq!(
-            output,
-            Path::new("log/hero(1)_2026-11-22T11-54-43Z.recovered.mcap")
-        );
-        let name = output.file_name().unwrap().to_str().unwrap();
-        assert_eq!(status::log::file_name::recognize(name), None);
+        for ending in [RECOVERED, PART] {
+            let output = Path::new("log/hero(1)_2026-11-22T11-54-43Z.mcap").with_extension(ending);
+            let name = output.file_name().unwrap().to_str().unwrap();
+            assert!(name.ends_with(&format!("43Z.{ending}")), "{name}");
+            assert_eq!(status::log::file_name::recognize(name), None);
+        }
+    }
+
+    #[test]
+    fn a_topic_is_named_as_in_the_file_or_without_the_robot() {
+        let topic = "/robot1/hero/telemetry";
+        for (name, expected) in [
+            (topic, true),
+            ("hero/telemetry", true),
+            ("/hero/telemetry", true),
+            ("telemetry", false),
+            ("/robot2/hero/telemetry", false),
+        ] {
+            assert_eq!(is_topic(topic, name), expected, "{name}");
+        }
     }
 }

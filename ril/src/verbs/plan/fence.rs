@@ -11,16 +11,15 @@ use std::time::Duration;
 use bridge::BridgeConfig;
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, ModuleState};
-use ipc_types::{MonotonicNs, Subscriber, fresh_request_id};
+use ipc_types::{MonotonicNs, fresh_request_id};
 use plans::check::area_config;
 use plans::model::FenceArea;
-use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::exit::{ExitCode, Failure};
 use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table, value};
 
 use crate::render::messages::Verb;
-use crate::request::exchange::Until;
-use crate::request::{Conversation, Format};
-use crate::session::Session;
+use crate::request::{Conversation, Format, Until};
+use crate::session::{Latest, Session};
 
 /// How the names of a plan's areas begin.
 const PREFIX: &str = "plan: ";
@@ -146,28 +145,23 @@ fn await_areas(
     count: u32,
     file: &Path,
 ) -> Result<(), Failure> {
-    let mut states: Subscriber<ModuleState> =
-        session.ipc.subscriber().or_fail(ExitCode::Internal)?;
+    let mut state = Latest::<ModuleState>::open(&session.ipc)?;
+    let areas = |state: &Latest<ModuleState>| {
+        let sample = state.sample.as_ref();
+        sample.map(|state| state.safety.fence_areas)
+    };
     let give_up = MonotonicNs::now() + timeout;
-    let mut last = None;
-    loop {
-        if let Some(state) = states.latest().or_fail(ExitCode::Internal)? {
-            last = Some(state.safety.fence_areas);
-        }
-        if last == Some(count) {
-            return Ok(());
-        }
-        if MonotonicNs::now() >= give_up || session.termination.requested() {
-            let text = format!(
-                "--fence: the bridge has {} areas in force instead of {count}, so it does not read {}; it is as before. Name the file \
-                 that the bridge was started with: `--bridge FILE`",
-                last.unwrap_or_default(),
-                file.display()
-            );
-            return Err(Failure::new(ExitCode::Refused, text));
-        }
-        session.wait([&mut states as _], Some(give_up))?;
+    let is_in_force = |state: &mut Latest<ModuleState>, _| Ok(areas(state) == Some(count));
+    if session.gather(&mut state, give_up, is_in_force)? {
+        return Ok(());
     }
+    let text = format!(
+        "--fence: the bridge has {} areas in force instead of {count}, so it does not read {}; it is as before. Name the file that the \
+         bridge was started with: `--bridge FILE`",
+        areas(&state).unwrap_or_default(),
+        file.display()
+    );
+    Err(Failure::new(ExitCode::Refused, text))
 }
 
 #[cfg(test)]

@@ -12,16 +12,14 @@ use plans::flight::{PathPoint, Step};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::fence;
-use super::gather::{Known, gather, read};
-use super::journal::Journal;
+use super::gather::{KnownPlan, gather, read};
+use super::journal::FlownSteps;
 use super::options::PlanFlyArgs;
-use super::report::Report;
-use crate::options::RobotChoice;
+use super::report::PlanReport;
 use crate::render::json_line;
 use crate::render::messages::Verb;
 use crate::render::words::{columns, distance, duration};
-use crate::request::exchange::Until;
-use crate::request::{Companion, Conversation, Format, begin_by_ns, complete};
+use crate::request::{Companion, Conversation, Format, Until, begin_by_ns, complete};
 use crate::session::{Session, configuration, refuse_to_guess};
 
 /// `ril plan fly`
@@ -29,12 +27,12 @@ use crate::session::{Session, configuration, refuse_to_guess};
 /// # Errors
 ///
 /// Code 8 when a finding forbids the flight; otherwise that of the request that ended it early.
-pub fn fly(args: &PlanFlyArgs, choice: RobotChoice) -> Result<(), Failure> {
+pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
     let ask = &args.ask;
     let Some(config) = configuration(&ask.common)? else {
         return Ok(());
     };
-    refuse_to_guess(choice)?;
+    refuse_to_guess(&ask.common)?;
     let plan = read(&args.plan)?;
     let session = Session::join(&ask.common)?;
     let timeout = ask.timeout.unwrap_or_else(|| config.request.timeout());
@@ -46,7 +44,7 @@ pub fn fly(args: &PlanFlyArgs, choice: RobotChoice) -> Result<(), Failure> {
         timeout,
         true,
     )?;
-    let report = Report::new(&args.plan.file, &known);
+    let report = PlanReport::new(&args.plan.file, &known);
     if ask.json {
         report.write_json(&mut io::stdout().lock())?;
     } else {
@@ -59,7 +57,7 @@ pub fn fly(args: &PlanFlyArgs, choice: RobotChoice) -> Result<(), Failure> {
     let mut flyer = Flyer {
         session: &session,
         known: &known,
-        journal: Journal::new(known.flight.steps.clone(), args.plan.from),
+        journal: FlownSteps::new(known.flight.steps.clone(), args.plan.from),
         timeout,
         deadline_ms: ask.deadline.unwrap_or(config.request.deadline_ms),
         json: ask.json,
@@ -92,7 +90,7 @@ fn explain_closed_output(failure: Failure) -> Failure {
 
 fn put_fence(
     args: &PlanFlyArgs,
-    known: &Known,
+    known: &KnownPlan,
     session: &Session,
     timeout: Duration,
 ) -> Result<(), Failure> {
@@ -112,8 +110,8 @@ fn put_fence(
 
 struct Flyer<'a> {
     session: &'a Session,
-    known: &'a Known,
-    journal: Journal,
+    known: &'a KnownPlan,
+    journal: FlownSteps,
     timeout: Duration,
     deadline_ms: u32,
     json: bool,
@@ -299,7 +297,7 @@ fn describe(step: &Step) -> String {
 struct PathWatch<'a> {
     states: Subscriber<ModuleState>,
     path_id: u64,
-    journal: &'a mut Journal,
+    journal: &'a mut FlownSteps,
     json: bool,
 }
 
@@ -308,7 +306,7 @@ impl<'a> PathWatch<'a> {
     fn open(
         session: &Session,
         path_id: u64,
-        journal: &'a mut Journal,
+        journal: &'a mut FlownSteps,
         json: bool,
     ) -> Result<PathWatch<'a>, Failure> {
         Ok(PathWatch {

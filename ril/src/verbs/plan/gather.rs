@@ -20,8 +20,7 @@ use runtime::finding::{Finding, Severity};
 use super::options::{HomeArg, PlanFileArgs};
 use crate::config::PlanConfig;
 use crate::render::messages::Verb;
-use crate::request::exchange::Until;
-use crate::request::{Conversation, Format};
+use crate::request::{Conversation, Format, Until};
 use crate::robot::chart::read_plan;
 use crate::robot::position::{Present, newest_state, present_position};
 use crate::session::Session;
@@ -30,7 +29,7 @@ use crate::session::Session;
 const BRIDGE_FILE: &str = "bridge.toml";
 
 /// A plan with all that is known about it.
-pub struct Known {
+pub struct KnownPlan {
     /// As its file has it, and as the operator says.
     pub plan: Plan,
     /// What it is flown from.
@@ -42,13 +41,13 @@ pub struct Known {
     /// The configuration of the bridge, and its file.
     pub rules: Option<(BridgeConfig, PathBuf)>,
     /// What the robot says, if it runs.
-    pub robot: Option<Robot>,
+    pub robot: Option<KnownRobot>,
     /// All findings, the most severe first.
     pub findings: Vec<Finding>,
 }
 
 /// What a robot says of itself.
-pub struct Robot {
+pub struct KnownRobot {
     /// The bridge's state.
     pub state: ModuleState,
     /// Where it is, if telemetry says so.
@@ -69,7 +68,7 @@ pub fn gather(
     session: Option<&Session>,
     timeout: Duration,
     is_for_flight: bool,
-) -> Result<Known, Failure> {
+) -> Result<KnownPlan, Failure> {
     let loaded =
         runtime::config::load::<BridgeConfig>(args.bridge.as_deref(), Path::new(BRIDGE_FILE))?;
     let rules = loaded.file.map(|file| (loaded.value, file));
@@ -90,7 +89,7 @@ pub fn gather(
         findings.extend(of_robot(robot, rules_in_force, is_for_flight));
     }
     sort(&mut findings);
-    Ok(Known {
+    Ok(KnownPlan {
         plan,
         site,
         flight,
@@ -120,7 +119,11 @@ pub fn read(args: &PlanFileArgs) -> Result<Plan, Failure> {
 }
 
 /// What the robot says; `None` if none runs and none is needed.
-fn robot(session: &Session, timeout: Duration, is_needed: bool) -> Result<Option<Robot>, Failure> {
+fn robot(
+    session: &Session,
+    timeout: Duration,
+    is_needed: bool,
+) -> Result<Option<KnownRobot>, Failure> {
     if !is_needed && !session.is_provided(ModuleState::KEY)? {
         return Ok(None);
     }
@@ -139,7 +142,7 @@ fn robot(session: &Session, timeout: Duration, is_needed: bool) -> Result<Option
         true => cruise_speed(session, timeout),
         false => None,
     };
-    Ok(Some(Robot {
+    Ok(Some(KnownRobot {
         state,
         present,
         cruise_speed_mps,
@@ -164,7 +167,7 @@ fn site(
     plan: &Plan,
     args: &PlanFileArgs,
     config: &PlanConfig,
-    robot: Option<&Robot>,
+    robot: Option<&KnownRobot>,
     is_for_flight: bool,
 ) -> Site {
     let present = robot.and_then(|robot| robot.present);
@@ -242,7 +245,7 @@ fn home(
 
 fn endurance(
     config: &PlanConfig,
-    robot: Option<&Robot>,
+    robot: Option<&KnownRobot>,
     rules: Option<&BridgeConfig>,
 ) -> Endurance {
     let of_rules = |port| rules.and_then(|rules| configured(rules, port));
@@ -258,7 +261,7 @@ fn endurance(
 }
 
 /// What the robot says against the flight: a rule that is broken now, and a fence that is not the one of the file.
-fn of_robot(robot: &Robot, rules: Option<&BridgeConfig>, is_for_flight: bool) -> Vec<Finding> {
+fn of_robot(robot: &KnownRobot, rules: Option<&BridgeConfig>, is_for_flight: bool) -> Vec<Finding> {
     let mut findings = Vec::new();
     let safety = &robot.state.safety;
     let is_severe = safety

@@ -9,7 +9,7 @@ use crate::render::words::shell_word;
 
 /// What happens in a flight, for programs.
 #[derive(Debug, PartialEq, Serialize)]
-pub struct Event {
+pub struct StepEvent {
     schema: &'static str,
     event: &'static str,
     step: usize,
@@ -21,7 +21,7 @@ pub struct Event {
 }
 
 /// How far the flight is.
-pub struct Journal {
+pub struct FlownSteps {
     steps: Vec<Step>,
     /// The step under way, from 0; as many as there are steps at the end.
     step: usize,
@@ -31,10 +31,10 @@ pub struct Journal {
     from: u32,
 }
 
-impl Journal {
+impl FlownSteps {
     /// Nothing has been flown.
-    pub fn new(steps: Vec<Step>, from: u32) -> Journal {
-        Journal {
+    pub fn new(steps: Vec<Step>, from: u32) -> FlownSteps {
+        FlownSteps {
             steps,
             step: 0,
             reached: 0,
@@ -89,7 +89,7 @@ impl Journal {
     pub fn resume(&self, args: &PlanFlyArgs, home: &Waypoint) -> Option<String> {
         let item = self.next_item()?;
         let plan = &args.plan;
-        let robot = args.ask.common.robot;
+        let robot = args.ask.common.robot();
         let mut words = vec![
             "ril plan fly".to_owned(),
             shell_word(&plan.file.to_string_lossy()),
@@ -126,13 +126,13 @@ impl Journal {
     }
 
     /// The event `event` of the step under way, for programs.
-    pub fn event(&self, event: &'static str) -> Event {
+    pub fn event(&self, event: &'static str) -> StepEvent {
         let step = self.step();
         let total = match step {
             Some(Step::Path(points)) => Some(points.len() as u32),
             _ => None,
         };
-        Event {
+        StepEvent {
             schema: "ril.PlanProgress.v1",
             event,
             step: (self.step + 1).min(self.steps.len()),
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn the_next_item_is_the_first_that_was_not_done() {
-        let mut journal = Journal::new(steps(), 1);
+        let mut journal = FlownSteps::new(steps(), 1);
         assert_eq!(journal.next_item(), Some(1));
         journal.step_done();
         journal.step_done();
@@ -225,7 +225,7 @@ mod tests {
             .iter()
             .chain(line)
             .map(OsString::from);
-        match Cli::read(words).unwrap().0.command {
+        match Cli::read(words).unwrap().command {
             Command::Plan(args) => match args.command {
                 PlanCommand::Fly(args) => args,
                 other => panic!("{other:?}"),
@@ -250,7 +250,7 @@ mod tests {
             longitude_deg: -6.001,
             altitude_m: 10.25,
         };
-        let mut journal = Journal::new(steps(), 1);
+        let mut journal = FlownSteps::new(steps(), 1);
         let command = journal.resume(&args, &home).unwrap();
         assert_eq!(
             command,

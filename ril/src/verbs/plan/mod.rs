@@ -19,24 +19,23 @@ use plans::Plan;
 use plans::write::to_qgc_plan;
 use runtime::exit::{ExitCode, Failure};
 
-use crate::options::RobotChoice;
 use crate::render::json_line;
 use crate::render::words::columns;
 use crate::session::{Session, configuration};
-use gather::{Known, gather, read};
+use gather::{KnownPlan, gather, read};
 use options::{PlanCheckArgs, PlanCommand, PlanFileArgs, PlanLookArgs, PlanShowArgs};
-use report::Report;
+use report::PlanReport;
 
 /// `ril plan …`
 ///
 /// # Errors
 ///
 /// Code 2 when the file is no plan, 8 when a finding forbids the flight; `fly` as all requests, and 3 when there is no bridge.
-pub fn plan(command: &PlanCommand, choice: RobotChoice) -> Result<(), Failure> {
+pub fn plan(command: &PlanCommand) -> Result<(), Failure> {
     match command {
         PlanCommand::Check(args) => check(args),
         PlanCommand::Show(args) => show(args),
-        PlanCommand::Fly(args) => fly::fly(args, choice),
+        PlanCommand::Fly(args) => fly::fly(args),
     }
 }
 
@@ -44,7 +43,7 @@ fn check(args: &PlanCheckArgs) -> Result<(), Failure> {
     let Some(known) = look(&args.plan, &args.look)? else {
         return Ok(());
     };
-    let report = Report::new(&args.plan.file, &known);
+    let report = PlanReport::new(&args.plan.file, &known);
     let mut out = io::stdout().lock();
     if args.look.json {
         report.write_json(&mut out)?;
@@ -64,7 +63,10 @@ fn show(args: &PlanShowArgs) -> Result<(), Failure> {
         for row in &rows {
             json_line(&mut out, row)?;
         }
-        json_line(&mut out, &Report::new(&args.plan.file, &known).summary())?;
+        json_line(
+            &mut out,
+            &PlanReport::new(&args.plan.file, &known).summary(),
+        )?;
     } else {
         write!(out, "{}", table::text(&rows)).map_err(Failure::output)?;
     }
@@ -75,7 +77,7 @@ fn show(args: &PlanShowArgs) -> Result<(), Failure> {
 }
 
 /// What `check` and `show` know of the plan; `None` if only the configuration was to be checked.
-fn look(plan: &PlanFileArgs, look: &PlanLookArgs) -> Result<Option<Known>, Failure> {
+fn look(plan: &PlanFileArgs, look: &PlanLookArgs) -> Result<Option<KnownPlan>, Failure> {
     let Some(config) = configuration(&look.common)? else {
         return Ok(None);
     };

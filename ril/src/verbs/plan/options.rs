@@ -7,8 +7,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use plans::model::{Altitude, Reference};
 use runtime::args::CommonArgs;
 
-use crate::options::length::{Height, height, take_off_height};
-use crate::options::{AskArgs, EXIT_CODES, duration, number};
+use crate::options::{AskArgs, EXIT_CODES, Height, duration, height, number, take_off_height};
 
 /// `ril plan`
 #[derive(Args, Clone, Debug)]

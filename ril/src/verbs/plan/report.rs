@@ -10,7 +10,7 @@ use plans::timeline::timeline;
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
-use super::gather::Known;
+use super::gather::KnownPlan;
 use crate::render::finding;
 use crate::render::json_line;
 use crate::render::words::{count, distance, duration, wrap};
@@ -19,9 +19,9 @@ use crate::render::words::{count, distance, duration, wrap};
 const HEADING: usize = 13;
 
 /// A checked plan.
-pub struct Report<'a> {
+pub struct PlanReport<'a> {
     file: &'a Path,
-    known: &'a Known,
+    known: &'a KnownPlan,
     length_m: f64,
     time_s: Option<f64>,
     highest_m: Option<f64>,
@@ -43,7 +43,7 @@ struct FindingObject<'a> {
 
 /// The whole for programs.
 #[derive(Serialize)]
-pub struct Summary {
+pub struct PlanSummary {
     schema: &'static str,
     file: String,
     format: &'static str,
@@ -62,14 +62,14 @@ pub struct Summary {
     not_checked: usize,
 }
 
-impl<'a> Report<'a> {
+impl<'a> PlanReport<'a> {
     /// The report about the plan of `file`.
-    pub fn new(file: &'a Path, known: &'a Known) -> Report<'a> {
+    pub fn new(file: &'a Path, known: &'a KnownPlan) -> PlanReport<'a> {
         let marks = timeline(&known.flight, &known.endurance);
         let home = &known.site.home;
         let most = |values: &mut dyn Iterator<Item = f64>| values.reduce(f64::max);
         let legs = || known.flight.legs.iter();
-        Report {
+        PlanReport {
             file,
             known,
             length_m: marks.last().map_or(0.0, |mark| mark.distance_m),
@@ -126,7 +126,7 @@ impl<'a> Report<'a> {
     }
 
     fn heading(&self, columns: usize) -> String {
-        let Known {
+        let KnownPlan {
             plan, site, rules, ..
         } = self.known;
         let line = |name: &str, text: &str| wrap(&format!("{name:<HEADING$}"), text, columns);
@@ -219,14 +219,14 @@ impl<'a> Report<'a> {
     }
 
     /// The whole for programs.
-    pub fn summary(&self) -> Summary {
-        let Known {
+    pub fn summary(&self) -> PlanSummary {
+        let KnownPlan {
             plan,
             site,
             endurance,
             ..
         } = self.known;
-        Summary {
+        PlanSummary {
             schema: "ril.PlanSummary.v1",
             file: self.file.display().to_string(),
             format: plan.format.name(),

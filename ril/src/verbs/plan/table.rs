@@ -4,7 +4,7 @@ use plans::model::{Action, Altitude, Item};
 use plans::timeline::{Mark, timeline};
 use serde::Serialize;
 
-use super::gather::Known;
+use super::gather::KnownPlan;
 use crate::render::words::duration;
 
 /// One item.
@@ -33,7 +33,7 @@ pub struct Row {
 }
 
 /// The rows of a plan.
-pub fn rows(known: &Known) -> Vec<Row> {
+pub fn rows(known: &KnownPlan) -> Vec<Row> {
     let marks = timeline(&known.flight, &known.endurance);
     let row = |item: &Item| {
         let own: Vec<&Mark> = marks
@@ -45,7 +45,7 @@ pub fn rows(known: &Known) -> Vec<Row> {
     known.plan.items.iter().map(row).collect()
 }
 
-fn new_row(known: &Known, item: &Item, marks: &[&Mark]) -> Row {
+fn new_row(known: &KnownPlan, item: &Item, marks: &[&Mark]) -> Row {
     let legs = || {
         known
             .flight

@@ -15,13 +15,13 @@ use rustix::event::{EventfdFlags, eventfd};
 use status::log::store::FileStore;
 
 use worker::Worker;
-pub(super) use worker::{ClosedFile, Note, Outcome, Place};
+pub(super) use worker::{ActionResult, ClosedFile, Note, Place};
 
 /// The thread, as the rest of the process sees it.
 pub(super) struct Disk {
     /// Room for the one action that can be outstanding, so that handing it over never waits.
     actions: SyncSender<Action>,
-    outcomes: Receiver<Outcome>,
+    outcomes: Receiver<ActionResult>,
     is_busy: bool,
     woken: Arc<OwnedFd>,
 }
@@ -84,7 +84,7 @@ impl Disk {
     /// # Errors
     ///
     /// The thread is gone.
-    pub fn outcome(&mut self) -> Result<Option<Outcome>, DiskGone> {
+    pub fn outcome(&mut self) -> Result<Option<ActionResult>, DiskGone> {
         let mut count = [0; 8];
         // It has nothing most of the time, and that is no error.
         let _ = rustix::io::read(&self.woken, &mut count);

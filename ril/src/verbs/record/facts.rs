@@ -52,7 +52,7 @@ pub(super) struct FactsOfRobot {
     start: Anchor,
     /// Configurations that were named, by process.
     named: BTreeMap<&'static str, PathBuf>,
-    facts: Facts,
+    facts: RecordFacts,
 }
 
 impl FactsOfRobot {
@@ -70,10 +70,10 @@ impl FactsOfRobot {
             named: named
                 .filter_map(|(name, file)| Some((name, file.clone()?)))
                 .collect(),
-            facts: Facts {
+            facts: RecordFacts {
                 host: text_of("/proc/sys/kernel/hostname"),
                 boot_id: text_of("/proc/sys/kernel/random/boot_id"),
-                ..Facts::default()
+                ..RecordFacts::default()
             },
         };
         CONFIGURED
@@ -95,12 +95,17 @@ impl FactsOfRobot {
         }
     }
 
-    /// As each file says it, with these layouts by topic.
-    pub fn flight_info(&self, layouts: BTreeMap<String, String>) -> FlightInfo {
-        let facts = Facts {
+    /// As each file says it, with these layouts by topic, and with files that say what the processes run with.
+    pub fn flight_info(
+        &self,
+        layouts: BTreeMap<String, String>,
+        running: &BTreeMap<String, Vec<u8>>,
+    ) -> FlightInfo {
+        let mut facts = RecordFacts {
             layouts,
             ..self.facts.clone()
         };
+        facts.files.extend(running.clone());
         facts.flight_info(self.ipc.robot(), self.start)
     }
 
@@ -113,6 +118,10 @@ impl FactsOfRobot {
         if let Some(provider) = &provider {
             let pids = &mut self.facts.processes;
             pids.insert(provider.process.clone(), provider.pid);
+            if let Some(command) = command_of(provider) {
+                let commands = &mut self.facts.commands;
+                commands.insert(provider.process.clone(), command);
+            }
         }
         let named = self.named.get(process.name).cloned();
         let is_named = named.is_some();
@@ -153,6 +162,14 @@ impl FactsOfRobot {
         }
         Ok(())
     }
+}
+
+/// The command line of a live process on this machine, whose words take precedence over its configuration.
+fn command_of(provider: &Provider) -> Option<String> {
+    let bytes = fs::read(format!("/proc/{}/cmdline", provider.pid)).ok();
+    let bytes = bytes.filter(|_| provider.shares_pids())?;
+    let words = String::from_utf8_lossy(&bytes).replace('\0', " ");
+    Some(words.trim_end().to_owned())
 }
 
 /// The text of a file of the kernel's; empty when it cannot be read.
@@ -212,20 +229,22 @@ pub const LAYOUTS: &str = "ril.layouts";
 
 /// What is known of the robot at a moment.
 #[derive(Clone, Debug, Default)]
-pub struct Facts {
+pub struct RecordFacts {
     /// Name of the machine.
     pub host: String,
     /// The machine's boot: monotonic times of two recordings can be compared only within one.
     pub boot_id: String,
     /// Live processes of the robot, by name: process id.
     pub processes: BTreeMap<String, u32>,
+    /// Their command lines.
+    pub commands: BTreeMap<String, String>,
     /// Layout and hash by topic.
     pub layouts: BTreeMap<String, String>,
     /// Files that are recorded along, by name.
     pub files: BTreeMap<String, Vec<u8>>,
 }
 
-impl Facts {
+impl RecordFacts {
     /// As the recorder writes it into each file.
     pub fn flight_info(self, robot: RobotId, start: Anchor) -> FlightInfo {
         let mut flight: BTreeMap<String, String> = [
@@ -240,6 +259,9 @@ impl Facts {
         .into();
         for (process, pid) in self.processes {
             flight.insert(format!("pid.{process}"), pid.to_string());
+        }
+        for (process, command) in self.commands {
+            flight.insert(format!("command.{process}"), command);
         }
         let attachment = |(name, data): (String, Vec<u8>)| Attachment {
             media_type: "application/toml".to_owned(),
@@ -300,11 +322,11 @@ mod tests {
 
     #[test]
     fn a_file_says_which_robot_machine_and_version_it_is_of() {
-        let facts = Facts {
+        let facts = RecordFacts {
             host: "field".to_owned(),
             processes: [("bridge".to_owned(), 812)].into(),
             files: [("bridge.toml".to_owned(), b"x = 1".to_vec())].into(),
-            ..Facts::default()
+            ..RecordFacts::default()
         };
         let start = Anchor {
             monotonic: MonotonicNs(5),

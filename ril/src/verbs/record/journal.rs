@@ -1,6 +1,6 @@
-//! [`JournalTopics`]: the topics that are made of the bridge's journal: requests with their reports, and the bytes of the serial line.
+//! [`JournalTopics`]: what is made of the bridge's journal for people and programs that do not read it: requests with their reports.
 //!
-//! The journal itself is recorded too, as it is; these topics are for people and programs that do not read it.
+//! The journal itself is recorded too, as it is. What is frequent and long in it, the bytes of the serial line, is not recorded twice.
 
 use std::collections::BTreeMap;
 
@@ -15,10 +15,8 @@ use module_kit::journal::{Entry, Reader};
 use recording::Recorder;
 use ros_messages::Level;
 
-use super::log::{LogTopic, RecorderTopic};
-use crate::recorded::{
-    REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent, SERIAL_BYTES, SERIAL_BYTES_TEXT, serial_bytes,
-};
+use super::log::{LogTopic, RecorderTopic, configuration_of};
+use crate::recorded::{REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent};
 use crate::render::messages::{self, Verb};
 
 /// Open requests whose command is remembered for their reports: many times as many as the bridge's clients can have open. Of older
@@ -35,38 +33,37 @@ pub struct JournalTopics {
 impl JournalTopics {
     /// Of `robot`.
     pub fn new(robot: RobotId) -> JournalTopics {
-        let outlet = |name, type_name, text: &str| {
-            RecorderTopic::with_text(robot, name, type_name, text.to_owned())
-        };
+        let text = REQUEST_EVENT_TEXT.to_owned();
         JournalTopics {
             reader: Reader::new(),
             made: Made {
-                requests: outlet("requests", REQUEST_EVENT, REQUEST_EVENT_TEXT),
-                received: outlet("serial/received", SERIAL_BYTES, SERIAL_BYTES_TEXT),
-                sent: outlet("serial/sent", SERIAL_BYTES, SERIAL_BYTES_TEXT),
+                requests: RecorderTopic::with_text(robot, "requests", REQUEST_EVENT, text),
                 open: BTreeMap::new(),
             },
         }
     }
 
-    /// Takes a piece of the journal, as it lies in shared memory.
+    /// Takes a piece of the journal, as it lies in shared memory. Returns the configuration that the bridge runs with, if the piece says it.
     pub fn take(
         &mut self,
         recorder: &mut Recorder,
         log: &mut LogTopic,
         piece: &[u8],
         now: MonotonicNs,
-    ) {
-        let Some(piece) = BridgeJournal::from_bytes(piece) else {
-            return;
-        };
+    ) -> Option<String> {
+        let piece = BridgeJournal::from_bytes(piece)?;
         let JournalTopics { reader, made } = self;
         reader.take(&piece);
         let mut to = To { recorder, log, now };
+        let mut configuration = None;
         // After bytes that are no record, reading goes on at the next snapshot; the pieces are recorded as they are.
         while let Ok(Some(record)) = reader.next() {
+            if let Entry::Snapshot(bytes) = &record.entry {
+                configuration = configuration_of(bytes);
+            }
             made.take(&mut to, &record);
         }
+        configuration
     }
 }
 
@@ -77,12 +74,10 @@ struct To<'a> {
     now: MonotonicNs,
 }
 
-/// The topics that are made, and what is remembered for them.
+/// The topic that is made, and what is remembered for it.
 #[derive(Debug)]
 struct Made {
     requests: RecorderTopic,
-    received: RecorderTopic,
-    sent: RecorderTopic,
     /// By request id.
     open: BTreeMap<u64, Open>,
 }
@@ -106,14 +101,6 @@ impl Made {
         let at = record.at;
         match &record.entry {
             Entry::Line(line) => to.log.process(to.recorder, (to.now, at), "bridge", line),
-            Entry::Input(Input::Received(bytes)) => {
-                let bytes = serial_bytes(at.0, bytes);
-                self.received.add(to.recorder, to.now, at, &bytes);
-            }
-            Entry::Output(Output::Sent(bytes)) => {
-                let bytes = serial_bytes(at.0, bytes);
-                self.sent.add(to.recorder, to.now, at, &bytes);
-            }
             Entry::Input(
                 Input::Control {
                     sender, request, ..

@@ -18,7 +18,7 @@ pub struct LossEvents {
 }
 
 /// What a sample says of those before it: at most that its publisher began again, and that some are missing.
-pub type Found = arrayvec::ArrayVec<Event, 2>;
+pub type SampleGap = arrayvec::ArrayVec<Event, 2>;
 
 impl LossEvents {
     /// Of `topic`, no sample of which has come, in a recording that has begun at `begun`.
@@ -44,13 +44,13 @@ impl LossEvents {
         (epoch_ns, sequence): (u64, u64),
         at: MonotonicNs,
         now: MonotonicNs,
-    ) -> Found {
+    ) -> SampleGap {
         let before = self.tracker.losses();
         self.tracker.accept(epoch_ns, sequence);
         let after = self.tracker.losses();
         let is_first = self.last.is_none();
         let first = self.last.replace(at).unwrap_or(at);
-        let mut found = Found::new();
+        let mut found = SampleGap::new();
         let event = |kind, count, text| Event {
             at: now,
             kind,

@@ -15,13 +15,18 @@ mod shell;
 mod sinks;
 mod topics;
 
-use ipc_types::{Domain, Ipc, RobotId};
+use std::collections::BTreeMap;
+use std::io::ErrorKind;
+use std::path::Path;
+
+use ipc_types::{Domain, Ipc, RobotId, files};
 use module_kit::process;
 use recording::{Recorder, Settings};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::logging::LogLines;
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
+use rustix::fs::Access;
 use status::log::config::Limits;
 use status::log::file_name::Series;
 
@@ -30,7 +35,7 @@ use self::disk::Place;
 use self::facts::FactsOfRobot;
 use self::options::RecordArgs;
 use self::report::Reporter;
-use self::shell::{Shell, anchor};
+use self::shell::{RecorderShell, anchor};
 use self::sinks::Sinks;
 use self::topics::Topics;
 use crate::render::words::count;
@@ -40,16 +45,18 @@ use crate::session::configuration;
 ///
 /// # Errors
 ///
-/// Code 2 when the options do not fit together, 8 when the disk did not take every message, 1 when it did not answer at the end.
+/// Code 2 when the options do not fit together or the folder may not be written, 8 when the disk did not take every message, 1 when it
+/// did not answer at the end.
 pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     let max_total_bytes = args.max_total_bytes().map_err(Failure::usage)?;
     if configuration(&args.common)?.is_none() {
         return Ok(());
     }
+    refuse_unwritable(&args.output)?;
     let lines = LogLines::claim().inspect(|lines| lines.want(true));
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
-    let robot = RobotId::from(args.common.robot);
+    let robot = RobotId::from(args.common.robot());
     let ipc = Ipc::join(&domain, robot, "record").or_fail(ExitCode::Internal)?;
 
     let disk = Disk::start(Place {
@@ -65,27 +72,50 @@ pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     let topics = Topics::open(ipc.clone())?;
     let start = anchor();
     let facts = FactsOfRobot::gather(ipc, args, start)?;
-    let info = facts.flight_info(topics.layouts());
+    let info = facts.flight_info(topics.layouts(), &BTreeMap::new());
     let settings = Settings {
-        split_duration: args.duration,
+        split_duration: args.split,
         split_bytes: Some(args.max_file_bytes()),
         ..Settings::default()
     };
-    let mut shell = Shell::new(
+    let mut shell = RecorderShell::new(
         topics,
         facts,
         Recorder::new(settings, info, start),
         Sinks::new(robot, args.flights, start, lines),
         disk,
         Reporter::new(robot, args.json),
+        args.duration.map(|duration| start.monotonic + duration),
     );
     let supervisor = Notifier::from_env();
     process::run(&mut shell, &termination, &supervisor).or_fail(ExitCode::Internal)?;
     end(&shell)
 }
 
+/// Refuses a folder that this user may not write: that does not get better by waiting, as a full disk does.
+fn refuse_unwritable(folder: &Path) -> Result<(), Failure> {
+    let access = Access::WRITE_OK | Access::EXEC_OK;
+    let usable =
+        files::create_dir_all(folder).and_then(|()| Ok(rustix::fs::access(folder, access)?));
+    match usable {
+        Err(error)
+            if matches!(
+                error.kind(),
+                ErrorKind::PermissionDenied
+                    | ErrorKind::ReadOnlyFilesystem
+                    | ErrorKind::NotADirectory
+                    | ErrorKind::AlreadyExists
+            ) =>
+        {
+            let text = format!("{} cannot be written: {error}", folder.display());
+            Err(Failure::usage(text).with_next_step("name another folder with --output"))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Says what became of the recording.
-fn end(shell: &Shell) -> Result<(), Failure> {
+fn end(shell: &RecorderShell) -> Result<(), Failure> {
     let totals = shell.totals();
     shell.reporter().end(&totals, shell.counts());
     if !shell.is_ended() {
@@ -96,14 +126,15 @@ fn end(shell: &Shell) -> Result<(), Failure> {
             "`ril log check FILE` says what the file has, `ril log recover FILE` makes it whole",
         ));
     }
+    // Of a file that failed, it is not known whether the disk has what was written and not yet forced onto it.
+    let unsure = totals.written - totals.synced;
     let missing = totals.added - totals.written;
-    let broken = shell.reporter().broken_files();
-    if missing == 0 && broken == 0 {
+    if missing == 0 && unsure == 0 {
         return Ok(());
     }
-    let (messages, files) = (count(missing, "message"), count(broken, "file"));
+    let (dropped, unsure) = (count(missing, "message"), count(unsure, "message"));
     let text =
-        format!("the disk did not take everything: {messages} dropped, {files} without an end");
+        format!("the disk did not take everything: {dropped} dropped, {unsure} perhaps lost");
     Err(Failure::new(ExitCode::NotInOrder, text).with_next_step(
         "make room, or take a faster disk; `ril log check FILE` says what a file has",
     ))

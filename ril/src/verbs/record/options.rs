@@ -6,8 +6,7 @@ use std::time::Duration;
 use clap::Args;
 use runtime::args::CommonArgs;
 
-use crate::options::EXIT_CODES;
-use crate::options::duration;
+use crate::options::{EXIT_CODES, duration};
 
 /// Longest file, MiB: one more would not fit onto memory cards' file systems.
 const MAX_FILE_MIB: u64 = 4095;
@@ -43,6 +42,10 @@ pub struct RecordArgs {
 
     /// Begin another file after this time, such as 10m
     #[arg(long, value_name = "DURATION", value_parser = duration)]
+    pub split: Option<Duration>,
+
+    /// End after this time, such as 1h
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
     pub duration: Option<Duration>,
 
     /// Begin another file when one has so many MiB
@@ -50,7 +53,8 @@ pub struct RecordArgs {
         value_parser = clap::value_parser!(u64).range(1..=MAX_FILE_MIB))]
     pub size: u64,
 
-    /// Most MiB for all recordings of this robot in the folder, at least twice --size: the oldest are removed
+    /// Most MiB for all recordings of this robot in the folder, at least twice --size: the oldest are removed, but never the one before
+    /// the present one
     #[arg(long, value_name = "MIB", default_value = "16384",
         value_parser = clap::value_parser!(u64).range(2..=MAX_TOTAL_MIB))]
     pub max_total: u64,

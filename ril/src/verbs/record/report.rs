@@ -58,8 +58,6 @@ pub(super) struct Reporter {
     dropped: RateLimitedCounter,
     /// What is wrong with the disk; reported once until it is over.
     trouble: Option<DiskErrorKind>,
-    /// Files that were closed without being complete.
-    broken_files: u64,
 }
 
 impl Reporter {
@@ -70,13 +68,7 @@ impl Reporter {
             is_json,
             dropped: RateLimitedCounter::every(LOSS_REPORT_PERIOD),
             trouble: None,
-            broken_files: 0,
         }
-    }
-
-    /// Files that are not complete.
-    pub fn broken_files(&self) -> u64 {
-        self.broken_files
     }
 
     /// What the disk's thread did.
@@ -95,8 +87,7 @@ impl Reporter {
         }
     }
 
-    fn closed(&mut self, file: &ClosedFile) {
-        self.broken_files += u64::from(!file.is_whole);
+    fn closed(&self, file: &ClosedFile) {
         let name = file.path.display().to_string();
         if self.is_json {
             print(&FileObject {

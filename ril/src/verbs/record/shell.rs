@@ -1,4 +1,4 @@
-//! [`Shell`]: the recorder between the ports of the robot's topics and the thread of the disk, in the loop of every process.
+//! [`RecorderShell`]: the recorder between the ports of the robot's topics and the thread of the disk, in the loop of every process.
 
 use std::os::fd::AsFd;
 use std::time::Duration;
@@ -8,8 +8,7 @@ use module_kit::process::{Process, Sources};
 use recording::{Action, Anchor, Recorder, Totals};
 use status::log::store::{FileStore, Store};
 
-use super::disk::Outcome;
-use super::disk::{Disk, DiskGone};
+use super::disk::{ActionResult, Disk, DiskGone, Note};
 use super::facts::FactsOfRobot;
 use super::gather::Gather;
 use super::report::Reporter;
@@ -41,7 +40,7 @@ pub(super) fn anchor() -> Anchor {
 }
 
 /// A recording that goes on.
-pub(super) struct Shell {
+pub(super) struct RecorderShell {
     topics: Topics,
     facts: FactsOfRobot,
     recorder: Recorder,
@@ -49,13 +48,15 @@ pub(super) struct Shell {
     disk: Disk,
     reporter: Reporter,
     gather: Gather,
+    /// When the recording is to end by itself.
+    last: Option<MonotonicNs>,
     /// Until when the disk may take to end; `None` before the end was asked for.
     end: Option<MonotonicNs>,
     /// Whether the action that is outstanding is one that writes.
     is_writing: bool,
 }
 
-impl Shell {
+impl RecorderShell {
     pub fn new(
         topics: Topics,
         facts: FactsOfRobot,
@@ -63,8 +64,10 @@ impl Shell {
         sinks: Sinks,
         disk: Disk,
         reporter: Reporter,
-    ) -> Shell {
-        Shell {
+        last: Option<MonotonicNs>,
+    ) -> RecorderShell {
+        RecorderShell {
+            last,
             topics,
             facts,
             recorder,
@@ -108,10 +111,14 @@ impl Shell {
         };
         let (recorder, sinks) = (&mut self.recorder, &mut self.sinks);
         let most = self.topics.drain(recorder, sinks, now, wakes);
-        if self.topics.take_news() {
+        let has_come = self.topics.take_news();
+        if has_come {
             self.facts.look_again();
-            let info = self.facts.flight_info(self.topics.layouts());
-            self.recorder.describe(info);
+        }
+        if self.sinks.take_news() || has_come {
+            let (layouts, running) = (self.topics.layouts(), self.sinks.running());
+            self.recorder
+                .describe(self.facts.flight_info(layouts, running));
         }
         if most > 0 {
             // The recorder's lines alone are no reason for a file.
@@ -121,9 +128,10 @@ impl Shell {
     }
 
     fn take_outcome(&mut self, now: MonotonicNs) -> Result<(), RecordError> {
-        let Some(Outcome { result, notes }) = self.disk.outcome()? else {
+        let Some(ActionResult { result, notes }) = self.disk.outcome()? else {
             return Ok(());
         };
+        let has_begun = notes.iter().any(|note| matches!(note, Note::Opened(_)));
         self.reporter.notes(notes);
         match &result {
             Err(error) => self.reporter.trouble(error),
@@ -132,6 +140,10 @@ impl Shell {
             Ok(()) => {}
         }
         self.recorder.done(now, result);
+        // What was before the first file has a snapshot already.
+        if has_begun && self.recorder.totals().files > 1 {
+            self.topics.ask_for_snapshots();
+        }
         Ok(())
     }
 
@@ -147,7 +159,7 @@ impl Shell {
     }
 }
 
-impl Process for Shell {
+impl Process for RecorderShell {
     type Error = RecordError;
     type Key = ();
 
@@ -191,11 +203,16 @@ impl Process for Shell {
             recorder,
             flights.and_then(|flights| flights.deadline()),
             self.reporter.deadline(),
+            self.last.filter(|_| self.end.is_none()),
             self.end,
         ]
         .into_iter()
         .flatten()
         .min()
+    }
+
+    fn is_done(&self, now: MonotonicNs) -> bool {
+        self.last.is_some_and(|last| last <= now)
     }
 
     /// Records what came until the end was asked for, and waits for the disk.

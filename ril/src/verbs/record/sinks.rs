@@ -1,5 +1,6 @@
 //! [`Sinks`]: what the recorder makes of some topics beside recording them.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
@@ -21,6 +22,9 @@ pub(super) struct Sinks {
     journal: JournalTopics,
     /// The recorder's own lines.
     lines: Option<LogLines>,
+    /// What the processes run with, by the files that say so.
+    running: BTreeMap<String, Vec<u8>>,
+    has_news: bool,
 }
 
 impl Sinks {
@@ -33,6 +37,8 @@ impl Sinks {
         lines: Option<LogLines>,
     ) -> Sinks {
         Sinks {
+            running: BTreeMap::new(),
+            has_news: false,
             lines,
             flights: has_flights.then(Flights::default),
             viewers: Viewers::new(robot, anchor),
@@ -65,7 +71,26 @@ impl Sinks {
 
     /// A piece of status's journal.
     pub fn status_journal(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
-        self.log.status(recorder, sample, now);
+        let configuration = self.log.status(recorder, sample, now);
+        self.runs_with("status", configuration);
+    }
+
+    /// What the processes run with, by their journals: files by name.
+    pub fn running(&self) -> &BTreeMap<String, Vec<u8>> {
+        &self.running
+    }
+
+    /// Whether that has changed since the last call.
+    pub fn take_news(&mut self) -> bool {
+        std::mem::take(&mut self.has_news)
+    }
+
+    fn runs_with(&mut self, process: &str, configuration: Option<String>) {
+        if let Some(text) = configuration.map(String::into_bytes) {
+            let file = format!("{process}.running.toml");
+            self.has_news |= self.running.get(&file) != Some(&text);
+            self.running.insert(file, text);
+        }
     }
 
     /// What the recorder itself has logged.
@@ -80,7 +105,8 @@ impl Sinks {
 
     /// A piece of the bridge's journal.
     pub fn journal(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
-        self.journal.take(recorder, &mut self.log, sample, now);
+        let configuration = self.journal.take(recorder, &mut self.log, sample, now);
+        self.runs_with("bridge", configuration);
     }
 }
 

@@ -1,6 +1,6 @@
 //! [`Topics`]: every topic of the robot, those included that begin while it is recorded.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use ipc_types::discovery::Discovery;
@@ -10,7 +10,9 @@ use ipc_types::payload::{
 };
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::service::Pattern;
-use ipc_types::{DynamicSubscriber, Ipc, Losses, MonotonicNs, PortSet, Topic as _};
+use ipc_types::{
+    DynamicSubscriber, Ipc, JournalPiece, Losses, MonotonicNs, PortSet, Schema, Topic as _,
+};
 use recording::{Channel, ChannelId, EventKind, Recorder};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
@@ -22,9 +24,8 @@ use crate::render::stamps::StampReader;
 /// When a service that could not be opened is tried again.
 const RETRY_PERIOD: Duration = Duration::from_secs(1);
 
-/// How far in the future the time in a sample may lie, because clocks of two machines never agree. A later one is a mistake of
-/// its publisher, and the sample counts as made when it came.
-const MAX_AHEAD: Duration = Duration::from_secs(1);
+/// Most topics that cannot be opened and are named one by one.
+const MAX_NAMED: usize = 5;
 
 /// All topics, each with its subscriber.
 pub(super) struct Topics {
@@ -38,6 +39,8 @@ pub(super) struct Topics {
     has_news: bool,
     /// When to look again for what could not be opened.
     retry: Option<MonotonicNs>,
+    /// Keys of what could not be opened: each is reported once.
+    failing: BTreeSet<String>,
     ports: PortSet,
     topics: Vec<Topic>,
 }
@@ -50,7 +53,9 @@ struct Topic {
     id: Option<ChannelId>,
     stamps: StampReader,
     loss_events: LossEvents,
-    content: Content,
+    content: Conversion,
+    /// Of a journal: a second subscriber, because a journal has a snapshot when one comes. It goes when the snapshot is there.
+    asks: Option<DynamicSubscriber>,
     /// The sample as a CDR message; kept, so that no sample allocates.
     cdr: Vec<u8>,
     is_failing: bool,
@@ -67,7 +72,7 @@ pub(super) enum Wakes {
 
 /// What else is made of the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Content {
+enum Conversion {
     Dsp,
     Hero,
     State,
@@ -97,6 +102,7 @@ impl Topics {
             seen: ipc.generations(),
             has_news: false,
             retry: None,
+            failing: BTreeSet::new(),
             ports: PortSet::new().or_fail(ExitCode::Internal)?,
             topics: Vec::new(),
             ipc,
@@ -148,7 +154,7 @@ impl Topics {
         &mut self,
         recorder: &mut Recorder,
         sinks: &mut Sinks,
-        now: MonotonicNs,
+        mut now: MonotonicNs,
         wakes: Wakes,
     ) -> usize {
         let seen = self.ipc.generations();
@@ -160,47 +166,69 @@ impl Topics {
         }
         let topics = self.topics.iter_mut();
         topics
-            .map(|topic| topic.drain(recorder, sinks, now, wakes))
+            .map(|topic| topic.drain(recorder, sinks, &mut now, wakes))
             .max()
             .unwrap_or_default()
     }
 
+    /// Asks the journals for snapshots: a file that has begun can then be verified without the one before.
+    pub fn ask_for_snapshots(&mut self) {
+        for topic in &mut self.topics {
+            if matches!(
+                topic.content,
+                Conversion::BridgeJournal | Conversion::StatusJournal
+            ) {
+                let key = topic.subscriber.key();
+                // It was parsed when the topic was found.
+                let Ok(schema) = Schema::parse(&topic.channel.schema_text) else {
+                    continue;
+                };
+                let second = DynamicSubscriber::open(&self.ipc, key, &schema);
+                topic.asks = second
+                    .inspect_err(|error| tracing::debug!(%error, "no snapshot for the new file"))
+                    .ok();
+            }
+        }
+    }
+
     fn look(
         &mut self,
-        open: fn(
-            &Ipc,
-            &str,
-            &ipc_types::Schema,
-        ) -> Result<DynamicSubscriber, ipc_types::DynamicError>,
+        open: fn(&Ipc, &str, &Schema) -> Result<DynamicSubscriber, ipc_types::DynamicError>,
     ) {
         let mut discovery = std::mem::take(&mut self.discovery);
-        let mut is_complete = true;
+        let mut failing = BTreeMap::new();
         discovery.look(&self.ipc.clone(), |pattern, facts| {
             let taken = match pattern {
                 Pattern::PublishSubscribe => self.take(&facts, open),
                 Pattern::RequestResponse => Ok(()),
             };
-            let is_taken = taken
-                .inspect_err(|error| {
-                    tracing::warn!(key = facts.key, error, "a topic is not recorded yet");
-                })
-                .is_ok();
-            is_complete &= is_taken;
+            let is_taken = taken.is_ok();
             self.has_news |= is_taken;
+            if let Err(error) = taken {
+                failing.insert(facts.key, error);
+            }
             is_taken
         });
         self.discovery = discovery;
-        self.retry = (!is_complete).then(|| MonotonicNs::now() + RETRY_PERIOD);
+        let new = failing
+            .iter()
+            .filter(|(key, _)| !self.failing.contains(*key));
+        let new: Vec<_> = new.collect();
+        for (key, error) in new.iter().take(MAX_NAMED) {
+            tracing::warn!(key, error, "a topic is not recorded yet");
+        }
+        if new.len() > MAX_NAMED {
+            let topics = new.len() - MAX_NAMED;
+            tracing::warn!(topics, "further topics are not recorded yet");
+        }
+        self.retry = (!failing.is_empty()).then(|| MonotonicNs::now() + RETRY_PERIOD);
+        self.failing = failing.into_keys().collect();
     }
 
     fn take(
         &mut self,
         facts: &ServiceFacts,
-        open: impl FnOnce(
-            &Ipc,
-            &str,
-            &ipc_types::Schema,
-        ) -> Result<DynamicSubscriber, ipc_types::DynamicError>,
+        open: impl FnOnce(&Ipc, &str, &Schema) -> Result<DynamicSubscriber, ipc_types::DynamicError>,
     ) -> Result<(), String> {
         let former = self
             .topics
@@ -237,12 +265,12 @@ impl Topic {
         ];
         Topic {
             content: match (schema.type_name(), facts.key.as_str()) {
-                (DspTelemetry::TYPE_NAME, "dsp_telemetry") => Content::Dsp,
-                (HeroTelemetry::TYPE_NAME, "hero_telemetry") => Content::Hero,
-                (ModuleState::TYPE_NAME, "module_state") => Content::State,
-                (BridgeJournal::TYPE_NAME, BridgeJournal::KEY) => Content::BridgeJournal,
-                (StatusJournal::TYPE_NAME, StatusJournal::KEY) => Content::StatusJournal,
-                _ => Content::Other,
+                (DspTelemetry::TYPE_NAME, "dsp_telemetry") => Conversion::Dsp,
+                (HeroTelemetry::TYPE_NAME, "hero_telemetry") => Conversion::Hero,
+                (ModuleState::TYPE_NAME, "module_state") => Conversion::State,
+                (BridgeJournal::TYPE_NAME, BridgeJournal::KEY) => Conversion::BridgeJournal,
+                (StatusJournal::TYPE_NAME, StatusJournal::KEY) => Conversion::StatusJournal,
+                _ => Conversion::Other,
             },
             stamps: StampReader::of(schema),
             loss_events: LossEvents::new(name.clone(), topics.begun),
@@ -253,6 +281,7 @@ impl Topic {
                 metadata: metadata.map(|(key, value)| (key.to_owned(), value)).into(),
             },
             id: None,
+            asks: None,
             cdr: CDR_HEADER.to_vec(),
             is_failing: false,
             subscriber,
@@ -263,7 +292,7 @@ impl Topic {
         &mut self,
         recorder: &mut Recorder,
         sinks: &mut Sinks,
-        now: MonotonicNs,
+        now: &mut MonotonicNs,
         wakes: Wakes,
     ) -> usize {
         if self.id.is_none() {
@@ -276,33 +305,44 @@ impl Topic {
             stamps,
             loss_events,
             content,
+            asks,
             cdr,
             ..
         } = self;
         let take = |sample: &[u8]| {
-            let stamps = stamps.read(sample, now);
+            let stamps = stamps.read(sample, *now);
+            let latest = stamps
+                .published
+                .map_or(stamps.sent, |at| at.max(stamps.sent));
+            let now = now_after(latest, now, MonotonicNs::now);
             let at = match stamps.sent {
-                MonotonicNs(0) => now,
-                sent if sent > now + MAX_AHEAD => now,
-                sent => sent,
+                MonotonicNs(0) => *now,
+                // The clocks of two machines never agree.
+                sent => sent.min(*now),
             };
-            for event in loss_events.take((stamps.epoch_ns, stamps.sequence), at, now) {
+            for event in loss_events.take((stamps.epoch_ns, stamps.sequence), at, *now) {
                 if event.kind == EventKind::Restart {
                     tracing::info!(topic = event.topic, "a publisher began again");
                 }
-                recorder.event(now, &event);
+                recorder.event(*now, &event);
             }
             cdr.truncate(CDR_HEADER.len());
             cdr.extend_from_slice(sample);
             // The lowest 32 bits are what the format has room for.
-            recorder.add(now, id, at, stamps.sequence as u32, cdr);
+            recorder.add(*now, id, at, stamps.sequence as u32, cdr);
             match content {
-                Content::Dsp => sinks.dsp(sample),
-                Content::Hero => sinks.hero(recorder, sample, now),
-                Content::State => sinks.state(recorder, sample, now),
-                Content::BridgeJournal => sinks.journal(recorder, sample, now),
-                Content::StatusJournal => sinks.status_journal(recorder, sample, now),
-                Content::Other => {}
+                Conversion::Dsp => sinks.dsp(sample),
+                Conversion::Hero => sinks.hero(recorder, sample, *now),
+                Conversion::State => sinks.state(recorder, sample, *now),
+                Conversion::BridgeJournal => {
+                    take_answer::<BridgeJournal>(asks, sample);
+                    sinks.journal(recorder, sample, *now);
+                }
+                Conversion::StatusJournal => {
+                    take_answer::<StatusJournal>(asks, sample);
+                    sinks.status_journal(recorder, sample, *now);
+                }
+                Conversion::Other => {}
             }
         };
         let drained = match wakes {
@@ -316,5 +356,48 @@ impl Topic {
             }
             0
         })
+    }
+}
+
+/// Ends the question for a snapshot when the piece has one.
+fn take_answer<P: JournalPiece>(asks: &mut Option<DynamicSubscriber>, piece: &[u8]) {
+    if asks.is_some() && P::from_bytes(piece).is_some_and(|piece| piece.begins()) {
+        *asks = None;
+    }
+}
+
+/// The time at which a sample of this moment came: `now`, read again when the sample is younger, because the process was stopped since,
+/// or the sample came while others were taken.
+fn now_after(
+    sample: MonotonicNs,
+    now: &mut MonotonicNs,
+    clock: impl Fn() -> MonotonicNs,
+) -> &MonotonicNs {
+    if sample > *now {
+        *now = clock();
+    }
+    now
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_of_after_the_wake_came_later_than_the_wake() {
+        let mut now = MonotonicNs(100);
+        let clock = || MonotonicNs(4_000);
+        assert_eq!(
+            *now_after(MonotonicNs(90), &mut now, clock),
+            MonotonicNs(100)
+        );
+        assert_eq!(
+            *now_after(MonotonicNs(3_000), &mut now, clock),
+            MonotonicNs(4_000)
+        );
+        assert_eq!(
+            *now_after(MonotonicNs(3_500), &mut now, clock),
+            MonotonicNs(4_000)
+        );
     }
 }

@@ -14,8 +14,8 @@ use std::process;
 use std::time::Duration;
 
 use clap::{ArgAction, Args, Subcommand};
+use ipc_types::MonotonicNs;
 use ipc_types::payload::{RelayLink, RelayStations};
-use ipc_types::{MonotonicNs, Source};
 use runtime::args::CommonArgs;
 use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure};
@@ -131,16 +131,17 @@ pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
     };
     let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
     let session = Session::join(&args.common)?;
-    let mut newest = Newest::open(&session)?;
+    let mut topics = open(&session)?;
     let give_up = MonotonicNs::now() + timeout;
-    while !newest.is_complete() && MonotonicNs::now() < give_up {
-        if session.termination.requested() {
-            return Ok(());
-        }
-        session.wait(newest.ports(), Some(give_up))?;
-        newest.drain();
+    let is_complete = |(link, stations): &mut Provided, _| {
+        Ok(link.as_ref().is_none_or(|link| link.sample.is_some())
+            && stations.as_ref().is_none_or(|one| one.sample.is_some()))
+    };
+    if !session.gather(&mut topics, give_up, is_complete)? && session.termination.requested() {
+        return Ok(());
     }
-    let (link, stations) = newest.samples();
+    let link = topics.0.as_ref().and_then(|link| link.sample.as_ref());
+    let stations = topics.1.as_ref().and_then(|one| one.sample.as_ref());
     if link.is_none() && stations.is_none() {
         let text = format!(
             "nothing came from the relay of robot {} in {}, although it is running",
@@ -164,51 +165,23 @@ pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
     }
 }
 
-/// The newest samples of the topics that the relay here provides.
-struct Newest {
-    link: Option<Latest<RelayLink>>,
-    stations: Option<Latest<RelayStations>>,
-}
+/// The topics that the relay here provides.
+type Provided = (Option<Latest<RelayLink>>, Option<Latest<RelayStations>>);
 
-impl Newest {
-    fn open(session: &Session) -> Result<Newest, Failure> {
-        let newest = Newest {
-            link: Latest::open_if_provided(session)?,
-            stations: Latest::open_if_provided(session)?,
-        };
-        if newest.link.is_none() && newest.stations.is_none() {
-            let robot = session.ipc.robot();
-            let text = format!(
-                "no relay of robot {robot} is running here{}{}",
-                others_alive(robot),
-                other_domains()
-            );
-            return Err(Failure::new(ExitCode::ServiceAbsent, text)
-                .with_next_step("start `ril relay` and try again"));
-        }
-        Ok(newest)
+fn open(session: &Session) -> Result<Provided, Failure> {
+    let topics: Provided = (
+        Latest::open_if_provided(session)?,
+        Latest::open_if_provided(session)?,
+    );
+    if topics.0.is_none() && topics.1.is_none() {
+        let robot = session.ipc.robot();
+        let text = format!(
+            "no relay of robot {robot} is running here{}{}",
+            others_alive(robot),
+            other_domains()
+        );
+        return Err(Failure::new(ExitCode::ServiceAbsent, text)
+            .with_next_step("start `ril relay` and try again"));
     }
-
-    fn ports(&mut self) -> impl Iterator<Item = &mut dyn Source> {
-        let link = self.link.as_mut().map(|link| &mut link.port as _);
-        let stations = self.stations.as_mut();
-        link.into_iter()
-            .chain(stations.map(|stations| &mut stations.port as _))
-    }
-
-    fn drain(&mut self) {
-        self.link.as_mut().map(Latest::drain);
-        self.stations.as_mut().map(Latest::drain);
-    }
-
-    fn samples(&self) -> (Option<&RelayLink>, Option<&RelayStations>) {
-        let link = self.link.as_ref().and_then(|link| link.sample.as_ref());
-        let stations = self.stations.as_ref();
-        (link, stations.and_then(|stations| stations.sample.as_ref()))
-    }
-
-    fn is_complete(&self) -> bool {
-        let (link, stations) = self.samples();
-        link.is_some() == self.link.is_some() && stations.is_some() == self.stations.is_some()
-    }
+    Ok(topics)
 }

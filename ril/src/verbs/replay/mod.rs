@@ -6,6 +6,7 @@ mod request;
 mod terminal;
 mod verify;
 
+use std::fmt;
 use std::io::{self, Write};
 use std::os::fd::AsFd;
 use std::path::Path;
@@ -24,8 +25,7 @@ use serde::Serialize;
 
 use self::options::ReplayArgs;
 use self::request::ReplayedRequest;
-use self::terminal::{PlayerKey, Screen, Terminal};
-use crate::options::RobotChoice;
+use self::terminal::{PlayerKey, ReplayKeys, ReplayScreen};
 use crate::render::json_line;
 use crate::session::configuration;
 
@@ -37,7 +37,7 @@ const OTHER_SOURCES: usize = 2;
 
 /// What a wake-up is called.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Woken {
+enum WakeKey {
     Keys,
     Other,
 }
@@ -48,7 +48,7 @@ enum Woken {
 ///
 /// Code 2 when the file cannot be read, is no recording or has nothing in the section; 5 when the robot lives; 78 when the
 /// configuration or `RIL_IPC_ROOT` is wrong.
-pub fn replay(args: &ReplayArgs, choice: RobotChoice) -> Result<(), Failure> {
+pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     if configuration(&args.common)?.is_none() {
         return Ok(());
     }
@@ -59,10 +59,7 @@ pub fn replay(args: &ReplayArgs, choice: RobotChoice) -> Result<(), Failure> {
         return verify::keep(args, folder);
     }
     let flight = Arc::new(open(&args.file)?);
-    let robot = match choice {
-        RobotChoice::Explicit => RobotId::from(args.common.robot),
-        RobotChoice::Default => flight.robot(),
-    };
+    let robot = args.common.robot.map_or(flight.robot(), RobotId::from);
     let section = Section {
         speed: args.speed,
         from: args.from,
@@ -77,23 +74,24 @@ pub fn replay(args: &ReplayArgs, choice: RobotChoice) -> Result<(), Failure> {
     let ipc = Ipc::join(&domain, robot, PROCESS).or_fail(ExitCode::Internal)?;
     let services = Services::open(&flight, &ipc).map_err(|error| not_provided(error, robot))?;
     request_slice(SchedulingRole::Provider);
-    let notes = Notes {
-        common: &args.common,
-    };
-    notes.begin(&flight, &services, &domain, robot);
+    say_begin(&args.common, &flight, &services, &domain, robot);
     let mut replay = Replay {
         // The flight begins now that consumers can find it.
         player: Player::new(Arc::clone(player.flight()), section, MonotonicNs::now())
             .or_fail(ExitCode::Usage)?,
         services,
         termination,
-        terminal: Terminal::enter(),
-        screen: Screen::new(args.json),
+        terminal: ReplayKeys::enter(),
+        screen: ReplayScreen::new(args.json),
         waiter: Waiter::new(),
-        summary: Summary::new(robot),
+        summary: ReplaySummary {
+            schema: SCHEMA,
+            robot: robot.get(),
+            ..ReplaySummary::default()
+        },
     };
     replay.run()?;
-    replay.end(args.json, &notes)
+    replay.end(args)
 }
 
 /// Reads the recording.
@@ -115,10 +113,10 @@ struct Replay {
     player: Player,
     services: Services,
     termination: Termination,
-    terminal: Option<Terminal>,
-    screen: Screen,
+    terminal: Option<ReplayKeys>,
+    screen: ReplayScreen,
     waiter: Waiter,
-    summary: Summary,
+    summary: ReplaySummary,
 }
 
 impl Replay {
@@ -192,37 +190,37 @@ impl Replay {
             .deadline()
             .map(|at| at.since(MonotonicNs::now()));
         let mut signals = Descriptor::new(self.termination.as_fd());
-        let mut keys = self.terminal.as_ref().map(Terminal::source);
-        let mut sources: Vec<(Woken, &mut dyn Source)> = vec![(Woken::Other, &mut signals)];
+        let mut keys = self.terminal.as_ref().map(ReplayKeys::source);
+        let mut sources: Vec<(WakeKey, &mut dyn Source)> = vec![(WakeKey::Other, &mut signals)];
         if let Some(keys) = &mut keys {
-            sources.push((Woken::Keys, keys));
+            sources.push((WakeKey::Keys, keys));
         }
         for source in self.services.sources(OTHER_SOURCES) {
-            sources.push((Woken::Other, source));
+            sources.push((WakeKey::Other, source));
         }
         let wake = self
             .waiter
             .wait(&mut sources, timeout)
             .or_fail(ExitCode::Internal)?;
-        Ok(wake.has(Woken::Keys))
+        Ok(wake.has(WakeKey::Keys))
     }
 
-    fn end(self, has_json: bool, notes: &Notes<'_>) -> Result<(), Failure> {
+    fn end(self, args: &ReplayArgs) -> Result<(), Failure> {
         // Gives the terminal back before anything is printed.
         drop(self.terminal);
-        if has_json {
+        if args.json {
             let mut out = io::stdout().lock();
             json_line(&mut out, &self.summary)?;
             out.flush().map_err(Failure::output)?;
         }
-        notes.end(&self.summary);
+        say(&args.common, &self.summary.to_string());
         Ok(())
     }
 }
 
 /// What was played.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-struct Summary {
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+struct ReplaySummary {
     schema: &'static str,
     robot: u32,
     /// Samples that were published.
@@ -235,59 +233,52 @@ struct Summary {
     laps: u64,
 }
 
-impl Summary {
-    fn new(robot: RobotId) -> Summary {
-        Summary {
-            schema: SCHEMA,
-            robot: robot.get(),
-            samples: 0,
-            requests: 0,
-            refused_requests: 0,
-            laps: 0,
-        }
-    }
-}
-
-/// What is said to people, on standard error: nothing with `--quiet`.
-struct Notes<'a> {
-    common: &'a CommonArgs,
-}
-
-impl Notes<'_> {
-    fn begin(&self, flight: &Flight, services: &Services, domain: &Domain, robot: RobotId) {
-        for left_out in flight.left_out().iter().chain(services.left_out()) {
-            tracing::warn!(
-                topic = left_out.topic,
-                reason = left_out.reason,
-                "not played"
-            );
-        }
-        if let Some(error) = flight.errors().first() {
-            let count = flight.errors().len();
-            tracing::warn!(%error, count, "the file is damaged; what is whole is played");
-        }
-        let root = domain.root().display();
-        self.say(&format!(
-            "robot {robot} is played in {root}; watch it with `RIL_IPC_ROOT={root} ril watch --robot {robot}`"
-        ));
-    }
-
-    fn end(&self, summary: &Summary) {
-        let mut text = format!(
+impl fmt::Display for ReplaySummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
             "{} samples published, {} recorded requests and reports passed",
-            summary.samples, summary.requests
-        );
-        if summary.refused_requests > 0 {
-            text += &format!("; {} requests were refused", summary.refused_requests);
+            self.samples, self.requests
+        )?;
+        match self.refused_requests {
+            0 => Ok(()),
+            refused => write!(f, "; {refused} requests were refused"),
         }
-        self.say(&text);
     }
+}
 
-    fn say(&self, text: &str) {
-        if self.common.quiet == 0 {
-            // Standard error may be closed; the replay goes on.
-            let _ = writeln!(io::stderr(), "{text}");
-        }
+/// Says on standard error what is played, where, and what is left out.
+fn say_begin(
+    args: &CommonArgs,
+    flight: &Flight,
+    services: &Services,
+    domain: &Domain,
+    robot: RobotId,
+) {
+    for left_out in flight.left_out().iter().chain(services.left_out()) {
+        tracing::warn!(
+            topic = left_out.topic,
+            reason = left_out.reason,
+            "not played"
+        );
+    }
+    if let Some(error) = flight.errors().first() {
+        let count = flight.errors().len();
+        tracing::warn!(%error, count, "the file is damaged; what is whole is played");
+    }
+    let root = domain.root().display();
+    let watch = format!("RIL_IPC_ROOT={root} ril watch --robot {robot}");
+    say(
+        args,
+        &format!("robot {robot} is played in {root}; watch it with `{watch}`"),
+    );
+}
+
+/// Says something to people on standard error, unless they want less.
+fn say(args: &CommonArgs, text: &str) {
+    if args.quiet == 0 {
+        // Standard error may be closed; the replay goes on.
+        let _ = writeln!(io::stderr(), "{text}");
     }
 }
 

@@ -11,13 +11,13 @@ use rustix::stdio::stdin;
 use rustix::termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcgetpgrp, tcsetattr};
 
 use super::request::ReplayedRequest;
-use crate::render::terminal::{Block, Key, Size, keys};
+use crate::render::terminal::{Block, Key, Size, read_keys};
 
 /// Shortest time between two drawings of the position.
 const REDRAW_PERIOD: Duration = Duration::from_millis(200);
 
 /// Standard output.
-pub(super) struct Screen {
+pub(super) struct ReplayScreen {
     out: Stdout,
     has_json: bool,
     /// The line with the position; `None` if it is no terminal.
@@ -25,11 +25,11 @@ pub(super) struct Screen {
     next_drawing: MonotonicNs,
 }
 
-impl Screen {
-    pub(super) fn new(has_json: bool) -> Screen {
+impl ReplayScreen {
+    pub(super) fn new(has_json: bool) -> ReplayScreen {
         let out = io::stdout();
         let has_block = out.is_terminal() && !has_json;
-        Screen {
+        ReplayScreen {
             out,
             has_json,
             block: has_block.then(Block::default),
@@ -92,17 +92,14 @@ fn line(player: &Player, now: MonotonicNs) -> String {
     )
 }
 
-/// Most bytes of keys that one read takes; what is more wakes the next wait.
-const MAX_KEYS: usize = 256;
-
 /// Standard input as keys.
-pub(super) struct Terminal {
+pub(super) struct ReplayKeys {
     before: Termios,
 }
 
-impl Terminal {
+impl ReplayKeys {
     /// Takes standard input, if it is a terminal in whose foreground this process is.
-    pub(super) fn enter() -> Option<Terminal> {
+    pub(super) fn enter() -> Option<ReplayKeys> {
         if !io::stdin().is_terminal() || tcgetpgrp(stdin()).ok()? != getpgrp() {
             return None;
         }
@@ -112,7 +109,7 @@ impl Terminal {
         keys.local_modes
             .remove(LocalModes::ICANON | LocalModes::ECHO);
         tcsetattr(stdin(), OptionalActions::Now, &keys).ok()?;
-        Some(Terminal { before })
+        Some(ReplayKeys { before })
     }
 
     /// What to wait for.
@@ -123,17 +120,11 @@ impl Terminal {
     /// What the keys that are there ask for; `None` if the terminal is gone. To be called when the wait says so: else it waits
     /// for a key.
     pub(super) fn read(&mut self) -> Option<Vec<PlayerKey>> {
-        let mut bytes = [0; MAX_KEYS];
-        match rustix::io::read(stdin(), &mut bytes) {
-            Ok(0) => None,
-            Ok(count) => Some(player_keys(&bytes[..count])),
-            Err(rustix::io::Errno::INTR | rustix::io::Errno::AGAIN) => Some(Vec::new()),
-            Err(_) => None,
-        }
+        read_keys().map(player_keys)
     }
 }
 
-impl Drop for Terminal {
+impl Drop for ReplayKeys {
     fn drop(&mut self) {
         // Best effort: a terminal that is gone needs nothing.
         let _ = tcsetattr(stdin(), OptionalActions::Now, &self.before);
@@ -151,8 +142,8 @@ pub enum PlayerKey {
     Quit,
 }
 
-/// The keys in `bytes` that mean something, which one read of the terminal gave.
-fn player_keys(bytes: &[u8]) -> Vec<PlayerKey> {
+/// What keys ask for, of those that mean something.
+fn player_keys(keys: Vec<Key>) -> Vec<PlayerKey> {
     let player_key = |key| match key {
         Key::Char(' ') => Some(PlayerKey::Pause),
         Key::Char('.') | Key::Right => Some(PlayerKey::Step),
@@ -160,12 +151,13 @@ fn player_keys(bytes: &[u8]) -> Vec<PlayerKey> {
         Key::Char('q' | 'Q') | Key::Interrupt => Some(PlayerKey::Quit),
         _ => None,
     };
-    keys(bytes).into_iter().filter_map(player_key).collect()
+    keys.into_iter().filter_map(player_key).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::terminal::keys;
 
     #[test]
     fn keys_are_read() {
@@ -178,7 +170,7 @@ mod tests {
             (b"\x04", &[PlayerKey::Quit]),
             (b"", &[]),
         ] {
-            assert_eq!(player_keys(bytes), expected, "{bytes:?}");
+            assert_eq!(player_keys(keys(bytes)), expected, "{bytes:?}");
         }
     }
 }

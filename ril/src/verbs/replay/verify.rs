@@ -1,7 +1,7 @@
 //! `ril replay FILE --verify`, `--against` and `--keep`: no shared memory, no clock but for the time that it took.
 
 use std::fmt;
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -9,13 +9,14 @@ use std::time::Duration;
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::{MonotonicNs, RobotId};
 use recording::play::{anchor_of, key_of};
-use recording::read::{Bytes, Message, ReadError, extract, messages};
+use recording::read::{Message, ReadError, RecordFile, extract, messages};
 use replay::{Difference, JournalVerdict, Verdict, Verifier};
 use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
 
 use super::options::ReplayArgs;
+use crate::recorded::new_file;
 use crate::render::json_line;
 use crate::render::words::{count, shell_word};
 
@@ -29,7 +30,7 @@ const JOURNALS: [&str; 2] = ["bridge/journal", "status/journal"];
 /// Code 2 when the file cannot be read, is no recording or has no journal; 8 when something differs or could not be verified; 78 when
 /// a configuration is wrong.
 pub(super) fn verify(args: &ReplayArgs) -> Result<(), Failure> {
-    let bytes = open(&args.file)?;
+    let record = open(&args.file)?;
     let mut verifier = Verifier::new();
     if let Some(config) = &args.against {
         let config = runtime::config::load::<bridge::BridgeConfig>(Some(config), config)?;
@@ -40,13 +41,14 @@ pub(super) fn verify(args: &ReplayArgs) -> Result<(), Failure> {
         verifier = verifier.against_status(config.value);
     }
     let began = MonotonicNs::now();
-    let start = drive(&bytes, &args.file, &mut verifier)?;
+    let driven = drive(&record, &args.file, &mut verifier)?;
     let verdict = verifier.finish();
     let name = args.file.display().to_string();
     let of = Of {
         file: &name,
         against: args.against.is_some() || args.against_status.is_some(),
-        start,
+        start: driven.start,
+        recorded: driven.recorded,
         took: MonotonicNs::now().since(began),
     };
     let verification = Verification::new(&verdict, &of);
@@ -68,39 +70,25 @@ pub(super) fn verify(args: &ReplayArgs) -> Result<(), Failure> {
 ///
 /// # Errors
 ///
-/// Code 2 when the file cannot be read, is no recording or has no journal, or the new one is there already; 1 when it cannot be written.
+/// Code 2 when the file cannot be read, is no recording or has no journal, or the new one is there already or cannot be written.
 pub(super) fn keep(args: &ReplayArgs, folder: &Path) -> Result<(), Failure> {
-    let bytes = open(&args.file)?;
-    let mut kept = Vec::new();
-    let robot = first_robot(&bytes, &args.file)?;
-    extract(&bytes, &mut kept, |message| {
-        journal(message, robot).is_some()
-    })
-    .or_fail(ExitCode::Internal)?;
+    let record = open(&args.file)?;
+    let robot = first_robot(&record, &args.file)?;
     let path = place(&args.file, folder)?;
     fs::create_dir_all(folder).or_fail_with(
         ExitCode::Internal,
         format!("{} cannot be made", folder.display()),
     )?;
-    let written = File::create_new(&path).and_then(|mut file| {
-        file.write_all(&kept)?;
-        file.sync_all()
-    });
-    if let Err(error) = written {
-        let text = format!("{} cannot be written: {error}", path.display());
-        return Err(match error.kind() {
-            io::ErrorKind::AlreadyExists => {
-                Failure::usage(text).with_next_step("remove it, or name another folder")
-            }
-            _ => Failure::internal(text),
-        });
-    }
+    new_file(&path, |to| {
+        extract(&record, to, |message| journal(message, robot).is_some())
+    })?;
+    let kept = fs::metadata(&path).or_fail(ExitCode::Internal)?.len();
     if args.common.quiet == 0 {
         let _ = writeln!(
             io::stderr(),
             "{} has the journals of the flight, {} kB; `ril replay {} --verify` verifies them",
             path.display(),
-            kept.len().div_ceil(1000),
+            kept.div_ceil(1000),
             shell_word(&path.to_string_lossy())
         );
     }
@@ -114,25 +102,38 @@ fn place(file: &Path, folder: &Path) -> Result<PathBuf, Failure> {
     Ok(folder.join(name))
 }
 
-fn open(file: &Path) -> Result<Bytes, Failure> {
-    Bytes::open(file).or_fail_with(
+fn open(file: &Path) -> Result<RecordFile, Failure> {
+    RecordFile::open(file).or_fail_with(
         ExitCode::Usage,
         format!("{} cannot be read", file.display()),
     )
 }
 
-/// Gives the journals to the verifier. Returns when the recording begins, by the clock of then.
-fn drive(bytes: &[u8], file: &Path, verifier: &mut Verifier) -> Result<MonotonicNs, Failure> {
-    let robot = first_robot(bytes, file)?;
-    let anchor = anchor_of(bytes);
+/// What was found on the way.
+struct Driven {
+    /// When the recording begins, by the clock of then.
+    start: MonotonicNs,
+    /// Samples of bridge and status in the file.
+    recorded: [u64; 2],
+}
+
+/// Gives the journals to the verifier.
+fn drive(record: &RecordFile, file: &Path, verifier: &mut Verifier) -> Result<Driven, Failure> {
+    let robot = first_robot(record, file)?;
+    let anchor = anchor_of(record);
     let mut first_ns = None;
-    for message in messages(bytes) {
+    let mut recorded = [0; 2];
+    for message in messages(record) {
         match message {
             Ok(message) => {
                 first_ns.get_or_insert(message.log_time_ns);
                 if let Some((key, sample)) = journal(&message, robot) {
                     verifier.take(key, sample);
                 }
+                let of = key_of(message.topic()).filter(|(of, _)| *of == robot);
+                let is = |samples: &str| u64::from(of.is_some_and(|(_, key)| key == samples));
+                recorded[0] += is("dsp_telemetry");
+                recorded[1] += is("hero_telemetry");
             }
             // What is missing shows in the journal's numbers.
             Err(error) => tracing::warn!(%error, "the file is damaged"),
@@ -147,15 +148,16 @@ fn drive(bytes: &[u8], file: &Path, verifier: &mut Verifier) -> Result<Monotonic
             .saturating_add(after_ns)
             .saturating_sub(before_ns)
     });
-    Ok(MonotonicNs(ahead_ns.unwrap_or_default()))
+    let start = MonotonicNs(ahead_ns.unwrap_or_default());
+    Ok(Driven { start, recorded })
 }
 
 /// The robot of the first piece of a journal.
-fn first_robot(bytes: &[u8], file: &Path) -> Result<RobotId, Failure> {
-    for message in messages(bytes) {
+fn first_robot(record: &RecordFile, file: &Path) -> Result<RobotId, Failure> {
+    for message in messages(record) {
         match message {
             Ok(message) => {
-                if let Some((robot, key)) = key_of(message.topic)
+                if let Some((robot, key)) = key_of(message.topic())
                     && JOURNALS.contains(&key)
                 {
                     return Ok(robot);
@@ -177,9 +179,9 @@ fn first_robot(bytes: &[u8], file: &Path) -> Result<RobotId, Failure> {
 }
 
 /// Key and sample of a message that is a piece of this robot's journals.
-fn journal<'a>(message: &Message<'a>, robot: RobotId) -> Option<(&'a str, &'a [u8])> {
-    let (of, key) = key_of(message.topic)?;
-    let sample = message.data.strip_prefix(&CDR_HEADER)?;
+fn journal(message: &Message, robot: RobotId) -> Option<(&str, &[u8])> {
+    let (of, key) = key_of(message.topic())?;
+    let sample = message.data().strip_prefix(&CDR_HEADER)?;
     (of == robot && JOURNALS.contains(&key)).then_some((key, sample))
 }
 
@@ -204,15 +206,17 @@ pub struct Verification {
     took_s: f64,
     /// The first difference of both.
     first_difference: Option<Differing>,
-    bridge: Journal,
-    status: Journal,
+    bridge: JournalFigures,
+    status: JournalFigures,
 }
 
 /// Of one journal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-struct Journal {
+struct JournalFigures {
     inputs: u64,
     samples: u64,
+    /// Samples in the file, the compared ones among them; 0 if it has the journals alone.
+    samples_recorded: u64,
     states: u64,
     reports: u64,
     bytes_sent: u64,
@@ -249,6 +253,8 @@ pub struct Of<'a> {
     pub against: bool,
     /// When the recording begins, by the clock of the machine that recorded.
     pub start: MonotonicNs,
+    /// Samples of bridge and status in the file.
+    pub recorded: [u64; 2],
     /// How long the verification took.
     pub took: Duration,
 }
@@ -267,8 +273,8 @@ impl Verification {
                 .as_secs_f64(),
             took_s: of.took.as_secs_f64(),
             first_difference: verdict.difference().map(differing),
-            bridge: Journal::new(&verdict.bridge, of.start),
-            status: Journal::new(&verdict.status, of.start),
+            bridge: JournalFigures::new(&verdict.bridge, of.start, of.recorded[0]),
+            status: JournalFigures::new(&verdict.status, of.start, of.recorded[1]),
         }
     }
 
@@ -286,7 +292,7 @@ impl Verification {
             return None;
         }
         let journals = [&self.bridge, &self.status];
-        let sum = |of: fn(&Journal) -> u64| journals.into_iter().map(of).sum::<u64>();
+        let sum = |of: fn(&JournalFigures) -> u64| journals.into_iter().map(of).sum::<u64>();
         let differences = sum(|journal| journal.difference_count);
         if let Some(first) = &self.first_difference {
             let what = match self.against {
@@ -314,12 +320,13 @@ impl Verification {
     }
 }
 
-impl Journal {
-    fn new(verdict: &JournalVerdict, start: MonotonicNs) -> Journal {
+impl JournalFigures {
+    fn new(verdict: &JournalVerdict, start: MonotonicNs, recorded: u64) -> JournalFigures {
         let differences = verdict.differences.iter();
-        Journal {
+        JournalFigures {
             inputs: verdict.inputs,
             samples: verdict.samples,
+            samples_recorded: recorded,
             states: verdict.states,
             reports: verdict.reports,
             bytes_sent: verdict.bytes_sent,
@@ -330,6 +337,25 @@ impl Journal {
             foreign_snapshots: verdict.foreign,
             difference_count: verdict.difference_count,
             differences: differences.map(|one| Differing::new(one, start)).collect(),
+        }
+    }
+}
+
+impl JournalFigures {
+    /// Whether the file has samples that were not compared: before the first snapshot, and after a loss.
+    fn is_part(&self) -> bool {
+        self.samples_recorded > self.samples
+    }
+
+    /// Samples that are the same, of those that the file has.
+    fn covered(&self) -> String {
+        match self.is_part() {
+            true => format!(
+                "{} of {}",
+                self.samples,
+                count(self.samples_recorded, "sample")
+            ),
+            false => count(self.samples, "sample"),
         }
     }
 }
@@ -369,7 +395,11 @@ impl fmt::Display for Differing {
 impl fmt::Display for Verification {
     /// Several lines, each with its end.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let is_part = [&self.bridge, &self.status]
+            .map(JournalFigures::is_part)
+            .contains(&true);
         let result = match (self.verified, self.first_difference.is_some()) {
+            (true, _) if is_part => "the same, bit for bit, as far as the journals reach",
             (true, _) => "the same, bit for bit",
             (false, true) => "DIFFERENT",
             (false, false) => "NOT VERIFIED",
@@ -385,19 +415,24 @@ impl fmt::Display for Verification {
         )?;
         for (title, journal) in [("bridge", &self.bridge), ("status", &self.status)] {
             writeln!(f, "{title:<12}{journal}")?;
-            for differing in journal.differences.iter().take(MAX_SHOWN) {
+            // The answers of the DSP stay as recorded, so with another configuration only the first difference is sure.
+            let shown = if self.against { 1 } else { MAX_SHOWN };
+            for differing in journal.differences.iter().take(shown) {
                 writeln!(f, "            {differing}")?;
             }
-            if journal.difference_count > MAX_SHOWN as u64 {
-                let more = journal.difference_count - MAX_SHOWN as u64;
-                writeln!(f, "            and {more} more")?;
+            match journal.difference_count.saturating_sub(shown as u64) {
+                0 => {}
+                more if self.against => {
+                    writeln!(f, "            and {more} more, which may be a consequence")?;
+                }
+                more => writeln!(f, "            and {more} more")?,
             }
         }
         Ok(())
     }
 }
 
-impl fmt::Display for Journal {
+impl fmt::Display for JournalFigures {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.snapshots + self.inputs + self.foreign_snapshots == 0 {
             return f.write_str("no journal");
@@ -406,7 +441,7 @@ impl fmt::Display for Journal {
             f,
             "{}; the same: {}, {}, {}, {} sent",
             count(self.inputs, "input"),
-            count(self.samples, "sample"),
+            self.covered(),
             count(self.states, "state"),
             count(self.reports, "report"),
             count(self.bytes_sent, "byte")

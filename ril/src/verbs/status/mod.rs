@@ -18,8 +18,8 @@ use crate::render::terminal::{Block, Size};
 use crate::render::words::time_of_day;
 use crate::robot::pilot::PilotView;
 use crate::robot::relay_link::{LinkReport, LinkWatch};
-use crate::robot::sample_age::STALE_AFTER;
-use crate::session::{Latest, Session, absent, configuration};
+use crate::robot::sample_age::is_present;
+use crate::session::{Latest, Session, Topics, absent, configuration};
 
 /// `ril status`
 #[derive(Args, Clone, Debug)]
@@ -65,16 +65,9 @@ pub fn status(args: &StatusArgs) -> Result<(), Failure> {
         return watch(args, &session, &mut newest);
     }
     let give_up = MonotonicNs::now() + timeout;
-    loop {
-        newest.drain();
-        let now = MonotonicNs::now();
-        if now >= give_up || newest.is_complete(&session, now)? {
-            break;
-        }
-        if session.termination.requested() {
-            return Ok(());
-        }
-        session.wait(newest.ports(), Some(give_up))?;
+    let is_complete = |newest: &mut Newest, now| newest.is_complete(&session, now);
+    if !session.gather(&mut newest, give_up, is_complete)? && session.termination.requested() {
+        return Ok(());
     }
     if newest.samples(&session)?.is_empty() {
         return Err(session.nothing_came(ModuleState::KEY, timeout)?);
@@ -152,24 +145,6 @@ impl Newest {
         })
     }
 
-    fn ports(&mut self) -> impl Iterator<Item = &mut dyn Source> {
-        let ports: [&mut dyn Source; 4] = [
-            &mut self.state.port,
-            &mut self.dsp.port,
-            &mut self.hero.port,
-            &mut self.status.port,
-        ];
-        ports.into_iter().chain(self.relay.port())
-    }
-
-    fn drain(&mut self) {
-        self.relay.drain();
-        self.state.drain();
-        self.dsp.drain();
-        self.hero.drain();
-        self.status.drain();
-    }
-
     fn samples(&self, session: &Session) -> Result<Samples, Failure> {
         Ok(Samples {
             state: self.state.sample,
@@ -201,14 +176,13 @@ impl Newest {
         if self.status.sample.is_none() && session.is_provided(StateOf::<StatusModule>::KEY)? {
             return Ok(false);
         }
-        let is_new = |at: MonotonicNs| at <= now && now.since(at) <= STALE_AFTER;
         let Some(state) = &self.state.sample else {
             return Ok(false);
         };
         if !session.is_provided(ModuleState::KEY)? {
             return Ok(true);
         }
-        if !is_new(state.published()) {
+        if !is_present(state.published(), now) {
             return Ok(false);
         }
         let is_up = state.link.state() == Some(ipc_types::code::LinkState::Up);
@@ -220,6 +194,25 @@ impl Newest {
             return Ok(false);
         }
         let received = PilotView::of(hero, dsp).received;
-        Ok(!is_up || received.is_some_and(is_new))
+        Ok(!is_up || received.is_some_and(|at| is_present(at, now)))
+    }
+}
+
+impl Topics for Newest {
+    fn ports(&mut self) -> Vec<&mut dyn Source> {
+        let mut ports = self.relay.ports();
+        ports.extend(self.state.ports());
+        ports.extend(self.dsp.ports());
+        ports.extend(self.hero.ports());
+        ports.extend(self.status.ports());
+        ports
+    }
+
+    fn drain(&mut self) {
+        self.relay.drain();
+        self.state.drain();
+        self.dsp.drain();
+        self.hero.drain();
+        self.status.drain();
     }
 }

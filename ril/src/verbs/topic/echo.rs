@@ -4,94 +4,78 @@ use std::fmt::Write as _;
 use std::io::{self, BufWriter, Write};
 use std::time::Duration;
 
-use ipc_types::{Losses, MonotonicNs};
+use clap::Args;
+use ipc_types::{Losses, MonotonicNs, Schema};
 use runtime::exit::Failure;
 
-use super::options::{EchoArgs, EchoOptions};
-use super::stream::{self, Watched, Watcher};
-use super::watch_timeout::{Limits, Next};
-use crate::config::Config;
+use super::stream::{Stream, StreamArgs, Watcher};
+use crate::options::EXIT_CODES;
 use crate::render::fields::{JsonLine, Meaning, Plainly, Selection, Tree};
 use crate::render::json_line;
 use crate::render::stamps::StampReader;
 use crate::render::words::count as plural;
 use crate::robot::sample_age::STALE_AFTER;
-use crate::session::{Session, configuration};
+
+/// `ril echo`, `ril topic echo`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct EchoArgs {
+    /// The samples.
+    #[command(flatten)]
+    pub stream: StreamArgs,
+
+    /// End after so many samples
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub count: Option<u64>,
+
+    /// Print only this field, or group of fields, such as geographic.latitude_deg or geographic; can be repeated. `ril topic info`
+    /// lists them
+    #[arg(long = "field", value_name = "NAME")]
+    pub fields: Vec<String>,
+
+    /// Print each sample as a JSON object on a line
+    #[arg(long)]
+    pub json: bool,
+}
 
 /// `ril echo`
 ///
 /// # Errors
 ///
-/// Code 2 for a field that does not exist, 3 when no process publishes, 4 when the publisher says nothing.
+/// Code 2 for a field that does not exist, 3 when there is no such topic or no process publishes it, 4 when the publisher says nothing.
 pub fn echo(args: &EchoArgs) -> Result<(), Failure> {
-    let options = &args.options;
-    let watched = Watched::own(args.topic);
-    let selection = Selection::of_topic(&watched.schema, &options.fields, &watched.key)?;
-    let Some(config) = configuration(&options.common)? else {
+    let Some((watched, stream)) = Stream::open(&args.stream, args.count)? else {
         return Ok(());
     };
-    let session = Session::join(&options.common)?;
-    print(&session, &watched, selection, options, &config)
-}
-
-/// `ril topic echo`
-///
-/// # Errors
-///
-/// As [`echo`]; code 3 also for a topic that is not there.
-pub fn any(key: &str, options: &EchoOptions) -> Result<(), Failure> {
-    let Some(config) = configuration(&options.common)? else {
-        return Ok(());
-    };
-    let session = Session::join(&options.common)?;
-    let watched = Watched::find(&session, key)?;
-    let selection = Selection::of_topic(&watched.schema, &options.fields, &watched.key)?;
-    print(&session, &watched, selection, options, &config)
-}
-
-fn print(
-    session: &Session,
-    watched: &Watched,
-    selection: Selection,
-    options: &EchoOptions,
-    config: &Config,
-) -> Result<(), Failure> {
-    let limits = Limits {
-        count: options.count,
-        duration: options.duration,
-        timeout: options.timeout.unwrap_or_else(|| config.observe.timeout()),
-    };
-    let mut samples = watched.open(session)?;
-    let mut printer = Printer {
-        watched,
+    let printer = Printer {
+        key: &watched.key,
+        schema: &watched.schema,
         stamps: StampReader::of(&watched.schema),
         meaning: Meaning::of_type(watched.schema.type_name()),
-        selection,
-        json: options.json,
+        selection: Selection::of_topic(&watched.schema, &args.fields, &watched.key)?,
+        json: args.json,
         out: BufWriter::new(io::stdout().lock()),
-        seen: Seen::default(),
+        seen: Printed::default(),
     };
-    let end = stream::watch(session, watched, &mut samples, limits, &mut printer)?;
-    if tracing::enabled!(tracing::Level::INFO) {
-        let summary = printer.seen.summary(samples.losses());
-        // Standard error may be closed; that does no harm.
-        let _ = writeln!(io::stderr(), "{summary}");
-    }
-    match end {
-        Next::Nothing => Err(watched.nothing_came(session, limits.timeout)?),
-        _ => Ok(()),
-    }
+    stream.watch(&watched, printer, |printer, losses| {
+        if tracing::enabled!(tracing::Level::INFO) {
+            // Standard error may be closed; that does no harm.
+            let _ = writeln!(io::stderr(), "{}", printer.seen.summary(losses));
+        }
+        Ok(())
+    })
 }
 
 /// How samples are printed.
 struct Printer<'a, W> {
-    watched: &'a Watched,
+    key: &'a str,
+    schema: &'a Schema,
     stamps: StampReader,
     meaning: Meaning,
     selection: Selection,
     json: bool,
     out: W,
-    seen: Seen,
+    seen: Printed,
 }
 
 impl<W: Write> Watcher for Printer<'_, W> {
@@ -99,7 +83,7 @@ impl<W: Write> Watcher for Printer<'_, W> {
         let now = MonotonicNs::now();
         let stamps = self.stamps.read(payload, now);
         let note = match self.seen.samples {
-            0 => note_of_age(now.since(stamps.sent), &self.watched.key),
+            0 => note_of_age(now.since(stamps.sent), self.key),
             _ => None,
         };
         self.seen.take(stamps.sent.0);
@@ -119,7 +103,7 @@ impl<W: Write> Watcher for Printer<'_, W> {
 
 impl<W: Write> Printer<'_, W> {
     fn print(&mut self, payload: &[u8]) -> Result<(), Failure> {
-        let schema = &self.watched.schema;
+        let schema = self.schema;
         let tree = Tree::read(schema, self.meaning, payload, &self.selection);
         if self.json {
             let line = JsonLine {
@@ -170,13 +154,13 @@ fn line(tree: &Tree) -> String {
 
 /// What was printed.
 #[derive(Debug, Default)]
-struct Seen {
+struct Printed {
     samples: u64,
     first_ns: u64,
     last_ns: u64,
 }
 
-impl Seen {
+impl Printed {
     /// A sample that was made at `sent_ns`.
     fn take(&mut self, sent_ns: u64) {
         self.last_ns = sent_ns;
@@ -208,7 +192,6 @@ mod tests {
     use ipc_types::TelemetryGroup;
     use ipc_types::payload::{DspTelemetry, SharedStruct};
 
-    use super::super::options::Topic;
     use super::*;
 
     fn sample() -> DspTelemetry {
@@ -223,15 +206,16 @@ mod tests {
 
     fn printed(names: &[&str], json: bool) -> String {
         let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
-        let watched = Watched::own(Topic::Dsp);
+        let schema = &Schema::of::<DspTelemetry>();
         let mut printer = Printer {
-            watched: &watched,
-            stamps: StampReader::of(&watched.schema),
+            key: "dsp_telemetry",
+            schema,
+            stamps: StampReader::of(schema),
             meaning: Meaning::of::<DspTelemetry>(),
-            selection: Selection::of(&watched.schema, &names).unwrap(),
+            selection: Selection::of(schema, &names).unwrap(),
             json,
             out: Vec::new(),
-            seen: Seen::default(),
+            seen: Printed::default(),
         };
         printer.print(sample().bytes()).unwrap();
         String::from_utf8(printer.out).unwrap()
@@ -270,7 +254,7 @@ mod tests {
 
     #[test]
     fn the_summary_counts_what_was_printed_and_tells_the_rate() {
-        let mut seen = Seen::default();
+        let mut seen = Printed::default();
         let losses = Losses {
             lost: 3,
             publisher_restarts: 1,

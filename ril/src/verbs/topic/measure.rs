@@ -7,21 +7,43 @@
 use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 
+use clap::Args;
 use ipc_types::{Losses, MonotonicNs};
 use runtime::exit::Failure;
 
-use super::meter::bandwidth::BandwidthMeter;
-use super::meter::delay::DelayMeter;
-use super::meter::rate::RateMeter;
-use super::meter::{Detail, Meter, Of, RelayedTimes, Report};
-use super::options::{MeasureArgs, MeasureOptions};
-use super::stream::{self, Watched, Watcher};
-use super::watch_timeout::{Limits, Next};
+use super::histogram::Detail;
+use super::meter::{Meter, MeterReport, Of, Quantity, RelayedTimes};
+use super::stream::{Stream, StreamArgs, Watched, Watcher};
+use crate::options::EXIT_CODES;
 use crate::render::json_line;
 use crate::render::stamps::StampReader;
 use crate::render::terminal::{Block, Size};
 use crate::robot::relay_link::LinkWatch;
-use crate::session::{Session, configuration};
+use crate::session::Topics;
+
+/// `ril hz`, `ril delay`, `ril bw`
+///
+/// On a terminal the figures are shown anew each second; elsewhere once, at the end.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+#[group(id = "end", multiple = true, args = ["count", "duration"])]
+pub struct MeasureArgs {
+    /// The samples.
+    #[command(flatten)]
+    pub stream: StreamArgs,
+
+    /// End after so many samples, of which a rate needs two
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(2..))]
+    pub count: Option<u64>,
+
+    /// Show the histograms too, which takes more than 24 lines; JSON always has them
+    #[arg(long)]
+    pub histogram: bool,
+
+    /// Print one JSON object at the end; needs --count, --duration or both
+    #[arg(long, requires = "end")]
+    pub json: bool,
+}
 
 /// From one drawing to the next: long enough to read.
 const REDRAW_PERIOD: Duration = Duration::from_secs(1);
@@ -29,132 +51,49 @@ const REDRAW_PERIOD: Duration = Duration::from_secs(1);
 /// How long the end waits for the state of the relay's link, which the relay publishes once a second.
 const LINK_TIMEOUT: Duration = Duration::from_secs(2);
 
-/// `ril hz`
+/// `ril hz`, `ril delay`, `ril bw`, by what is measured.
 ///
 /// # Errors
 ///
-/// Code 3 when no process publishes, 4 when the publisher says nothing. What was measured until then is given all the same.
-pub fn hz(args: &MeasureArgs) -> Result<(), Failure> {
-    measure::<RateMeter>(args)
-}
-
-/// `ril delay`
-///
-/// # Errors
-///
-/// As [`hz`].
-pub fn delay(args: &MeasureArgs) -> Result<(), Failure> {
-    measure::<DelayMeter>(args)
-}
-
-/// `ril bw`
-///
-/// # Errors
-///
-/// As [`hz`].
-pub fn bw(args: &MeasureArgs) -> Result<(), Failure> {
-    measure::<BandwidthMeter>(args)
-}
-
-fn measure<M: Meter>(args: &MeasureArgs) -> Result<(), Failure> {
-    run::<M>(&args.options, |_| Ok(Watched::own(args.topic)))
-}
-
-/// `ril topic hz`, `ril topic delay`, `ril topic bw`, by the meter.
-///
-/// # Errors
-///
-/// As [`hz`]; code 3 also for a topic that is not there.
-pub fn any<M: Meter>(key: &str, options: &MeasureOptions) -> Result<(), Failure> {
-    run::<M>(options, |session| Watched::find(session, key))
-}
-
-fn run<M: Meter>(
-    options: &MeasureOptions,
-    find: impl FnOnce(&Session) -> Result<Watched, Failure>,
-) -> Result<(), Failure> {
-    let Some(config) = configuration(&options.common)? else {
+/// Code 3 when there is no such topic or no process publishes it, 4 when the publisher says nothing. What was measured until then is
+/// given all the same.
+pub fn measure(quantity: Quantity, args: &MeasureArgs) -> Result<(), Failure> {
+    let Some((watched, stream)) = Stream::open(&args.stream, args.count)? else {
         return Ok(());
-    };
-    let session = &Session::join(&options.common)?;
-    let watched = &find(session)?;
-    let mut samples = watched.open(session)?;
-    let limits = Limits {
-        count: options.count,
-        duration: options.duration,
-        timeout: options.timeout.unwrap_or_else(|| config.observe.timeout()),
     };
     // What came while the port was made has waited for it; its age would be that of the port.
     let began = MonotonicNs::now();
     tracing::debug!(service = watched.key, "subscribed");
-    let mut source = SourceWatch {
-        session,
-        key: &watched.key,
-        link: LinkWatch::default(),
-    };
-    source.look::<M>()?;
-    let is_live = !options.json && io::stdout().is_terminal();
+    let is_live = !args.json && io::stdout().is_terminal();
     let mut display = Display {
-        meter: M::begin(watched.schema.size()),
+        watched: &watched,
+        // The ages alone depend on the link.
+        link: (quantity == Quantity::Age).then(LinkWatch::default),
+        meter: Meter::new(quantity, watched.schema.size()),
         stamps: StampReader::of(&watched.schema),
-        source,
         began,
         has_come: false,
         is_empty: true,
-        detail: match options.histogram {
+        detail: match args.histogram {
             true => Detail::Histograms,
             false => Detail::Figures,
         },
         block: Block::default(),
         redraw_at: is_live.then(|| began + REDRAW_PERIOD),
     };
-    let end = stream::watch(session, watched, &mut samples, limits, &mut display)?;
-    display.finish(samples.losses(), options.json)?;
-    match end {
-        Next::Nothing => Err(watched.nothing_came(session, limits.timeout)?),
-        _ => Ok(()),
-    }
-}
-
-/// Whose samples are measured, and whether they come from another machine.
-struct SourceWatch<'a> {
-    session: &'a Session,
-    key: &'a str,
-    link: LinkWatch,
-}
-
-impl SourceWatch<'_> {
-    /// Looks where the samples come from, if the measurement `M` shows their ages, and how the link to that machine is.
-    fn look<M: Meter>(&mut self) -> Result<(), Failure> {
-        if M::SHOWS_AGES {
-            self.link.look(self.session, self.key)?;
-            self.link.drain();
-        }
-        Ok(())
-    }
-
-    /// Waits for the state of the link, if there is one.
-    fn wait(&mut self) -> Result<(), Failure> {
-        self.link.wait(self.session, LINK_TIMEOUT)
-    }
-
-    fn of(&self) -> Of<'_> {
-        let link = self.link.newest();
-        Of {
-            robot: self.session.ipc.robot().get(),
-            service: self.key,
-            relayed: self.link.is_relayed().then(|| RelayedTimes {
-                uncertainty_s: link.and_then(|link| link.clock_uncertainty()),
-            }),
-        }
-    }
+    display.look()?;
+    stream.watch(&watched, display, |display, losses| {
+        display.finish(losses, args.json)
+    })
 }
 
 /// The measurement and where it is shown.
-struct Display<'a, M> {
-    meter: M,
+struct Display<'a> {
+    watched: &'a Watched,
+    /// The link to the machine that the samples come from; `None` if it does not matter.
+    link: Option<LinkWatch>,
+    meter: Meter,
     stamps: StampReader,
-    source: SourceWatch<'a>,
     began: MonotonicNs,
     /// Whether a sample has come, measured or not.
     has_come: bool,
@@ -165,7 +104,7 @@ struct Display<'a, M> {
     redraw_at: Option<MonotonicNs>,
 }
 
-impl<M: Meter> Watcher for Display<'_, M> {
+impl Watcher for Display<'_> {
     fn sample(&mut self, payload: &[u8]) -> Result<bool, Failure> {
         let now = MonotonicNs::now();
         let stamps = self.stamps.read(payload, now);
@@ -176,7 +115,7 @@ impl<M: Meter> Watcher for Display<'_, M> {
         if is_new {
             if self.is_empty {
                 tracing::debug!(sequence = stamps.sequence, "first sample");
-                self.source.look::<M>()?;
+                self.look()?;
             }
             self.meter.take(&stamps, now);
             self.is_empty = false;
@@ -186,9 +125,8 @@ impl<M: Meter> Watcher for Display<'_, M> {
 
     fn woken(&mut self, losses: Losses, now: MonotonicNs) -> Result<(), Failure> {
         if !self.is_empty && self.redraw_at.is_some_and(|at| now >= at) {
-            self.source.look::<M>()?;
-            let report = self.meter.report(self.source.of(), losses);
-            let text = report.text(self.detail).to_string();
+            self.look()?;
+            let text = self.report(losses).text(self.detail);
             self.block
                 .show(
                     &mut io::stdout().lock(),
@@ -209,20 +147,44 @@ impl<M: Meter> Watcher for Display<'_, M> {
     }
 }
 
-impl<M: Meter> Display<'_, M> {
+impl Display<'_> {
+    /// Looks where the samples come from, and how the link to that machine is.
+    fn look(&mut self) -> Result<(), Failure> {
+        if let Some(link) = &mut self.link {
+            link.look(&self.watched.session, &self.watched.key)?;
+            link.drain();
+        }
+        Ok(())
+    }
+
+    fn report(&self, losses: Losses) -> MeterReport {
+        let link = self.link.as_ref().filter(|link| link.is_relayed());
+        let of = Of {
+            robot: self.watched.session.ipc.robot().get(),
+            service: &self.watched.key,
+            relayed: link.map(|link| RelayedTimes {
+                uncertainty_s: link.newest().and_then(|link| link.clock_uncertainty()),
+            }),
+        };
+        self.meter.report(of, losses)
+    }
+
     /// Gives the figures, unless nothing was measured.
     fn finish(mut self, losses: Losses, json: bool) -> Result<(), Failure> {
         if self.is_empty {
             return Ok(());
         }
-        self.source.look::<M>()?;
-        self.source.wait()?;
+        self.look()?;
+        if let Some(link) = &mut self.link {
+            link.wait(&self.watched.session, LINK_TIMEOUT)?;
+        }
         let mut out = io::stdout().lock();
-        let report = self.meter.report(self.source.of(), losses);
+        let report = self.report(losses);
         if json {
             return json_line(&mut out, &report);
         }
         self.block.clear(&mut out).map_err(Failure::output)?;
-        write!(out, "{}", report.text(self.detail)).map_err(Failure::output)
+        out.write_all(report.text(self.detail).as_bytes())
+            .map_err(Failure::output)
     }
 }

@@ -1,32 +1,95 @@
 //! `ril topic`, and its short forms `ril echo`, `hz`, `delay` and `bw`: topics of structs that this program was not built with too.
 //!
-//! Here topics are listed and described. `echo` prints samples, `measure` feeds the pure values of [`meter`]; `stream` is how both of
-//! them get samples.
+//! Here topics are listed and described. `echo` prints samples, `measure` feeds a [`meter`]; `stream` is how both of them get samples.
 
 pub mod echo;
+pub mod generate;
+pub mod histogram;
 pub mod measure;
 pub mod meter;
-pub mod options;
-mod stream;
-mod watch_timeout;
+pub(crate) mod stream;
 
 use std::fmt::Write as _;
 use std::io::{self, Write};
 
+use clap::{Args, Subcommand};
 use ipc_types::Schema;
 use ipc_types::dynamic::{self, ServiceFacts};
 use ipc_types::schema::{Field, Kind, Message};
+use runtime::args::CommonArgs;
 use runtime::exit::Failure;
 use serde::Serialize;
 
-use self::meter::bandwidth::BandwidthMeter;
-use self::meter::delay::DelayMeter;
-use self::meter::rate::RateMeter;
-use self::options::{TopicCommand, TopicInfoArgs, TopicListArgs};
-use self::stream::Watched;
+use self::echo::EchoArgs;
+use self::generate::TopicGenerateArgs;
+use self::measure::MeasureArgs;
+use self::meter::Quantity;
+use self::stream::{schema_of, topic_key};
+use crate::options::EXIT_CODES;
 use crate::render::fields::Selection;
 use crate::render::json_line;
 use crate::session::{Session, configuration, other_domains, others_alive};
+
+/// `ril topic`
+#[derive(Args, Clone, Debug)]
+pub struct TopicArgs {
+    /// What to do with the topics.
+    #[command(subcommand)]
+    pub command: TopicCommand,
+}
+
+/// `ril topic …`
+#[derive(Clone, Debug, Subcommand)]
+pub enum TopicCommand {
+    /// List the open topics, with their types and sizes
+    List(TopicListArgs),
+    /// Describe a topic: its type, and each field with offset, type, unit and comment
+    Info(TopicInfoArgs),
+    /// Print samples of a topic as they come
+    Echo(EchoArgs),
+    /// Measure how often samples of a topic come and how often they are published, and count the lost ones
+    Hz(MeasureArgs),
+    /// Measure how old samples of a topic are when they come
+    Delay(MeasureArgs),
+    /// Measure how many bytes the samples of a topic make
+    Bw(MeasureArgs),
+    /// Make a message definition a struct for Rust, for C and C++, and for Python
+    Generate(TopicGenerateArgs),
+}
+
+/// `ril topic list`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct TopicListArgs {
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// Print each topic as a JSON object on a line
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ril topic info`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct TopicInfoArgs {
+    /// Topic, as `ril topic list` shows it, such as battery_watch/cell_voltages; or dsp, hero, state
+    #[arg(value_name = "TOPIC", value_parser = topic_key)]
+    pub topic: String,
+
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// Describe only this field, or group of fields, such as geographic.latitude_deg or geographic; can be repeated
+    #[arg(long = "field", value_name = "NAME")]
+    pub fields: Vec<String>,
+
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
 
 /// `ril topic …`
 ///
@@ -37,10 +100,11 @@ pub fn topic(command: &TopicCommand) -> Result<(), Failure> {
     match command {
         TopicCommand::List(args) => list(args),
         TopicCommand::Info(args) => info(args),
-        TopicCommand::Echo(args) => echo::any(&args.topic, &args.options),
-        TopicCommand::Hz(args) => measure::any::<RateMeter>(&args.topic, &args.options),
-        TopicCommand::Delay(args) => measure::any::<DelayMeter>(&args.topic, &args.options),
-        TopicCommand::Bw(args) => measure::any::<BandwidthMeter>(&args.topic, &args.options),
+        TopicCommand::Echo(args) => echo::echo(args),
+        TopicCommand::Hz(args) => measure::measure(Quantity::Rate, args),
+        TopicCommand::Delay(args) => measure::measure(Quantity::Age, args),
+        TopicCommand::Bw(args) => measure::measure(Quantity::Bandwidth, args),
+        TopicCommand::Generate(args) => generate::generate(args),
     }
 }
 
@@ -156,18 +220,16 @@ fn info(args: &TopicInfoArgs) -> Result<(), Failure> {
         return Ok(());
     }
     let session = Session::join(&args.common)?;
-    let watched = Watched::find(&session, &args.topic)?;
-    let selection = Selection::of_topic(&watched.schema, &args.fields, &watched.key)?;
-    let is_open = dynamic::topics(&session.ipc)
-        .iter()
-        .any(|topic| topic.key == watched.key);
+    let (key, schema) = (&args.topic, &schema_of(&session, &args.topic)?);
+    let selection = Selection::of_topic(schema, &args.fields, key)?;
+    let topics = dynamic::topics(&session.ipc);
+    let is_open = topics.iter().any(|topic| topic.key == *key);
     let mut out = io::stdout().lock();
-    let schema = &watched.schema;
     if args.json {
         let object = InfoObject {
             schema: "ril.TopicInfo.v1",
             robot: session.ipc.robot().get(),
-            key: &watched.key,
+            key,
             type_name: schema.type_name(),
             ros_type: schema.ros_resource_name(),
             bytes: schema.size(),
@@ -179,7 +241,7 @@ fn info(args: &TopicInfoArgs) -> Result<(), Failure> {
         };
         return json_line(&mut out, &object);
     }
-    let text = describe(&watched.key, schema, &selection, is_open);
+    let text = describe(key, schema, &selection, is_open);
     out.write_all(text.as_bytes()).map_err(Failure::output)
 }
 

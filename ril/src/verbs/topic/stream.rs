@@ -1,5 +1,5 @@
-//! What all commands that watch a stream of samples share: where samples come from, and the loop that waits, drains and
-//! knows when it is enough.
+//! What all commands share that watch the samples of a topic: its name and schema, their options, the loop that waits and drains, and
+//! `WatchTimeout`, which knows when it is enough.
 //!
 //! Samples are bytes here, which their schema describes: what is done with them is the same whether this program was
 //! built with their struct or not.
@@ -9,95 +9,189 @@ use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::service::own;
-use ipc_types::{Descriptor, DynamicSubscriber, Losses, MonotonicNs, Schema, Topic, dynamic};
+use clap::Args;
+use ipc_types::schema::LoadError;
+use ipc_types::service::{is_key, own};
+use ipc_types::{Descriptor, DynamicSubscriber, Losses, MonotonicNs, Schema, ServiceId, dynamic};
+use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FileType, fstat};
 
-use super::options;
-use super::watch_timeout::{Limits, Next, WatchTimeout};
-use crate::session::{Session, absent};
+use crate::options::duration;
+use crate::session::{Session, absent, configuration};
+
+/// The short names of the robot's own topics, and what they are.
+pub(crate) const SHORT_NAMES: [(&str, ServiceId, &str); 3] = [
+    (
+        "dsp",
+        ServiceId::DspTelemetry,
+        "Telemetry as the DSP sends it",
+    ),
+    ("hero", ServiceId::HeroTelemetry, "Telemetry in SI units"),
+    ("state", ServiceId::ModuleState, "State of the module"),
+];
+
+/// The key that the short name of a topic stands for; any other text is a key by itself.
+pub(crate) fn key_of(name: &str) -> &str {
+    let mut names = SHORT_NAMES.iter();
+    let short = names.find(|(short, ..)| *short == name);
+    short.map_or(name, |(_, service, _)| service.key())
+}
+
+/// Reads the key or the short name of a topic.
+pub(super) fn topic_key(text: &str) -> Result<String, String> {
+    match is_key(key_of(text)) {
+        true => Ok(key_of(text).to_owned()),
+        false => Err("a topic is called such as battery_watch/cell_voltages".to_owned()),
+    }
+}
+
+/// What every command takes that watches a stream.
+#[derive(Args, Clone, Debug)]
+pub struct StreamArgs {
+    /// Topic, as `ril topic list` shows it, such as battery_watch/cell_voltages; or dsp, hero, state
+    #[arg(value_name = "TOPIC", value_parser = topic_key)]
+    pub topic: String,
+
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// End after this time, such as 10s
+    #[arg(long, value_name = "DURATION", value_parser = duration)]
+    pub duration: Option<Duration>,
+
+    /// How long to wait for the first sample, and for a publisher that is gone, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
+    pub timeout: Option<Duration>,
+}
+
+/// What the samples of the topic `key` hold; one of the robot's own may be there before its publisher.
+///
+/// # Errors
+///
+/// Code 3 when there is no such topic, with those that there are; 1 when its schema cannot be used.
+pub(super) fn schema_of(session: &Session, key: &str) -> Result<Schema, Failure> {
+    let robot = session.ipc.robot();
+    match dynamic::schema_of(&session.ipc, key) {
+        Err(LoadError::Missing(_)) if own(key).is_some() => Err(absent(key, robot)),
+        Err(LoadError::Missing(_)) => {
+            let topics = dynamic::topics(&session.ipc).into_iter();
+            let keys: Vec<String> = topics.map(|topic| topic.key).collect();
+            let there = match keys.is_empty() {
+                true => "none now".to_owned(),
+                false => keys.join(", "),
+            };
+            let text = format!("robot {robot} has no topic {key}; it has {there}");
+            Err(Failure::new(ExitCode::ServiceAbsent, text)
+                .with_next_step("start the module that publishes it, and try again"))
+        }
+        result => result.or_fail(ExitCode::Internal),
+    }
+}
 
 /// A topic that a command watches.
 pub(super) struct Watched {
+    pub session: Session,
     /// Last part of its name, such as `hero_telemetry`.
     pub key: String,
     /// What its samples hold.
     pub schema: Schema,
 }
 
-impl Watched {
-    /// One of the robot's own, which may be there before its publisher.
-    pub fn own(topic: options::Topic) -> Watched {
-        match topic {
-            options::Topic::Dsp => Watched::of::<DspTelemetry>(),
-            options::Topic::Hero => Watched::of::<HeroTelemetry>(),
-            options::Topic::State => Watched::of::<ModuleState>(),
-        }
-    }
+/// The samples of a topic, and how long they are watched.
+pub(super) struct Stream {
+    samples: DynamicSubscriber,
+    limits: StreamLimits,
+}
 
-    fn of<T: Topic>() -> Watched {
-        Watched {
-            key: T::KEY.to_owned(),
-            schema: Schema::of::<T>(),
-        }
-    }
-
-    /// The topic `key`, whatever it is.
+impl Stream {
+    /// Subscribes to a topic, to end after `count` samples; `None` if only the configuration was to be checked.
     ///
     /// # Errors
     ///
     /// Code 3 when there is no such topic, 1 when its schema cannot be used.
-    pub fn find(session: &Session, key: &str) -> Result<Watched, Failure> {
-        match dynamic::schema_of(&session.ipc, key) {
-            Ok(schema) => Ok(Watched {
-                key: key.to_owned(),
-                schema,
-            }),
-            Err(ipc_types::schema::LoadError::Missing(_)) => Err(missing(session, key)),
-            Err(error) => Err(error).or_fail(ExitCode::Internal),
-        }
+    pub fn open(
+        args: &StreamArgs,
+        count: Option<u64>,
+    ) -> Result<Option<(Watched, Stream)>, Failure> {
+        let Some(config) = configuration(&args.common)? else {
+            return Ok(None);
+        };
+        let session = Session::join(&args.common)?;
+        let schema = schema_of(&session, &args.topic)?;
+        let samples = DynamicSubscriber::open(&session.ipc, &args.topic, &schema);
+        let stream = Stream {
+            samples: samples.or_fail(ExitCode::Internal)?,
+            limits: StreamLimits {
+                count,
+                duration: args.duration,
+                timeout: args.timeout.unwrap_or_else(|| config.observe.timeout()),
+            },
+        };
+        let watched = Watched {
+            session,
+            key: args.topic.clone(),
+            schema,
+        };
+        Ok(Some((watched, stream)))
     }
 
-    /// Subscribes to it.
+    /// Hands samples to `watcher` until it is enough, nothing comes any more, or a signal comes, which is enough, too; then `finish`
+    /// is called with what was lost.
     ///
     /// # Errors
     ///
-    /// Code 1 when it carries something else.
-    pub fn open(&self, session: &Session) -> Result<DynamicSubscriber, Failure> {
-        DynamicSubscriber::open(&session.ipc, &self.key, &self.schema).or_fail(ExitCode::Internal)
+    /// What `watcher` and `finish` fail with; code 3 or 4 when nothing came in time; the quiet end when the reader of standard output
+    /// has gone.
+    pub fn watch<W: Watcher>(
+        mut self,
+        watched: &Watched,
+        mut watcher: W,
+        finish: impl FnOnce(W, Losses) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let end = self.follow(watched, &mut watcher)?;
+        finish(watcher, self.samples.losses())?;
+        match end {
+            WatchStep::Nothing => {
+                let timeout = self.limits.timeout;
+                Err(watched.session.nothing_came(&watched.key, timeout)?)
+            }
+            _ => Ok(()),
+        }
     }
 
-    /// Whether a live process publishes it.
-    fn is_provided(&self, session: &Session) -> Result<bool, Failure> {
-        session.is_provided(&self.key)
+    fn follow(
+        &mut self,
+        watched: &Watched,
+        watcher: &mut impl Watcher,
+    ) -> Result<WatchStep, Failure> {
+        let session = &watched.session;
+        let mut timeout = WatchTimeout::new(self.limits, MonotonicNs::now());
+        let pipe = OutputPipe::of_this_process();
+        let mut reader = pipe.as_ref().map(|pipe| Descriptor::new(pipe.as_fd()));
+        while !session.termination.requested() {
+            let count = take(&mut self.samples, timeout.wanted(), watcher)?;
+            let now = MonotonicNs::now();
+            timeout.came(count, now);
+            watcher.woken(self.samples.losses(), now)?;
+            match timeout.next(now) {
+                WatchStep::Wait(until) => {
+                    let until = watcher.wake_at().map_or(until, |at| until.min(at));
+                    let reader = reader.as_mut().map(|reader| reader as _);
+                    let sources = [&mut self.samples as _].into_iter().chain(reader);
+                    session.wait(sources, Some(until))?;
+                    if pipe.as_ref().is_some_and(OutputPipe::is_closed) {
+                        return Err(Failure::output(io::ErrorKind::BrokenPipe.into()));
+                    }
+                }
+                WatchStep::Look => timeout.provider(session.is_provided(&watched.key)?, now),
+                end => return Ok(end),
+            }
+        }
+        Ok(WatchStep::Enough)
     }
-
-    /// The failure that nothing came in time.
-    pub fn nothing_came(&self, session: &Session, timeout: Duration) -> Result<Failure, Failure> {
-        session.nothing_came(&self.key, timeout)
-    }
-}
-
-/// The failure that there is no topic `key`, with what there is.
-pub(super) fn missing(session: &Session, key: &str) -> Failure {
-    if own(key).is_some() {
-        return absent(key, session.ipc.robot());
-    }
-    let robot = session.ipc.robot();
-    let keys: Vec<String> = dynamic::topics(&session.ipc)
-        .into_iter()
-        .map(|topic| topic.key)
-        .collect();
-    let there = match keys.as_slice() {
-        [] => "it has none now".to_owned(),
-        keys => format!("it has {}", keys.join(", ")),
-    };
-    let text = format!("robot {robot} has no topic {key}; {there}");
-    Failure::new(ExitCode::ServiceAbsent, text)
-        .with_next_step("start the module that publishes it, and try again")
 }
 
 /// What is done with the samples.
@@ -112,44 +206,6 @@ pub(super) trait Watcher {
     fn wake_at(&self) -> Option<MonotonicNs> {
         None
     }
-}
-
-/// Hands samples on until it is enough, nothing comes any more, or a signal comes; the latter is enough, too.
-///
-/// # Errors
-///
-/// What `watcher` fails with; the quiet end when the reader of standard output has gone.
-pub(super) fn watch(
-    session: &Session,
-    watched: &Watched,
-    samples: &mut DynamicSubscriber,
-    limits: Limits,
-    watcher: &mut impl Watcher,
-) -> Result<Next, Failure> {
-    let mut timeout = WatchTimeout::new(limits, MonotonicNs::now());
-    let pipe = OutputPipe::of_this_process();
-    let mut reader = pipe.as_ref().map(|pipe| Descriptor::new(pipe.as_fd()));
-    while !session.termination.requested() {
-        let count = take(samples, timeout.wanted(), watcher)?;
-        let now = MonotonicNs::now();
-        timeout.came(count, now);
-        watcher.woken(samples.losses(), now)?;
-        match timeout.next(now) {
-            Next::Wait(until) => {
-                let until = watcher.wake_at().map_or(until, |at| until.min(at));
-                let reader = reader.as_mut().map(|reader| reader as _);
-                session.wait([samples as _].into_iter().chain(reader), Some(until))?;
-                if pipe.as_ref().is_some_and(OutputPipe::is_closed) {
-                    return Err(Failure::output(io::ErrorKind::BrokenPipe.into()));
-                }
-            }
-            Next::Look => {
-                timeout.provider(watched.is_provided(session)?, now);
-            }
-            end => return Ok(end),
-        }
-    }
-    Ok(Next::Enough)
 }
 
 /// Hands on what is there, at most `wanted` samples that count, and says how many those were.
@@ -175,11 +231,11 @@ fn take(
 }
 
 /// A pipe's end for writing.
-pub(super) struct OutputPipe(File);
+struct OutputPipe(File);
 
 impl OutputPipe {
     /// Standard output of this process, if that is a pipe.
-    pub(super) fn of_this_process() -> Option<OutputPipe> {
+    fn of_this_process() -> Option<OutputPipe> {
         let output = io::stdout().as_fd().try_clone_to_owned().ok()?;
         OutputPipe::of(output.into())
     }
@@ -190,7 +246,7 @@ impl OutputPipe {
     }
 
     /// Whether nothing that is written will be read.
-    pub(super) fn is_closed(&self) -> bool {
+    fn is_closed(&self) -> bool {
         let mut polled = [PollFd::new(&self.0, PollFlags::empty())];
         // Trouble of `poll` itself says nothing about the reader.
         let _ = poll(&mut polled, Some(&Timespec::default()));
@@ -201,6 +257,100 @@ impl OutputPipe {
 impl AsFd for OutputPipe {
     fn as_fd(&self) -> BorrowedFd<'_> {
         self.0.as_fd()
+    }
+}
+
+/// While nothing comes, the publisher is looked for this many times in each timeout, so that it is missed for at least
+/// three quarters of the timeout before the command gives up.
+const LOOKS_PER_TIMEOUT: u32 = 4;
+
+/// What the operator asked for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StreamLimits {
+    /// End after so many samples.
+    pub count: Option<u64>,
+    /// End after so long.
+    pub duration: Option<Duration>,
+    /// How long to wait for the first sample, and for a publisher that is gone.
+    pub timeout: Duration,
+}
+
+/// What to do next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum WatchStep {
+    /// Wait for samples, at most until then.
+    Wait(MonotonicNs),
+    /// Say by [`WatchTimeout::provider`] whether the publisher lives.
+    Look,
+    /// As many samples as asked for, or as long.
+    Enough,
+    /// Nothing came in time, or the publisher has been gone too long.
+    Nothing,
+}
+
+/// How long a command goes on watching. A pure value: it is given samples, the time and whether the publisher lives, and says when
+/// to look again or how it ends.
+#[derive(Debug)]
+pub(super) struct WatchTimeout {
+    limits: StreamLimits,
+    began: MonotonicNs,
+    samples: u64,
+    /// When there last was a sign of the publisher: a sample, or that it lives.
+    sign: MonotonicNs,
+    next_look: MonotonicNs,
+}
+
+impl WatchTimeout {
+    /// Begins to watch.
+    pub fn new(limits: StreamLimits, now: MonotonicNs) -> WatchTimeout {
+        WatchTimeout {
+            limits,
+            began: now,
+            samples: 0,
+            sign: now,
+            next_look: now,
+        }
+    }
+
+    /// How many more samples are wanted.
+    pub fn wanted(&self) -> u64 {
+        let count = self.limits.count.unwrap_or(u64::MAX);
+        count.saturating_sub(self.samples)
+    }
+
+    /// So many samples came, of those that were wanted.
+    pub fn came(&mut self, samples: u64, now: MonotonicNs) {
+        if samples > 0 {
+            self.samples += samples;
+            self.sign = now;
+            self.next_look = now + self.limits.timeout / LOOKS_PER_TIMEOUT;
+        }
+    }
+
+    /// Whether the publisher lives. Before the first sample that is not enough: a publisher that never publishes anything is not
+    /// waited for.
+    pub fn provider(&mut self, lives: bool, now: MonotonicNs) {
+        self.next_look = now + self.limits.timeout / LOOKS_PER_TIMEOUT;
+        if lives && self.samples > 0 {
+            self.sign = now;
+        }
+    }
+
+    /// What to do at `now`.
+    pub fn next(&self, now: MonotonicNs) -> WatchStep {
+        let end = self.limits.duration.map(|duration| self.began + duration);
+        let give_up = self.sign + self.limits.timeout;
+        if self.wanted() == 0 || (self.samples > 0 && end.is_some_and(|end| now >= end)) {
+            WatchStep::Enough
+        } else if now >= give_up {
+            WatchStep::Nothing
+        } else if now >= self.next_look {
+            WatchStep::Look
+        } else {
+            let end = end.filter(|_| self.samples > 0);
+            let until = self.next_look.min(give_up);
+            WatchStep::Wait(end.map_or(until, |end| until.min(end)))
+        }
     }
 }
 
@@ -222,5 +372,116 @@ mod tests {
     #[test]
     fn a_file_is_no_pipe() {
         assert!(OutputPipe::of(File::open("/dev/null").unwrap()).is_none());
+    }
+
+    const fn at(ms: u64) -> MonotonicNs {
+        MonotonicNs(ms * 1_000_000)
+    }
+
+    const LIMITS: StreamLimits = StreamLimits {
+        count: None,
+        duration: None,
+        timeout: Duration::from_millis(1000),
+    };
+
+    /// Watches from 0 ms; samples come at the given times, the publisher lives in the given interval. Returns when and
+    /// how it ended; without an end after a minute, nothing.
+    fn watch(
+        limits: StreamLimits,
+        samples: &[u64],
+        lives: std::ops::Range<u64>,
+    ) -> Option<(u64, WatchStep)> {
+        let mut timeout = WatchTimeout::new(limits, at(0));
+        let mut samples = samples.iter().copied().peekable();
+        let mut now = 0;
+        while now < 60_000 {
+            while samples.next_if(|sample| *sample <= now).is_some() {
+                timeout.came(1, at(now));
+            }
+            match timeout.next(at(now)) {
+                WatchStep::Look => timeout.provider(lives.contains(&now), at(now)),
+                WatchStep::Wait(until) => {
+                    let until = until.0 / 1_000_000;
+                    assert!(until > now, "a wait that is no wait");
+                    now = samples.peek().map_or(until, |sample| until.min(*sample));
+                }
+                end => return Some((now, end)),
+            }
+        }
+        None
+    }
+
+    #[test]
+    fn the_first_sample_is_waited_for_once_the_timeout() {
+        assert_eq!(
+            watch(LIMITS, &[], 0..0),
+            Some((1000, WatchStep::Nothing)),
+            "no publisher"
+        );
+        assert_eq!(
+            watch(LIMITS, &[], 0..9999),
+            Some((1000, WatchStep::Nothing)),
+            "silent from the start"
+        );
+    }
+
+    #[test]
+    fn a_publisher_that_lives_may_be_silent_for_ever() {
+        assert_eq!(watch(LIMITS, &[900], 0..u64::MAX), None);
+    }
+
+    #[test]
+    fn a_publisher_that_is_gone_is_waited_for() {
+        assert_eq!(
+            watch(LIMITS, &[100, 200], 0..200),
+            Some((1200, WatchStep::Nothing))
+        );
+        let restarted_in_time = [100, 1050, 1100];
+        assert_eq!(
+            watch(LIMITS, &restarted_in_time, 0..110),
+            Some((2100, WatchStep::Nothing))
+        );
+        // Seen alive at 4850, looked for every 250 ms.
+        assert_eq!(
+            watch(LIMITS, &[100], 0..5000),
+            Some((5850, WatchStep::Nothing))
+        );
+    }
+
+    #[test]
+    fn a_count_is_met_exactly() {
+        let limits = StreamLimits {
+            count: Some(2),
+            ..LIMITS
+        };
+        assert_eq!(
+            watch(limits, &[10, 20, 30], 0..100),
+            Some((20, WatchStep::Enough))
+        );
+        let mut timeout = WatchTimeout::new(limits, at(0));
+        assert_eq!(timeout.wanted(), 2);
+        timeout.came(1, at(1));
+        assert_eq!(timeout.wanted(), 1);
+        assert_eq!(WatchTimeout::new(LIMITS, at(0)).wanted(), u64::MAX);
+    }
+
+    #[test]
+    fn a_duration_ends_well_only_with_a_sample() {
+        let limits = StreamLimits {
+            duration: Some(Duration::from_millis(300)),
+            ..LIMITS
+        };
+        assert_eq!(
+            watch(limits, &[10, 20], 0..u64::MAX),
+            Some((300, WatchStep::Enough))
+        );
+        assert_eq!(
+            watch(limits, &[], 0..u64::MAX),
+            Some((1000, WatchStep::Nothing))
+        );
+        assert_eq!(
+            watch(limits, &[500], 0..u64::MAX),
+            Some((500, WatchStep::Enough))
+        );
     }
 }

@@ -6,16 +6,13 @@
 mod tests;
 
 use std::fmt;
-use std::time::Duration;
 
 use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Schema, TelemetryGroup};
 
 use crate::render::fields::{Selection, Tree};
-
-/// A sample older than this is not of the present: the state comes at least once a second, telemetry far more often.
-pub const PRESENT: Duration = Duration::from_secs(1);
+use crate::robot::sample_age::is_present;
 
 /// A helicopter that is slower than this over ground, and that climbs and sinks more slowly, hovers, m/s. Gusts move one that
 /// stays in its place by some tenths of that.
@@ -26,11 +23,11 @@ const HOVER_MPS: f32 = 0.5;
 pub struct Condition {
     /// As the operator wrote it.
     text: String,
-    kind: Kind,
+    kind: ConditionKind,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-enum Kind {
+enum ConditionKind {
     Up,
     Landed,
     Flying,
@@ -144,11 +141,11 @@ impl Condition {
     /// What is wrong with it, and what may have been meant.
     pub fn parse(text: &str) -> Result<Condition, String> {
         let kind = match text.trim() {
-            "up" => Kind::Up,
-            "landed" => Kind::Landed,
-            "flying" => Kind::Flying,
-            "hovering" => Kind::Hovering,
-            other => Kind::Compare(Comparison::parse(other)?),
+            "up" => ConditionKind::Up,
+            "landed" => ConditionKind::Landed,
+            "flying" => ConditionKind::Flying,
+            "hovering" => ConditionKind::Hovering,
+            other => ConditionKind::Compare(Comparison::parse(other)?),
         };
         Ok(Condition {
             text: text.trim().to_owned(),
@@ -158,22 +155,26 @@ impl Condition {
 
     /// Whether it needs the state of the bridge.
     pub fn needs_state(&self) -> bool {
-        matches!(self.kind, Kind::Up | Kind::Hovering)
+        matches!(self.kind, ConditionKind::Up | ConditionKind::Hovering)
     }
 
     /// Whether it needs the robot's telemetry.
     pub fn needs_telemetry(&self) -> bool {
-        !matches!(self.kind, Kind::Up)
+        !matches!(self.kind, ConditionKind::Up)
     }
 
     /// How it is at `now`.
     pub fn judge(&self, newest: &Newest<'_>, now: MonotonicNs) -> Standing {
         let judged = match &self.kind {
-            Kind::Up => up(newest, now),
-            Kind::Landed => telemetry(newest, now).map(|hero| flight(hero, hero.flying == 0)),
-            Kind::Flying => telemetry(newest, now).map(|hero| flight(hero, hero.flying == 1)),
-            Kind::Hovering => hovering(newest, now),
-            Kind::Compare(comparison) => {
+            ConditionKind::Up => up(newest, now),
+            ConditionKind::Landed => {
+                telemetry(newest, now).map(|hero| flight(hero, hero.flying == 0))
+            }
+            ConditionKind::Flying => {
+                telemetry(newest, now).map(|hero| flight(hero, hero.flying == 1))
+            }
+            ConditionKind::Hovering => hovering(newest, now),
+            ConditionKind::Compare(comparison) => {
                 telemetry(newest, now).and_then(|hero| comparison.judge(hero))
             }
         };
@@ -191,16 +192,10 @@ impl fmt::Display for Condition {
     }
 }
 
-/// Whether a moment is of the present.
-fn is_present(time_ns: u64, now: MonotonicNs) -> bool {
-    let time = MonotonicNs(time_ns);
-    time <= now && now.since(time) <= PRESENT
-}
-
 fn state<'a>(newest: &Newest<'a>, now: MonotonicNs) -> Result<&'a ModuleState, String> {
     match newest.state {
         None => Err("no state of the bridge".to_owned()),
-        Some(state) if !is_present(state.published_ns, now) => {
+        Some(state) if !is_present(state.published(), now) => {
             Err("the bridge's state is old".to_owned())
         }
         Some(state) => Ok(state),
@@ -210,7 +205,7 @@ fn state<'a>(newest: &Newest<'a>, now: MonotonicNs) -> Result<&'a ModuleState, S
 fn telemetry<'a>(newest: &Newest<'a>, now: MonotonicNs) -> Result<&'a HeroTelemetry, String> {
     match newest.hero {
         None => Err("no telemetry".to_owned()),
-        Some(hero) if !is_present(hero.received_ns, now) => Err("the telemetry is old".to_owned()),
+        Some(hero) if !is_present(hero.received(), now) => Err("the telemetry is old".to_owned()),
         Some(hero) => Ok(hero),
     }
 }

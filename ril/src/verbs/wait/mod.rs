@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use clap::Args;
 use ipc_types::payload::{HeroTelemetry, ModuleState};
-use ipc_types::{MonotonicNs, Source, Topic};
+use ipc_types::{MonotonicNs, Topic};
 use runtime::args::CommonArgs;
 use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure};
@@ -89,25 +89,21 @@ pub fn wait(args: &WaitArgs) -> Result<(), Failure> {
         return Ok(());
     }
     let session = Session::join(&args.common)?;
-    let mut topics = Topics::open(&session, &args.conditions)?;
+    let mut topics = open(&session, &args.conditions)?;
     let began = MonotonicNs::now();
-    let give_up = began + args.timeout;
-    let (standings, now) = loop {
-        topics.drain();
-        let now = MonotonicNs::now();
-        let standings = topics.judge(&args.conditions, now);
-        if standings.iter().all(|standing| standing.is_met) || now >= give_up {
-            break (standings, now);
-        }
-        if session.termination.requested() {
-            let text = format!("interrupted: {}", missing(&args.conditions, &standings));
-            return Err(Failure::new(ExitCode::OutcomeUnknown, text));
-        }
-        session.wait(topics.ports(), Some(give_up))?;
-    };
+    let (mut standings, mut now) = (Vec::new(), began);
+    session.gather(&mut topics, began + args.timeout, |topics, at| {
+        (standings, now) = (judge(topics, &args.conditions, at), at);
+        Ok(standings.iter().all(|standing| standing.is_met))
+    })?;
+    let is_met = standings.iter().all(|standing| standing.is_met);
+    if !is_met && session.termination.requested() {
+        let text = format!("interrupted: {}", missing(&args.conditions, &standings));
+        return Err(Failure::new(ExitCode::OutcomeUnknown, text));
+    }
     let end = End {
         robot: session.ipc.robot().get(),
-        is_met: standings.iter().all(|standing| standing.is_met),
+        is_met,
         after_s: now.since(began).as_millis() as f64 / 1000.0,
         conditions: &args.conditions,
         standings: &standings,
@@ -116,7 +112,7 @@ pub fn wait(args: &WaitArgs) -> Result<(), Failure> {
     if end.is_met {
         return Ok(());
     }
-    topics.look_for_providers(&session)?;
+    look_for_providers(&topics, &session)?;
     let missing = missing(&args.conditions, &standings);
     let text = format!("timed out after {}: {missing}", Shown(args.timeout));
     Err(Failure::new(ExitCode::Timeout, text))
@@ -171,64 +167,37 @@ fn missing(conditions: &[Condition], standings: &[Standing]) -> String {
 }
 
 /// The topics that the conditions need.
-struct Topics {
-    state: Option<Latest<ModuleState>>,
-    hero: Option<Latest<HeroTelemetry>>,
+type Needed = (Option<Latest<ModuleState>>, Option<Latest<HeroTelemetry>>);
+
+fn open(session: &Session, conditions: &[Condition]) -> Result<Needed, Failure> {
+    let needs_state = conditions.iter().any(Condition::needs_state);
+    let needs_telemetry = conditions.iter().any(Condition::needs_telemetry);
+    let state = needs_state.then(|| Latest::open(&session.ipc));
+    let hero = needs_telemetry.then(|| Latest::open(&session.ipc));
+    Ok((state.transpose()?, hero.transpose()?))
 }
 
-impl Topics {
-    fn open(session: &Session, conditions: &[Condition]) -> Result<Topics, Failure> {
-        let needs_state = conditions.iter().any(Condition::needs_state);
-        let needs_telemetry = conditions.iter().any(Condition::needs_telemetry);
-        Ok(Topics {
-            state: needs_state
-                .then(|| Latest::open(&session.ipc))
-                .transpose()?,
-            hero: needs_telemetry
-                .then(|| Latest::open(&session.ipc))
-                .transpose()?,
-        })
-    }
+fn judge((state, hero): &Needed, conditions: &[Condition], now: MonotonicNs) -> Vec<Standing> {
+    let newest = Newest {
+        state: state.as_ref().and_then(|state| state.sample.as_ref()),
+        hero: hero.as_ref().and_then(|hero| hero.sample.as_ref()),
+    };
+    let standings = conditions.iter();
+    standings
+        .map(|condition| condition.judge(&newest, now))
+        .collect()
+}
 
-    fn ports(&mut self) -> impl Iterator<Item = &mut dyn Source> {
-        let state = self
-            .state
-            .as_mut()
-            .map(|state| &mut state.port as &mut dyn Source);
-        let hero = self
-            .hero
-            .as_mut()
-            .map(|hero| &mut hero.port as &mut dyn Source);
-        state.into_iter().chain(hero)
-    }
-
-    fn drain(&mut self) {
-        self.state.as_mut().map(Latest::drain);
-        self.hero.as_mut().map(Latest::drain);
-    }
-
-    fn judge(&self, conditions: &[Condition], now: MonotonicNs) -> Vec<Standing> {
-        let newest = Newest {
-            state: self.state.as_ref().and_then(|state| state.sample.as_ref()),
-            hero: self.hero.as_ref().and_then(|hero| hero.sample.as_ref()),
-        };
-        let standings = conditions.iter();
-        standings
-            .map(|condition| condition.judge(&newest, now))
-            .collect()
-    }
-
-    /// Fails when no process provides what is waited for.
-    fn look_for_providers(&self, session: &Session) -> Result<(), Failure> {
-        let needed = [
-            self.state.as_ref().map(|_| ModuleState::KEY),
-            self.hero.as_ref().map(|_| HeroTelemetry::KEY),
-        ];
-        for key in needed.into_iter().flatten() {
-            if !session.is_provided(key)? {
-                return Err(absent(key, session.ipc.robot()));
-            }
+/// Fails when no process provides what is waited for.
+fn look_for_providers((state, hero): &Needed, session: &Session) -> Result<(), Failure> {
+    let needed = [
+        state.as_ref().map(|_| ModuleState::KEY),
+        hero.as_ref().map(|_| HeroTelemetry::KEY),
+    ];
+    for key in needed.into_iter().flatten() {
+        if !session.is_provided(key)? {
+            return Err(absent(key, session.ipc.robot()));
         }
-        Ok(())
     }
+    Ok(())
 }

@@ -5,8 +5,8 @@ mod tests;
 
 use ipc_types::{MonotonicNs, RobotId};
 
-use super::model::Robot;
-use super::prompt::{Answer, Order, Prompt};
+use super::model::WatchedRobot;
+use super::prompt::{Prompt, PromptAnswer, ScreenOrder};
 use crate::render::terminal::Key;
 use crate::robot::changes::Weight;
 use crate::robot::chart::Chart;
@@ -16,7 +16,7 @@ pub const MAX_ROBOTS: usize = 9;
 
 /// What the shell is to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Action {
+pub enum KeyAction {
     /// Nothing.
     None,
     /// End.
@@ -24,7 +24,7 @@ pub enum Action {
     /// Draw all of the screen.
     Redraw,
     /// Send this order to the robot of this index.
-    Send(usize, Order),
+    Send(usize, ScreenOrder),
 }
 
 /// What the map shows.
@@ -61,23 +61,28 @@ impl Zoom {
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct App {
-    robots: Vec<Robot>,
-    selected: usize,
-    prompt: Option<Prompt>,
-    zoom: Zoom,
-    chart: Chart,
+    /// In the order of their keys.
+    pub(super) robots: Vec<WatchedRobot>,
+    /// The index of the robot in detail.
+    pub(super) selected: usize,
+    /// The question that waits for its word.
+    pub(super) prompt: Option<Prompt>,
+    /// What the map shows.
+    pub(super) zoom: Zoom,
+    /// Fence and path.
+    pub(super) chart: Chart,
 }
 
 impl App {
     /// Watches `robots`, of which those beyond [`MAX_ROBOTS`] are left out; without one it is robot 1.
     pub fn new(robots: &[RobotId], chart: Chart) -> App {
-        let mut robots: Vec<Robot> = robots
+        let mut robots: Vec<WatchedRobot> = robots
             .iter()
             .take(MAX_ROBOTS)
-            .map(|robot| Robot::new(*robot))
+            .map(|robot| WatchedRobot::new(*robot))
             .collect();
         if robots.is_empty() {
-            robots.push(Robot::new(RobotId::DEFAULT));
+            robots.push(WatchedRobot::new(RobotId::DEFAULT));
         }
         App {
             robots,
@@ -89,26 +94,26 @@ impl App {
     }
 
     /// Takes a key.
-    pub fn key(&mut self, key: Key, now: MonotonicNs) -> Action {
+    pub fn key(&mut self, key: Key, now: MonotonicNs) -> KeyAction {
         if let Some(mut prompt) = self.prompt.take() {
             return match prompt.key(key, now) {
-                Answer::Open => {
+                PromptAnswer::Open => {
                     self.prompt = Some(prompt);
-                    Action::None
+                    KeyAction::None
                 }
-                Answer::Confirmed => Action::Send(self.selected, prompt.order()),
-                Answer::Cancelled(why) => {
+                PromptAnswer::Confirmed => KeyAction::Send(self.selected, prompt.order),
+                PromptAnswer::Cancelled(why) => {
                     self.cancelled(&prompt, why, now);
-                    Action::None
+                    KeyAction::None
                 }
             };
         }
         match key {
-            Key::Char('q') | Key::Interrupt => return Action::Quit,
-            Key::Redraw => return Action::Redraw,
-            Key::Char('h') => self.ask(Order::Hold, now),
-            Key::Char('l') => self.ask(Order::Land, now),
-            Key::Char('s') => self.ask(Order::Stop, now),
+            Key::Char('q') | Key::Interrupt => return KeyAction::Quit,
+            Key::Redraw => return KeyAction::Redraw,
+            Key::Char('h') => self.ask(ScreenOrder::Hold, now),
+            Key::Char('l') => self.ask(ScreenOrder::Land, now),
+            Key::Char('s') => self.ask(ScreenOrder::Stop, now),
             Key::Char('z') => self.zoom = self.zoom.next(),
             Key::Tab => self.selected = (self.selected + 1) % self.robots.len(),
             Key::BackTab => {
@@ -122,7 +127,7 @@ impl App {
             }
             _ => {}
         }
-        Action::None
+        KeyAction::None
     }
 
     /// Judges all robots at `now`, and ends a prompt that took too long.
@@ -138,56 +143,35 @@ impl App {
     /// When the screen changes although nothing comes.
     pub fn next(&self, now: MonotonicNs) -> Option<MonotonicNs> {
         let robots = self.robots.iter().filter_map(|robot| robot.next(now));
-        robots.chain(self.prompt.as_ref().map(Prompt::ends)).min()
+        robots
+            .chain(self.prompt.as_ref().map(|prompt| prompt.ends))
+            .min()
     }
 
     /// How often the bell is to ring.
     pub fn take_bells(&mut self) -> u32 {
-        self.robots.iter_mut().map(Robot::take_bells).sum()
+        self.robots.iter_mut().map(WatchedRobot::take_bells).sum()
     }
 
-    fn ask(&mut self, order: Order, now: MonotonicNs) {
-        let robot = self.robots[self.selected].id();
+    fn ask(&mut self, order: ScreenOrder, now: MonotonicNs) {
+        let robot = self.robots[self.selected].id;
         self.prompt = Some(Prompt::new(order, robot, now));
     }
 
     fn cancelled(&mut self, prompt: &Prompt, why: &str, now: MonotonicNs) {
-        let text = format!("{}: {why}, nothing was sent", prompt.order().word());
-        self.robots[self.selected].order(now, Weight::Order, text);
+        let text = format!("{}: {why}, nothing was sent", prompt.order.word());
+        self.robots[self.selected]
+            .journal
+            .add(now, Weight::Order, text);
     }
 
-    /// The robots, in the order of their keys.
-    pub fn robots(&self) -> &[Robot] {
-        &self.robots
-    }
-
-    /// The same to be fed.
-    pub fn robots_mut(&mut self) -> &mut [Robot] {
+    /// The robots, to be fed, in the order of their keys.
+    pub fn robots_mut(&mut self) -> &mut [WatchedRobot] {
         &mut self.robots
     }
 
-    /// The index of the robot in detail.
-    pub fn selected(&self) -> usize {
-        self.selected
-    }
-
     /// The robot in detail.
-    pub fn robot(&self) -> &Robot {
+    pub(super) fn robot(&self) -> &WatchedRobot {
         &self.robots[self.selected]
-    }
-
-    /// The question that waits for its word.
-    pub fn prompt(&self) -> Option<&Prompt> {
-        self.prompt.as_ref()
-    }
-
-    /// What the map shows.
-    pub fn zoom(&self) -> Zoom {
-        self.zoom
-    }
-
-    /// Fence and path.
-    pub fn chart(&self) -> &Chart {
-        &self.chart
     }
 }

@@ -8,8 +8,8 @@ use ipc_types::payload::{HeroTelemetry, ModuleState, WaypointPosition};
 use ipc_types::{MonotonicNs, RobotId};
 
 use super::app::App;
-use super::model::{Process, Robot};
-use super::view::Clock;
+use super::model::{Process, WatchedRobot};
+use super::view::ScreenClock;
 use crate::robot::chart::{Chart, FenceFile};
 
 pub const fn at(ms: u64) -> MonotonicNs {
@@ -17,8 +17,8 @@ pub const fn at(ms: u64) -> MonotonicNs {
 }
 
 /// The clock at `ms`; the flight begins at 12:00:00.
-pub fn clock(ms: u64) -> Clock {
-    Clock {
+pub fn clock(ms: u64) -> ScreenClock {
+    ScreenClock {
         now: at(ms),
         utc_s: 1_800_014_400 + ms / 1000,
     }
@@ -90,7 +90,7 @@ pub fn translating(ms: u64) -> State {
 
 /// `robot` takes off, flies to the east on a path of three waypoints, and has reached one; 20 s, of which the last sample is of
 /// 20,000 ms.
-pub fn fly(robot: &mut Robot) {
+pub fn fly(robot: &mut WatchedRobot) {
     for process in Process::ALL {
         robot.provider(process, process != Process::Relay, at(0));
     }

@@ -65,7 +65,7 @@ pub const MAX_LINES: usize = 200;
 
 /// A line.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Line {
+pub struct EventLine {
     /// When it happened.
     pub at: MonotonicNs,
     /// How much it matters.
@@ -76,22 +76,22 @@ pub struct Line {
 
 /// See the module's documentation.
 #[derive(Clone, Debug, Default)]
-pub struct Journal {
-    lines: VecDeque<Line>,
+pub struct EventLog {
+    lines: VecDeque<EventLine>,
 }
 
-impl Journal {
+impl EventLog {
     /// Adds a line; the oldest goes when there are too many.
     pub fn add(&mut self, at: MonotonicNs, weight: Weight, text: impl Into<String>) {
         if self.lines.len() == MAX_LINES {
             self.lines.pop_front();
         }
         let text = text.into();
-        self.lines.push_back(Line { at, weight, text });
+        self.lines.push_back(EventLine { at, weight, text });
     }
 
     /// The newest `count` lines, oldest first.
-    pub fn newest(&self, count: usize) -> impl Iterator<Item = &Line> {
+    pub fn newest(&self, count: usize) -> impl Iterator<Item = &EventLine> {
         self.lines
             .iter()
             .skip(self.lines.len().saturating_sub(count))
@@ -141,7 +141,7 @@ mod tests {
 
     #[test]
     fn the_newest_lines_stay() {
-        let mut journal = Journal::default();
+        let mut journal = EventLog::default();
         for number in 0..1000 {
             journal.add(MonotonicNs(number), Weight::Note, number.to_string());
         }

@@ -27,17 +27,18 @@ use std::time::{Duration, SystemTime};
 
 use clap::{ArgAction, Args};
 use ipc_types::{Descriptor, Domain, MonotonicNs, RobotId, Source, Waiter};
-use ports::Ports;
+use ports::RobotPorts;
 use ratatui::buffer::Buffer;
 use runtime::args::{CommonArgs, robot};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
-use terminal::{Input, Terminal};
+use terminal::Terminal;
 
-use self::app::{Action, App, MAX_ROBOTS};
-use self::view::{Clock, Glyphs};
+use self::app::{App, KeyAction, MAX_ROBOTS};
+use self::view::{Glyphs, ScreenClock};
 use crate::config::RequestConfig;
 use crate::options::EXIT_CODES;
+use crate::render::terminal::read_keys;
 use crate::robot::chart;
 use crate::session::{alive, configuration};
 
@@ -88,7 +89,7 @@ impl WatchArgs {
         /// As many `-q` as it takes to say nothing.
         const NOTHING: u8 = 3;
         CommonArgs {
-            robot: self.robots.first().copied().unwrap_or(NonZeroU32::MIN),
+            robot: self.robots.first().copied(),
             config: self.config.clone(),
             verbose: if is_quiet { 0 } else { self.verbose },
             quiet: if is_quiet { NOTHING } else { self.quiet },
@@ -127,7 +128,7 @@ pub fn watch(args: &WatchArgs) -> Result<(), Failure> {
     let robots = robots(args, &domain)?;
     let mut ports = Vec::new();
     for robot in &robots {
-        ports.push(Ports::open(&domain, *robot)?);
+        ports.push(RobotPorts::open(&domain, *robot)?);
     }
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
     let terminal = Terminal::enter().or_fail_with(
@@ -189,7 +190,7 @@ fn robots(args: &WatchArgs, domain: &Domain) -> Result<Vec<RobotId>, Failure> {
 struct Screen {
     app: App,
     /// At the places of the app's robots.
-    ports: Vec<Ports>,
+    ports: Vec<RobotPorts>,
     terminal: Terminal,
     termination: Termination,
     waiter: Waiter,
@@ -231,17 +232,17 @@ impl Screen {
 
     /// Does what the keys that came ask for; says whether to go on.
     fn take_keys(&mut self) -> Result<bool, Failure> {
-        let Input::Keys(keys) = self.terminal.read() else {
+        let Some(keys) = read_keys() else {
             return Ok(false);
         };
         for key in keys {
             self.is_changed = true;
             let now = MonotonicNs::now();
             match self.app.key(key, now) {
-                Action::None => {}
-                Action::Quit => return Ok(false),
-                Action::Redraw => self.terminal.forget(),
-                Action::Send(index, order) => {
+                KeyAction::None => {}
+                KeyAction::Quit => return Ok(false),
+                KeyAction::Redraw => self.terminal.forget(),
+                KeyAction::Send(index, order) => {
                     let robot = &mut self.app.robots_mut()[index];
                     self.ports[index].send(order, &self.requests, robot, now)?;
                 }
@@ -265,7 +266,7 @@ impl Screen {
         }
     }
 
-    fn draw(&mut self, clock: Clock) {
+    fn draw(&mut self, clock: ScreenClock) {
         let mut buffer = Buffer::empty(self.terminal.area());
         view::draw(&self.app, clock, self.glyphs, &mut buffer);
         // A terminal that has not taken the last picture gets the next one later.
@@ -280,7 +281,7 @@ impl Screen {
     fn wait(&mut self, now: MonotonicNs) -> Result<bool, Failure> {
         let until = self.wake_at(now);
         let is_drawing_due = self.is_changed;
-        let selected = self.app.selected();
+        let selected = self.app.selected;
         let mut signals = Descriptor::new(std::os::fd::AsFd::as_fd(&self.termination));
         let (mut keys, mut resizes) = self.terminal.sources();
         let mut sources: Vec<(Woken, &mut dyn Source)> = vec![
@@ -291,13 +292,13 @@ impl Screen {
         for (index, ports) in self.ports.iter_mut().enumerate() {
             let detail = match (is_drawing_due, index == selected) {
                 // What comes until the next drawing is drawn with it, and need not wake.
-                (true, _) => ports::Detail::Orders,
-                (false, true) => ports::Detail::All,
-                (false, false) => ports::Detail::State,
+                (true, _) => ports::Wakers::Orders,
+                (false, true) => ports::Wakers::All,
+                (false, false) => ports::Wakers::State,
             };
             for port in ports.sources(
                 detail,
-                self.app.robots()[index].process(model::Process::Status, now),
+                self.app.robots[index].process(model::Process::Status, now),
             ) {
                 sources.push((Woken::Other, port));
             }
@@ -313,7 +314,7 @@ impl Screen {
     /// When the screen changes although nothing comes.
     fn wake_at(&self, now: MonotonicNs) -> MonotonicNs {
         let drawing = self.is_changed.then_some(self.next_drawing);
-        let orders = self.ports.iter().filter_map(Ports::next);
+        let orders = self.ports.iter().filter_map(RobotPorts::next);
         let second = now + until_next_second();
         let app = self.app.next(now);
         drawing
@@ -325,9 +326,9 @@ impl Screen {
 }
 
 /// The two clocks.
-fn clock(now: MonotonicNs) -> Clock {
+fn clock(now: MonotonicNs) -> ScreenClock {
     let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
-    Clock {
+    ScreenClock {
         now,
         utc_s: since_1970.as_secs(),
     }

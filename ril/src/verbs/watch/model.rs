@@ -1,4 +1,4 @@
-//! [`Robot`]: all that the screen knows of one robot. It is given samples and the time; it keeps the newest, the track,
+//! [`WatchedRobot`]: all that the screen knows of one robot. It is given samples and the time; it keeps the newest, the track,
 //! the alarms and what happened, and says when the screen changes although nothing comes. What is wrong is in `findings`.
 
 mod findings;
@@ -13,7 +13,7 @@ use ipc_types::{MonotonicNs, RobotId};
 
 use super::alarms::{Alarms, Change};
 use super::freshness::{Feed, Freshness, OVERDUE_AFTER};
-use super::history::{History, Journal};
+use super::history::{EventLog, History};
 use crate::robot::changes::Weight;
 use crate::robot::geo::Place;
 use crate::robot::geo::Track;
@@ -70,35 +70,46 @@ struct DspError {
 
 /// See the module's documentation.
 #[derive(Clone, Debug)]
-pub struct Robot {
-    id: RobotId,
-    state: Option<ModuleState>,
+pub struct WatchedRobot {
+    pub(super) id: RobotId,
+    /// The bridge's newest state.
+    pub(super) state: Option<ModuleState>,
     hero: Option<HeroTelemetry>,
     dsp: Option<DspTelemetry>,
-    status: Option<State>,
+    /// The newest state of the process status.
+    pub(super) status: Option<State>,
     relay: Option<RelayLink>,
-    is_relayed: bool,
-    bridge_feed: Feed,
+    /// Whether the robot's topics come from another machine.
+    pub(super) is_relayed: bool,
+    /// How old the newest sample of each process is.
+    feeds: [Feed; Process::ALL.len()],
     telemetry_feed: Feed,
-    status_feed: Feed,
-    relay_feed: Feed,
-    pilot: PilotView,
-    home: Option<Home>,
-    track: Track,
-    altitude: History,
-    speed: History,
-    reached: Vec<Place>,
-    lost: u64,
+    /// What the newest telemetry says.
+    pub(super) pilot: PilotView,
+    /// Where the robot was last seen on the ground.
+    pub(super) home: Option<Home>,
+    /// Where it was.
+    pub(super) track: Track,
+    /// Altitude over time.
+    pub(super) altitude: History,
+    /// Speed over ground over time.
+    pub(super) speed: History,
+    /// Where it was when it reached the waypoints of the path under way, or of the last.
+    pub(super) reached: Vec<Place>,
+    /// Samples of telemetry that were lost between processes.
+    pub(super) lost: u64,
     dsp_error: Option<DspError>,
-    alarms: Alarms,
-    journal: Journal,
+    /// What is wrong now.
+    pub(super) alarms: Alarms,
+    /// What happened.
+    pub(super) journal: EventLog,
     bells: u32,
 }
 
-impl Robot {
+impl WatchedRobot {
     /// A robot of which nothing is known.
-    pub fn new(id: RobotId) -> Robot {
-        Robot {
+    pub fn new(id: RobotId) -> WatchedRobot {
+        WatchedRobot {
             id,
             state: None,
             hero: None,
@@ -106,10 +117,14 @@ impl Robot {
             status: None,
             relay: None,
             is_relayed: false,
-            bridge_feed: Feed::new(MODULE_STALE_AFTER, OVERDUE_AFTER),
+            feeds: Process::ALL.map(|process| {
+                let overdue_after = match process {
+                    Process::Bridge => OVERDUE_AFTER,
+                    Process::Status | Process::Relay => MODULE_OVERDUE_AFTER,
+                };
+                Feed::new(MODULE_STALE_AFTER, overdue_after)
+            }),
             telemetry_feed: Feed::without_looks(TELEMETRY_STALE_AFTER),
-            status_feed: Feed::new(MODULE_STALE_AFTER, MODULE_OVERDUE_AFTER),
-            relay_feed: Feed::new(MODULE_STALE_AFTER, MODULE_OVERDUE_AFTER),
             pilot: PilotView::default(),
             home: None,
             track: Track::default(),
@@ -119,14 +134,14 @@ impl Robot {
             lost: 0,
             dsp_error: None,
             alarms: Alarms::default(),
-            journal: Journal::default(),
+            journal: EventLog::default(),
             bells: 0,
         }
     }
 
     /// The bridge's state came.
     pub fn state(&mut self, state: &ModuleState, now: MonotonicNs) {
-        self.bridge_feed.sample(state.published(), now);
+        self.heard(Process::Bridge, state.published(), now);
         match self.state.take() {
             Some(before) => self.compare(&before, state, now),
             None => self.note_activity(None, state, now),
@@ -144,45 +159,30 @@ impl Robot {
     pub fn dsp(&mut self, dsp: &DspTelemetry, now: MonotonicNs) {
         self.dsp = Some(*dsp);
         // Status makes the same of it within a millisecond.
-        if !self.status_feed.at(now).is_fresh() || self.hero.is_none() {
+        if !self.process(Process::Status, now).is_fresh() || self.hero.is_none() {
             self.telemetry(now);
         }
     }
 
     /// The state of the process status came.
     pub fn status(&mut self, status: &State, now: MonotonicNs) {
-        self.status_feed
-            .sample(MonotonicNs(status.published_ns), now);
+        let published = MonotonicNs(status.published_ns);
+        self.heard(Process::Status, published, now);
         self.status = Some(*status);
     }
 
     /// The state of the relay's link came.
     pub fn relay(&mut self, relay: &RelayLink, now: MonotonicNs) {
-        self.relay_feed.sample(relay.published(), now);
+        self.heard(Process::Relay, relay.published(), now);
         self.relay = Some(*relay);
     }
 
     /// Whether `process` lives.
     pub fn provider(&mut self, process: Process, lives: bool, now: MonotonicNs) {
-        self.feed_mut(process).provider(lives, now);
+        self.feeds[process as usize].provider(lives, now);
     }
 
-    /// Whether the robot's topics come from another machine.
-    pub fn relayed(&mut self, is_relayed: bool) {
-        self.is_relayed = is_relayed;
-    }
-
-    /// How many samples of telemetry were lost so far.
-    pub fn losses(&mut self, lost: u64) {
-        self.lost = lost;
-    }
-
-    /// Adds a line about an order that this screen has sent.
-    pub fn order(&mut self, at: MonotonicNs, weight: Weight, text: impl Into<String>) {
-        self.journal.add(at, weight, text);
-    }
-
-    /// Judges what is wrong at `now`. To be called after samples, and when [`Robot::next`] says so.
+    /// Judges what is wrong at `now`. To be called after samples, and when [`WatchedRobot::next`] says so.
     pub fn judge(&mut self, now: MonotonicNs) {
         let findings = self.findings(now);
         for change in self.alarms.update(findings, now) {
@@ -193,7 +193,7 @@ impl Robot {
                     self.journal.add(now, weight, alarm.finding.text);
                 }
                 Change::Ended(alarm) => {
-                    let is_known = self.bridge_feed.at(now).is_fresh();
+                    let is_known = self.process(Process::Bridge, now).is_fresh();
                     let what = if is_known {
                         "over"
                     } else {
@@ -208,22 +208,16 @@ impl Robot {
 
     /// The processes that are to be looked for now.
     pub fn looks_due(&self, now: MonotonicNs) -> impl Iterator<Item = Process> + use<> {
-        let due = Process::ALL.map(|process| self.feed(process).look_due(now));
+        let due = self.feeds.map(|feed| feed.look_due(now));
         let processes = Process::ALL.into_iter().zip(due);
         processes.filter_map(|(process, is_due)| is_due.then_some(process))
     }
 
     /// When the screen changes although nothing comes.
     pub fn next(&self, now: MonotonicNs) -> Option<MonotonicNs> {
-        let feeds = [
-            &self.bridge_feed,
-            &self.telemetry_feed,
-            &self.status_feed,
-            &self.relay_feed,
-        ];
         let error = self.dsp_error.map(|error| error.at + DSP_ERROR_SHOWN);
+        let feeds = self.feeds.iter().chain([&self.telemetry_feed]);
         feeds
-            .into_iter()
             .filter_map(|feed| feed.next(now))
             .chain(error.filter(|end| *end > now))
             .chain(self.alarms.next())
@@ -235,20 +229,8 @@ impl Robot {
         std::mem::take(&mut self.bells)
     }
 
-    fn feed(&self, process: Process) -> &Feed {
-        match process {
-            Process::Bridge => &self.bridge_feed,
-            Process::Status => &self.status_feed,
-            Process::Relay => &self.relay_feed,
-        }
-    }
-
-    fn feed_mut(&mut self, process: Process) -> &mut Feed {
-        match process {
-            Process::Bridge => &mut self.bridge_feed,
-            Process::Status => &mut self.status_feed,
-            Process::Relay => &mut self.relay_feed,
-        }
+    fn heard(&mut self, process: Process, published: MonotonicNs, now: MonotonicNs) {
+        self.feeds[process as usize].sample(published, now);
     }
 
     fn telemetry(&mut self, now: MonotonicNs) {
@@ -277,9 +259,9 @@ impl Robot {
     }
 }
 
-impl Robot {
+impl WatchedRobot {
     /// Notes what changed from one state of the bridge to the next.
-    pub(super) fn compare(&mut self, before: &ModuleState, state: &ModuleState, now: MonotonicNs) {
+    fn compare(&mut self, before: &ModuleState, state: &ModuleState, now: MonotonicNs) {
         for (weight, text) in changes::of_states(before, state) {
             self.journal.add(now, weight, text);
         }
@@ -296,7 +278,7 @@ impl Robot {
         }
     }
 
-    pub(super) fn note_activity(
+    fn note_activity(
         &mut self,
         before: Option<&ModuleState>,
         state: &ModuleState,
@@ -327,89 +309,24 @@ impl Robot {
     }
 }
 
-impl Robot {
-    /// The robot.
-    pub fn id(&self) -> RobotId {
-        self.id
-    }
-
-    /// The bridge's newest state.
-    pub fn last_state(&self) -> Option<&ModuleState> {
-        self.state.as_ref()
-    }
-
-    /// The newest state of the process status.
-    pub fn last_status(&self) -> Option<&State> {
-        self.status.as_ref()
-    }
-
+impl WatchedRobot {
     /// The newest state of the relay's link; `None` if the robot is on this machine.
-    pub fn last_relay(&self) -> Option<&RelayLink> {
+    pub(super) fn last_relay(&self) -> Option<&RelayLink> {
         self.relay.as_ref().filter(|_| self.is_relayed)
     }
 
-    /// Whether the robot's topics come from another machine.
-    pub fn is_relayed(&self) -> bool {
-        self.is_relayed
-    }
-
-    /// What the newest telemetry says.
-    pub fn pilot(&self) -> &PilotView {
-        &self.pilot
-    }
-
     /// How `process` is.
-    pub fn process(&self, process: Process, now: MonotonicNs) -> Freshness {
-        self.feed(process).at(now)
+    pub(super) fn process(&self, process: Process, now: MonotonicNs) -> Freshness {
+        self.feeds[process as usize].at(now)
     }
 
     /// How telemetry is.
-    pub fn telemetry_freshness(&self, now: MonotonicNs) -> Freshness {
+    pub(super) fn telemetry_freshness(&self, now: MonotonicNs) -> Freshness {
         self.telemetry_feed.at(now)
     }
 
-    /// Where the robot was last seen on the ground.
-    pub fn home(&self) -> Option<Home> {
-        self.home
-    }
-
     /// Height over the place of take-off, m.
-    pub fn height_m(&self) -> Option<f64> {
+    pub(super) fn height_m(&self) -> Option<f64> {
         Some(self.pilot.altitude_m? - self.home?.altitude_m)
-    }
-
-    /// Where the robot was.
-    pub fn track(&self) -> &[Place] {
-        self.track.points()
-    }
-
-    /// Where it was when it reached the waypoints of the path under way, or of the last.
-    pub fn reached(&self) -> &[Place] {
-        &self.reached
-    }
-
-    /// Altitude over time.
-    pub fn altitude(&self) -> &History {
-        &self.altitude
-    }
-
-    /// Speed over ground over time.
-    pub fn speed(&self) -> &History {
-        &self.speed
-    }
-
-    /// Samples of telemetry that were lost between processes.
-    pub fn lost(&self) -> u64 {
-        self.lost
-    }
-
-    /// What is wrong now.
-    pub fn alarms(&self) -> &Alarms {
-        &self.alarms
-    }
-
-    /// What happened.
-    pub fn journal(&self) -> &Journal {
-        &self.journal
     }
 }

@@ -11,12 +11,11 @@ use ipc_types::{
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::freshness::Freshness;
-use super::model::{Process, Robot};
-use super::prompt::Order;
+use super::model::{Process, WatchedRobot};
+use super::prompt::ScreenOrder;
 use crate::config::RequestConfig;
 use crate::render::messages::{self, FinalReport, Verb};
-use crate::request::exchange::{Exchange, Next, Outcome, Until};
-use crate::request::{complete, control_request};
+use crate::request::{Exchange, Next, Outcome, Until, complete, control_request};
 use crate::robot::changes::Weight;
 use crate::session::is_relayed;
 
@@ -31,7 +30,7 @@ const MAX_ORDERS: usize = 4;
 
 /// What wakes the screen.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Detail {
+pub(super) enum Wakers {
     /// Reports about orders alone.
     Orders,
     /// The bridge's state as well.
@@ -41,7 +40,7 @@ pub(super) enum Detail {
 }
 
 /// See the module's documentation.
-pub(super) struct Ports {
+pub(super) struct RobotPorts {
     ipc: Ipc,
     state: Subscriber<ModuleState>,
     hero: Subscriber<HeroTelemetry>,
@@ -61,11 +60,11 @@ struct OpenOrder {
     exchange: Exchange,
 }
 
-impl Ports {
-    pub fn open(domain: &Domain, robot: RobotId) -> Result<Ports, Failure> {
+impl RobotPorts {
+    pub fn open(domain: &Domain, robot: RobotId) -> Result<RobotPorts, Failure> {
         let ipc = Ipc::join(domain, robot, "ril").or_fail(ExitCode::Internal)?;
         let failed = ExitCode::Internal;
-        Ok(Ports {
+        Ok(RobotPorts {
             state: ipc.subscriber().or_fail(failed)?,
             hero: ipc.subscriber().or_fail(failed)?,
             dsp: ipc.subscriber().or_fail(failed)?,
@@ -80,7 +79,7 @@ impl Ports {
     }
 
     /// Feeds `robot` with all that is there; says whether something was.
-    pub fn drain(&mut self, robot: &mut Robot, now: MonotonicNs) -> bool {
+    pub fn drain(&mut self, robot: &mut WatchedRobot, now: MonotonicNs) -> bool {
         // The process before the telemetry: it says which telemetry counts.
         let results = [
             self.status.drain(|state| robot.status(state, now)),
@@ -89,15 +88,15 @@ impl Ports {
             self.hero.drain(|hero| robot.hero(hero, now)),
             self.dsp.drain(|dsp| robot.dsp(dsp, now)),
         ];
-        robot.losses(self.hero.losses().lost + self.dsp.losses().lost);
+        robot.lost = self.hero.losses().lost + self.dsp.losses().lost;
         let count: usize = results.into_iter().map(count).sum();
         let reports = self.take_reports(robot, now);
         count > 0 || reports
     }
 
     /// Looks for the processes that are overdue; says whether it did.
-    pub fn look(&mut self, robot: &mut Robot, now: MonotonicNs) -> bool {
-        let epoch_ns = robot.last_state().map(|state| state.epoch_ns);
+    pub fn look(&mut self, robot: &mut WatchedRobot, now: MonotonicNs) -> bool {
+        let epoch_ns = robot.state.as_ref().map(|state| state.epoch_ns);
         let is_another = epoch_ns != self.looked_epoch_ns;
         self.looked_epoch_ns = epoch_ns;
         let mut due: Vec<Process> = robot.looks_due(now).collect();
@@ -118,7 +117,7 @@ impl Ports {
                 }
             };
             if let (Process::Bridge, Some(provider)) = (process, &provider) {
-                robot.relayed(is_relayed(key, provider));
+                robot.is_relayed = is_relayed(key, provider);
             }
             robot.provider(*process, provider.is_some(), now);
         }
@@ -128,7 +127,7 @@ impl Ports {
     /// What to wait for.
     pub fn sources(
         &mut self,
-        detail: Detail,
+        detail: Wakers,
         status: Freshness,
     ) -> impl Iterator<Item = &mut dyn Source> {
         // Without status, raw telemetry is what comes. With it, both come together.
@@ -144,9 +143,9 @@ impl Ports {
             .control
             .as_mut()
             .filter(|client| client.outstanding() > 0);
-        let is_all = detail == Detail::All;
+        let is_all = detail == Wakers::All;
         let topics = [
-            (detail != Detail::Orders).then_some(&mut self.state as &mut dyn Source),
+            (detail != Wakers::Orders).then_some(&mut self.state as &mut dyn Source),
             is_all.then_some(telemetry),
             is_all.then_some(&mut self.relay as _),
             movement.map(|client| client as _),
@@ -171,22 +170,22 @@ impl Ports {
     /// Sends `order`. What becomes of it is written into the journal of `robot`.
     pub fn send(
         &mut self,
-        order: Order,
+        order: ScreenOrder,
         config: &RequestConfig,
-        robot: &mut Robot,
+        robot: &mut WatchedRobot,
         now: MonotonicNs,
     ) -> Result<(), Failure> {
         let (verb, is_control) = match order {
-            Order::Hold => (Verb::Hold, false),
-            Order::Land => (Verb::Land, false),
-            Order::Stop => (Verb::Stop, true),
+            ScreenOrder::Hold => (Verb::Hold, false),
+            ScreenOrder::Land => (Verb::Land, false),
+            ScreenOrder::Stop => (Verb::Stop, true),
         };
         if self.orders.len() >= MAX_ORDERS {
             let text = format!(
                 "{}: not sent, {MAX_ORDERS} orders have no final report yet",
                 verb.name()
             );
-            robot.order(now, Weight::Warning, text);
+            robot.journal.add(now, Weight::Warning, text);
             return Ok(());
         }
         let deadline_ms = config.deadline_ms;
@@ -198,7 +197,7 @@ impl Ports {
             )
         } else {
             let request = match order {
-                Order::Land => MovementData::land(fresh_request_id()),
+                ScreenOrder::Land => MovementData::land(fresh_request_id()),
                 _ => MovementData::hold(fresh_request_id()),
             };
             let request = complete(request, true, deadline_ms);
@@ -212,24 +211,26 @@ impl Ports {
                 let mut exchange = Exchange::new([request_id], Until::Final, config.timeout());
                 exchange.sent(now);
                 self.orders.push(OpenOrder { verb, exchange });
-                robot.order(now, Weight::Order, format!("{}: sent", verb.name()));
+                robot
+                    .journal
+                    .add(now, Weight::Order, format!("{}: sent", verb.name()));
             }
             Err(error) => {
                 let why = match error {
                     SendError::NoServer { .. } => {
-                        format!("no bridge runs: start `ril bridge --robot {}`", robot.id())
+                        format!("no bridge runs: start `ril bridge --robot {}`", robot.id)
                     }
                     error => error.to_string(),
                 };
                 let text = format!("{}: not sent, {why}", verb.name());
-                robot.order(now, Weight::Alarm, text);
+                robot.journal.add(now, Weight::Alarm, text);
             }
         }
         Ok(())
     }
 
     /// Takes reports, and ends the orders that are over; says whether anything changed.
-    fn take_reports(&mut self, robot: &mut Robot, now: MonotonicNs) -> bool {
+    fn take_reports(&mut self, robot: &mut WatchedRobot, now: MonotonicNs) -> bool {
         let mut reports: Vec<RequestReport> = Vec::new();
         if let Some(client) = &mut self.movement {
             client.drain(|report| reports.push(*report));
@@ -246,7 +247,7 @@ impl Ports {
                     && !is_end
                     && let Some(line) = messages::line(order.verb, 0, 1, report)
                 {
-                    robot.order(now, Weight::Order, line);
+                    robot.journal.add(now, Weight::Order, line);
                 }
             }
         }
@@ -272,23 +273,25 @@ fn send<R: Request>(
         *client = Some(ipc.client().or_fail(ExitCode::Internal)?);
     }
     match client {
-        Some(client) => Ok(client.send(request)),
+        Some(client) => Ok(client.send(request).map(|_| ())),
         None => unreachable!("it was opened above"),
     }
 }
 
 /// Writes how an order ended, unless its last report has said it.
-fn write_end(verb: Verb, outcome: &Outcome, robot: &mut Robot, now: MonotonicNs) {
+fn write_end(verb: Verb, outcome: &Outcome, robot: &mut WatchedRobot, now: MonotonicNs) {
     match outcome {
         Outcome::Accepted => {}
         Outcome::Final(end) if end.exit_code() == ExitCode::Ok => {}
-        Outcome::Final(end) => robot.order(now, Weight::Alarm, messages::ending(verb, end)),
+        Outcome::Final(end) => robot
+            .journal
+            .add(now, Weight::Alarm, messages::ending(verb, end)),
         Outcome::NoAnswer(_) => {
             let text = format!(
                 "{}: no answer in time, the bridge may hang; look whether it took effect all the same",
                 verb.name()
             );
-            robot.order(now, Weight::Alarm, text);
+            robot.journal.add(now, Weight::Alarm, text);
         }
     }
 }

@@ -15,7 +15,7 @@ const MAX_TYPED: usize = 12;
 
 /// What can be ordered from the screen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Order {
+pub enum ScreenOrder {
     /// `ril hold`
     Hold,
     /// `ril land --preempt`
@@ -24,29 +24,31 @@ pub enum Order {
     Stop,
 }
 
-impl Order {
+impl ScreenOrder {
     /// The word that confirms it, which is also the command's.
     pub fn word(self) -> &'static str {
         match self {
-            Order::Hold => "hold",
-            Order::Land => "land",
-            Order::Stop => "stop",
+            ScreenOrder::Hold => "hold",
+            ScreenOrder::Land => "land",
+            ScreenOrder::Stop => "stop",
         }
     }
 
     /// What it does.
     pub fn effect(self) -> &'static str {
         match self {
-            Order::Hold => "hover on the spot; replaces a path",
-            Order::Land => "land on the spot; replaces a path",
-            Order::Stop => "hover, discard all that was planned, take no movement until a start",
+            ScreenOrder::Hold => "hover on the spot; replaces a path",
+            ScreenOrder::Land => "land on the spot; replaces a path",
+            ScreenOrder::Stop => {
+                "hover, discard all that was planned, take no movement until a start"
+            }
         }
     }
 }
 
 /// What became of a prompt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Answer {
+pub enum PromptAnswer {
     /// It is not answered yet.
     Open,
     /// The order is to be sent.
@@ -58,15 +60,19 @@ pub enum Answer {
 /// See the module's documentation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prompt {
-    order: Order,
-    robot: RobotId,
-    typed: String,
-    ends: MonotonicNs,
+    /// What is asked for.
+    pub(super) order: ScreenOrder,
+    /// Which robot the order is for.
+    pub(super) robot: RobotId,
+    /// What was typed so far.
+    pub(super) typed: String,
+    /// When it is over.
+    pub(super) ends: MonotonicNs,
 }
 
 impl Prompt {
     /// Asks for the word of `order` for `robot`.
-    pub fn new(order: Order, robot: RobotId, now: MonotonicNs) -> Prompt {
+    pub fn new(order: ScreenOrder, robot: RobotId, now: MonotonicNs) -> Prompt {
         Prompt {
             order,
             robot,
@@ -76,46 +82,26 @@ impl Prompt {
     }
 
     /// Takes a key.
-    pub fn key(&mut self, key: Key, now: MonotonicNs) -> Answer {
+    pub fn key(&mut self, key: Key, now: MonotonicNs) -> PromptAnswer {
         if now >= self.ends {
-            return Answer::Cancelled("not confirmed in time");
+            return PromptAnswer::Cancelled("not confirmed in time");
         }
         match key {
-            Key::Enter if self.typed == self.order.word() => return Answer::Confirmed,
-            Key::Enter => return Answer::Cancelled("another word was typed"),
-            Key::Escape | Key::Interrupt => return Answer::Cancelled("not confirmed"),
+            Key::Enter if self.typed == self.order.word() => return PromptAnswer::Confirmed,
+            Key::Enter => return PromptAnswer::Cancelled("another word was typed"),
+            Key::Escape | Key::Interrupt => return PromptAnswer::Cancelled("not confirmed"),
             Key::Backspace => _ = self.typed.pop(),
             Key::Char(letter) if self.typed.len() < MAX_TYPED && letter.is_ascii_graphic() => {
                 self.typed.push(letter.to_ascii_lowercase());
             }
             _ => {}
         }
-        Answer::Open
+        PromptAnswer::Open
     }
 
     /// Whether it is over at `now` because nothing was confirmed in time.
     pub fn is_over(&self, now: MonotonicNs) -> bool {
         now >= self.ends
-    }
-
-    /// When it is over.
-    pub fn ends(&self) -> MonotonicNs {
-        self.ends
-    }
-
-    /// What is asked for.
-    pub fn order(&self) -> Order {
-        self.order
-    }
-
-    /// Which robot the order is for.
-    pub fn robot(&self) -> RobotId {
-        self.robot
-    }
-
-    /// What was typed so far.
-    pub fn typed(&self) -> &str {
-        &self.typed
     }
 }
 
@@ -125,9 +111,9 @@ mod tests {
 
     const NOW: MonotonicNs = MonotonicNs(5_000_000_000);
 
-    fn answer(order: Order, text: &str) -> Answer {
+    fn answer(order: ScreenOrder, text: &str) -> PromptAnswer {
         let mut prompt = Prompt::new(order, RobotId::DEFAULT, NOW);
-        let mut answer = Answer::Open;
+        let mut answer = PromptAnswer::Open;
         for letter in text.chars() {
             let key = match letter {
                 '\n' => Key::Enter,
@@ -136,7 +122,7 @@ mod tests {
                 letter => Key::Char(letter),
             };
             answer = prompt.key(key, NOW);
-            if answer != Answer::Open {
+            if answer != PromptAnswer::Open {
                 break;
             }
         }
@@ -146,20 +132,20 @@ mod tests {
     #[test]
     fn only_the_whole_word_and_enter_confirm() {
         for (order, text, confirms) in [
-            (Order::Hold, "hold\n", true),
-            (Order::Land, "LAND\n", true),
-            (Order::Stop, "stopp\x7f\n", true),
-            (Order::Hold, "hold", false),
-            (Order::Hold, "h\n", false),
-            (Order::Hold, "\n", false),
-            (Order::Hold, "old\n", false),
-            (Order::Hold, "hhhhhhhhhhhhhhhhhhhh\n", false),
-            (Order::Land, "hold\n", false),
-            (Order::Land, "hold\x1bland\n", false),
-            (Order::Land, "land land\n", false),
+            (ScreenOrder::Hold, "hold\n", true),
+            (ScreenOrder::Land, "LAND\n", true),
+            (ScreenOrder::Stop, "stopp\x7f\n", true),
+            (ScreenOrder::Hold, "hold", false),
+            (ScreenOrder::Hold, "h\n", false),
+            (ScreenOrder::Hold, "\n", false),
+            (ScreenOrder::Hold, "old\n", false),
+            (ScreenOrder::Hold, "hhhhhhhhhhhhhhhhhhhh\n", false),
+            (ScreenOrder::Land, "hold\n", false),
+            (ScreenOrder::Land, "hold\x1bland\n", false),
+            (ScreenOrder::Land, "land land\n", false),
         ] {
             assert_eq!(
-                answer(order, text) == Answer::Confirmed,
+                answer(order, text) == PromptAnswer::Confirmed,
                 confirms,
                 "{text:?}"
             );
@@ -168,12 +154,15 @@ mod tests {
 
     #[test]
     fn it_is_over_after_its_time() {
-        let mut prompt = Prompt::new(Order::Land, RobotId::DEFAULT, NOW);
+        let mut prompt = Prompt::new(ScreenOrder::Land, RobotId::DEFAULT, NOW);
         for letter in "land".chars() {
             prompt.key(Key::Char(letter), NOW);
         }
         let late = NOW + TIMEOUT;
         assert!(!prompt.is_over(NOW) && prompt.is_over(late));
-        assert!(matches!(prompt.key(Key::Enter, late), Answer::Cancelled(_)));
+        assert!(matches!(
+            prompt.key(Key::Enter, late),
+            PromptAnswer::Cancelled(_)
+        ));
     }
 }

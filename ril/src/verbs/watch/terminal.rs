@@ -29,22 +29,10 @@ use signal_hook::{SigId, flag};
 
 use super::paint;
 use crate::render::terminal::Size;
-use crate::render::terminal::{Key, keys};
 use guard::Guard;
-
-/// Most bytes of keys that one read takes; what is more wakes the next wait.
-const MAX_KEYS: usize = 256;
 
 /// Largest screen that is drawn, to each side: what says to be larger is surely wrong, and would take memory.
 const MAX_SIDE: u16 = 500;
-
-/// What the terminal gave.
-pub(super) enum Input {
-    /// These keys.
-    Keys(Vec<Key>),
-    /// It is gone.
-    End,
-}
 
 /// Refuses what cannot be drawn on, and says what to do instead.
 pub(super) fn refuse_others() -> Result<(), Failure> {
@@ -115,17 +103,6 @@ impl Terminal {
     pub fn sources(&self) -> (Descriptor<'_>, Descriptor<'_>) {
         let changes = Descriptor::new(self.signals.receiver.as_fd());
         (Descriptor::new(stdin()), changes)
-    }
-
-    /// Reads the keys that are there. To be called when the wait says so: else it waits for one.
-    pub fn read(&mut self) -> Input {
-        let mut bytes = [0; MAX_KEYS];
-        match rustix::io::read(stdin(), &mut bytes) {
-            Ok(0) => Input::End,
-            Ok(count) => Input::Keys(keys(&bytes[..count])),
-            Err(Errno::INTR | Errno::AGAIN) => Input::Keys(Vec::new()),
-            Err(_) => Input::End,
-        }
     }
 
     /// Whether the screen has another size, or another program had the terminal meanwhile; all is then drawn anew.

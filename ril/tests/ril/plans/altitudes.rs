@@ -1,11 +1,12 @@
 //! `ril takeoff` and `ril goto` with units, telemetry altitudes, heights above take-off, and coordinates as words of their own.
 
+use ril_tests::Sandbox;
 use ril_tests::process::Signal;
 
-use crate::common::{FOR_SLOW_MACHINES, Rig, end, json, says};
+use crate::common::{FOR_SLOW_MACHINES, end, json, sandbox};
 
 /// The helicopter's telemetry altitude, m.
-fn altitude_m(rig: &Rig) -> f64 {
+fn altitude_m(rig: &Sandbox) -> f64 {
     let sample = json(
         &rig.run("echo dsp --count 1 --json --field geographic", 0)
             .stdout[0],
@@ -15,7 +16,7 @@ fn altitude_m(rig: &Rig) -> f64 {
 
 #[test]
 fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
-    let rig = Rig::new();
+    let rig = sandbox();
     rig.write("bridge.toml", FOR_SLOW_MACHINES);
     let sim = rig.sim(1, "--speed 10");
     let bridge = rig.bridge(1);
@@ -30,11 +31,8 @@ fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
     );
 
     // Where it hovers makes no difference to a height above take-off.
-    let finished = rig.run("goto 37.4112 -6.0010 +15m", 0);
-    assert!(
-        says(&finished.stdout, "1 of 1 waypoints sent"),
-        "{finished:#?}"
-    );
+    rig.run("goto 37.4112 -6.0010 +15m", 0)
+        .out_says("1 of 1 waypoints sent");
     let high_m = altitude_m(&rig);
     assert!(
         (high_m - ground_m - 15.0).abs() < 2.0,
@@ -48,21 +46,15 @@ fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
         "{low_m} over {ground_m}"
     );
     // Below the ground: a height above take-off was meant.
-    let finished = rig.run("goto 37.4111 -6.0010 5m", 5);
-    assert!(
-        says(&finished.stderr, "(fence-breach: fence-floor, leg 1, by "),
-        "{finished:#?}"
-    );
+    rig.run("goto 37.4111 -6.0010 5m", 5)
+        .err_says("(fence-breach: fence-floor, leg 1, by ");
     // A bridge that begins in the air has not seen the ground.
     end(bridge, Signal::INT);
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();
     rig.run("start", 0);
-    let finished = rig.run("goto 37.4111 -6.0010 +8m", 5);
-    assert!(
-        says(&finished.stderr, "the height above take-off is not known"),
-        "{finished:#?}"
-    );
+    rig.run("goto 37.4111 -6.0010 +8m", 5)
+        .err_says("the height above take-off is not known");
     rig.run("land", 0);
     for process in [bridge, sim] {
         end(process, Signal::INT);
@@ -71,10 +63,7 @@ fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
 
 #[test]
 fn a_relative_altitude_without_a_bridge_sends_nothing_and_says_why() {
-    let rig = Rig::new();
-    let finished = rig.run("goto -37.4112 -6.0010 +5m --timeout 50ms --robot 7", 3);
-    assert!(
-        says(&finished.stderr, "start `ril run bridge --robot 7`"),
-        "{finished:#?}"
-    );
+    let rig = sandbox();
+    rig.run("goto -37.4112 -6.0010 +5m --timeout 50ms --robot 7", 3)
+        .err_says("start `ril run bridge --robot 7`");
 }

@@ -1,6 +1,6 @@
 //! `ril plan check` and `show` without a robot, as they are seen in 80 columns, and their exit codes.
 
-use crate::common::{Rig, json, says};
+use crate::common::{json, sandbox, says};
 
 /// A square that takes off and returns, with its home, in the form of Mission Planner.
 pub const SQUARE: &str = "QGC WPL 110
@@ -25,7 +25,7 @@ cruise_speed_mps = 4.0
 
 #[test]
 fn a_check_names_item_leg_rule_and_metres() {
-    let rig = Rig::new();
+    let rig = sandbox();
     rig.write("square.waypoints", SQUARE);
     rig.write("rules.toml", RULES);
     rig.write(
@@ -119,7 +119,7 @@ fn a_check_names_item_leg_rule_and_metres() {
 
 #[test]
 fn a_plan_in_order_is_checked_without_a_robot() {
-    let rig = Rig::new();
+    let rig = sandbox();
     rig.write("square.waypoints", SQUARE);
     rig.write("bridge.toml", "[parameters]\ncruise_speed_mps = 5.0\n");
     rig.write("ril.toml", "[plan]\nendurance_s = 600.0\n");
@@ -150,7 +150,7 @@ fn a_plan_in_order_is_checked_without_a_robot() {
 
 #[test]
 fn a_plan_is_shown_as_a_table_and_written_for_qgroundcontrol() {
-    let rig = Rig::new();
+    let rig = sandbox();
     rig.write("square.waypoints", SQUARE);
     rig.write("bridge.toml", "[parameters]\ncruise_speed_mps = 5.0\n");
     let finished = rig.run("plan show square.waypoints --to square.plan --offline", 0);
@@ -183,13 +183,13 @@ fn a_plan_is_shown_as_a_table_and_written_for_qgroundcontrol() {
         plan["origin"].take();
         assert_eq!(list, plan);
     }
-    let finished = rig.run("plan show square.waypoints --to square.plan", 2);
-    assert!(says(&finished.stderr, "name a new file"), "{finished:#?}");
+    rig.run("plan show square.waypoints --to square.plan", 2)
+        .err_says("name a new file");
 }
 
 #[test]
 fn what_is_no_plan_is_a_usage_error_with_its_place() {
-    let rig = Rig::new();
+    let rig = sandbox();
     rig.write("square.waypoints", SQUARE);
     rig.write("new.waypoints", "QGC WPL 120\n");
     rig.write(
@@ -224,16 +224,13 @@ fn what_is_no_plan_is_a_usage_error_with_its_place() {
         ),
     ] {
         let finished = rig.run(&format!("plan {args}"), 2);
-        assert!(says(&finished.stderr, expected), "{args}: {finished:#?}");
+        finished.err_says(expected);
         assert!(finished.stdout.is_empty(), "{args}: {finished:#?}");
     }
     rig.write("wrong.toml", "[fence]\nfloor = 3\n");
-    let finished = rig.run("plan check square.waypoints --bridge wrong.toml", 78);
-    assert!(
-        says(&finished.stderr, "wrong.toml:2: unknown field"),
-        "{finished:#?}"
-    );
-    let finished = rig.run("plan fly square.waypoints --robot 7", 3);
-    assert!(says(&finished.stderr, "--robot 7"), "{finished:#?}");
+    rig.run("plan check square.waypoints --bridge wrong.toml", 78)
+        .err_says("wrong.toml:2: unknown field");
+    rig.run("plan fly square.waypoints --robot 7 --timeout 1s", 3)
+        .err_says("--robot 7");
     rig.domain.assert_empty();
 }

@@ -3,35 +3,22 @@
 use std::fs;
 
 use ipc_types::code::Functionality;
-use ril_tests::Process;
 use ril_tests::process::{Finished, Signal};
+use ril_tests::sandbox::Robot;
+use ril_tests::{Process, Sandbox};
 
 use super::check::SQUARE;
-use crate::common::{FOR_SLOW_MACHINES, Rig, end, json, says};
+use crate::common::{FOR_SLOW_MACHINES, json, sandbox, says, shown_state};
 
-/// A simulator and a bridge, started.
-struct Robot {
-    sim: Process,
-    bridge: Process,
-}
-
-impl Robot {
-    fn start(rig: &Rig) -> Robot {
-        if !rig.folder().join("bridge.toml").exists() {
-            rig.write("bridge.toml", FOR_SLOW_MACHINES);
-        }
-        let sim = rig.sim(1, "--speed 10");
-        let bridge = rig.bridge(1);
-        rig.watch(1).until_ready();
-        rig.run("start", 0);
-        Robot { sim, bridge }
+/// Simulator, bridge and status; the module is started.
+fn start(rig: &Sandbox) -> Robot {
+    if !rig.path("bridge.toml").exists() {
+        rig.write("bridge.toml", FOR_SLOW_MACHINES);
     }
-
-    fn end(self) {
-        for process in [self.bridge, self.sim] {
-            end(process, Signal::INT);
-        }
-    }
+    let robot = rig.start_robot(1, 10);
+    rig.watch(1).until_ready();
+    rig.run("start", 0);
+    robot
 }
 
 /// The lines of `finished` that contain `text`, as one.
@@ -40,14 +27,14 @@ fn lines_with(finished: &Finished, text: &str) -> String {
     lines.map(String::as_str).collect::<Vec<_>>().join("\n")
 }
 
-fn cruise_speed(rig: &Rig) -> String {
+fn cruise_speed(rig: &Sandbox) -> String {
     rig.run("param get cruise_speed_mps", 0).stdout.join("")
 }
 
 #[test]
 fn a_plan_is_flown_to_its_end_and_leaves_the_speed_as_it_was() {
-    let rig = Rig::new();
-    let robot = Robot::start(&rig);
+    let rig = sandbox();
+    let robot = start(&rig);
     let plan = SQUARE.replace("4 0 3 206 25", "4 0 2 178 1 8 -1 0 0 0 0 1\n5 0 3 206 25");
     rig.write("square.waypoints", &plan.replace("5 0 2 20", "6 0 2 20"));
     let finished = rig.run("plan fly square.waypoints", 0);
@@ -69,28 +56,22 @@ fn a_plan_is_flown_to_its_end_and_leaves_the_speed_as_it_was() {
         assert!(line.contains(expected), "{expected}: {finished:#?}");
     }
     // What the helicopter does not do is told before.
-    assert!(
-        says(&finished.stderr, "DO_SET_CAM_TRIGG_DIST (206) is not done"),
-        "{finished:#?}"
-    );
+    finished.err_says("DO_SET_CAM_TRIGG_DIST (206) is not done");
     assert_eq!(cruise_speed(&rig), "cruise_speed_mps = 5");
-    let state = rig.state(1);
+    let state = shown_state(&rig, 1);
     assert_eq!(state["link"]["waypoints_sent"], 3);
     robot.end();
 }
 
 #[test]
 fn a_plan_whose_output_is_closed_says_that_it_ended_early() {
-    let rig = Rig::new();
-    let robot = Robot::start(&rig);
+    let rig = sandbox();
+    let robot = start(&rig);
     rig.write("square.waypoints", SQUARE);
     let line = "{ \"$0\" plan fly square.waypoints; echo \"code $?\" >&2; } | head -n 1";
     let finished = Process::spawn(&rig.domain, rig.shell(line)).wait_exit();
-    assert!(says(&finished.stderr, "code 7"), "{finished:#?}");
-    assert!(
-        says(&finished.stderr, "standard output was closed"),
-        "{finished:#?}"
-    );
+    finished.err_says("code 7");
+    finished.err_says("standard output was closed");
     assert!(
         says(
             &finished.stderr,
@@ -103,19 +84,16 @@ fn a_plan_whose_output_is_closed_says_that_it_ended_early() {
 
 #[test]
 fn a_plan_that_breaks_a_rule_is_not_flown() {
-    let rig = Rig::new();
+    let rig = sandbox();
     rig.write(
         "bridge.toml",
         &format!("{FOR_SLOW_MACHINES}[fence]\nceiling_m = 26.0\n"),
     );
-    let robot = Robot::start(&rig);
+    let robot = start(&rig);
     rig.write("square.waypoints", SQUARE);
     let finished = rig.run("plan fly square.waypoints", 8);
     assert!(finished.stdout.is_empty(), "{finished:#?}");
-    assert!(
-        says(&finished.stderr, "item 2, leg 1: fence-ceiling by "),
-        "{finished:#?}"
-    );
+    finished.err_says("item 2, leg 1: fence-ceiling by ");
     // It stands on the ground, and the plan does not take off.
     rig.write(
         "path.waypoints",
@@ -131,7 +109,7 @@ fn a_plan_that_breaks_a_rule_is_not_flown() {
         finding["next_step"],
         "let it take off first: `--takeoff 20m`"
     );
-    let state = rig.state(1);
+    let state = shown_state(&rig, 1);
     assert_eq!(state["link"]["waypoints_sent"], 0);
     assert_eq!(
         state["module"]["functionality"],
@@ -151,19 +129,16 @@ fn a_plan_that_breaks_a_rule_is_not_flown() {
             .any(|event| event["schema"] == "hero.RequestReport.v2" || event["request"] == "goto")
     );
     // In the air nothing is known of the take-off but what the operator says.
-    let finished = rig.run("plan fly path.waypoints", 8);
-    assert!(
-        says(&finished.stderr, "the plan: home-unknown"),
-        "{finished:#?}"
-    );
+    rig.run("plan fly path.waypoints", 8)
+        .err_says("the plan: home-unknown");
     rig.run("plan fly path.waypoints --home 37.411,-6.001,10", 0);
     robot.end();
 }
 
 #[test]
 fn altitudes_above_sea_are_flown_only_when_it_is_known_how_high_telemetry_s_zero_lies() {
-    let rig = Rig::new();
-    let robot = Robot::start(&rig);
+    let rig = sandbox();
+    let robot = start(&rig);
     rig.write(
         "mountain.gpx",
         r#"<gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1"><rte>
@@ -175,12 +150,9 @@ fn altitudes_above_sea_are_flown_only_when_it_is_known_how_high_telemetry_s_zero
         "zero_above_sea_m",
         "heights above take-off",
     ] {
-        assert!(
-            says(&finished.stderr, expected),
-            "{expected}: {finished:#?}"
-        );
+        finished.err_says(expected);
     }
-    let state = rig.state(1);
+    let state = shown_state(&rig, 1);
     assert_eq!(
         state["module"]["functionality"],
         Functionality::AtRest.name()
@@ -188,7 +160,7 @@ fn altitudes_above_sea_are_flown_only_when_it_is_known_how_high_telemetry_s_zero
     // The two ways to go on.
     rig.write("ril.toml", "[plan]\nzero_above_sea_m = 600.0\n");
     rig.run("plan fly mountain.gpx --takeoff 5m", 0);
-    let at = &rig.state(1)["flight"]["altitude_m"];
+    let at = &shown_state(&rig, 1)["flight"]["altitude_m"];
     assert!((at.as_f64().unwrap() - 20.0).abs() < 1.5, "{at}");
     rig.write("ril.toml", "");
     rig.write(
@@ -196,19 +168,16 @@ fn altitudes_above_sea_are_flown_only_when_it_is_known_how_high_telemetry_s_zero
         "QGC WPL 110\n1 0 3 16 0 0 0 0 37.4112 -6.001 12 1\n",
     );
     // In the air it must be said how high the take-off was.
-    let finished = rig.run("plan fly field.waypoints --home 37.411,-6.001", 8);
-    assert!(
-        says(&finished.stderr, "the telemetry altitude of home"),
-        "{finished:#?}"
-    );
+    rig.run("plan fly field.waypoints --home 37.411,-6.001", 8)
+        .err_says("the telemetry altitude of home");
     rig.run("plan fly field.waypoints --home 37.411,-6.001,10", 0);
     robot.end();
 }
 
 #[test]
 fn a_plan_that_was_stopped_goes_on_at_the_next_item() {
-    let rig = Rig::new();
-    let robot = Robot::start(&rig);
+    let rig = sandbox();
+    let robot = start(&rig);
     // 500 m between the last two, 10 s of the test's time.
     rig.write(
         "far.waypoints",
@@ -223,8 +192,7 @@ fn a_plan_that_was_stopped_goes_on_at_the_next_item() {
     let mut flight = rig.start("plan fly far.waypoints");
     flight.wait_for_text("plan: item 2 reached");
     rig.run("hold", 0);
-    let finished = flight.wait_exit();
-    assert_eq!(finished.code(), Some(5), "{finished:#?}");
+    let finished = flight.exits(5);
     assert!(
         says(
             &finished.stderr,
@@ -232,7 +200,7 @@ fn a_plan_that_was_stopped_goes_on_at_the_next_item() {
         ),
         "{finished:#?}"
     );
-    assert!(says(&finished.stderr, "replaced"), "{finished:#?}");
+    finished.err_says("replaced");
     let command = finished
         .stderr
         .iter()
@@ -261,18 +229,16 @@ fn a_plan_that_was_stopped_goes_on_at_the_next_item() {
             && state.functionality() == Some(Functionality::FollowingPath)
     });
     flight.signal(Signal::INT);
-    let finished = flight.wait_exit();
-    assert_eq!(finished.code(), Some(7), "{finished:#?}");
-    assert!(says(&finished.stderr, "--from 1"), "{finished:#?}");
+    flight.exits(7).err_says("--from 1");
     robot.end();
 }
 
 #[test]
 fn the_plan_s_fence_comes_into_force_only_when_asked_for_and_only_where_the_bridge_reads_it() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let rules = format!("# ours\n{FOR_SLOW_MACHINES}");
     let file = rig.write("bridge.toml", &rules);
-    let robot = Robot::start(&rig);
+    let robot = start(&rig);
     let plan = r#"{"fileType":"Plan","version":1,"mission":{"version":2,"plannedHomePosition":[37.411,-6.001,10],"items":[
         {"type":"SimpleItem","command":22,"frame":3,"autoContinue":true,"params":[0,0,0,null,0,0,12]},
         {"type":"SimpleItem","command":16,"frame":3,"autoContinue":true,"params":[0,0,0,null,37.4111,-6.001,12]},
@@ -280,27 +246,21 @@ fn the_plan_s_fence_comes_into_force_only_when_asked_for_and_only_where_the_brid
         "geoFence":{"version":2,"circles":[],"polygons":[
         {"inclusion":true,"version":1,"polygon":[[37.41,-6.003],[37.41,-5.999],[37.412,-5.999],[37.412,-6.003]]}]}}"#;
     rig.write("fenced.plan", plan);
-    let areas = |rig: &Rig| rig.state(1)["safety"]["fence_areas"].clone();
+    let areas = |rig: &Sandbox| shown_state(rig, 1)["safety"]["fence_areas"].clone();
 
     // Another file than the bridge's: both stay as they are.
     let other = rig.write("other.toml", &rules);
-    let finished = rig.run(
+    rig.run(
         "plan fly fenced.plan --fence --bridge other.toml --timeout 5s",
         5,
-    );
-    assert!(
-        says(&finished.stderr, "it does not read other.toml"),
-        "{finished:#?}"
-    );
+    )
+    .err_says("it does not read other.toml");
     assert_eq!(fs::read_to_string(&other).unwrap(), rules);
 
     rig.run("plan fly fenced.plan", 0);
     assert_eq!(areas(&rig), 0);
-    let finished = rig.run("plan fly fenced.plan --fence", 0);
-    assert!(
-        says(&finished.stdout, "fence reload: done"),
-        "{finished:#?}"
-    );
+    rig.run("plan fly fenced.plan --fence", 0)
+        .out_says("fence reload: done");
     assert_eq!(areas(&rig), 1);
     let text = fs::read_to_string(&file).unwrap();
     assert!(
@@ -309,11 +269,8 @@ fn the_plan_s_fence_comes_into_force_only_when_asked_for_and_only_where_the_brid
     );
     // It is the bridge's own now.
     rig.run("takeoff 5m", 0);
-    let finished = rig.run("goto 37.4125,-6.001,20m", 5);
-    assert!(
-        says(&finished.stderr, "fence-inclusion, leg 1"),
-        "{finished:#?}"
-    );
+    rig.run("goto 37.4125,-6.001,20m", 5)
+        .err_says("fence-inclusion, leg 1");
     rig.run("land", 0);
     robot.end();
 }

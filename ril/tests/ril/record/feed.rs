@@ -8,11 +8,9 @@ use std::time::Instant;
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::{DynamicPublisher, Ipc, MonotonicNs};
 use recording::EventKind;
-use recording::read::{self, Bytes, Check, Message};
-use ril_tests::Process;
+use recording::read::{self, Check, Message, RecordFile};
 use ril_tests::process::WAIT_LIMIT;
-
-use crate::common::Rig;
+use ril_tests::{Process, Sandbox};
 
 /// Name of the topic in a file.
 pub const TOPIC: &str = "/robot1/stranger/counts";
@@ -26,7 +24,7 @@ pub struct Feed {
 }
 
 impl Feed {
-    pub fn new(rig: &Rig) -> Feed {
+    pub fn new(rig: &Sandbox) -> Feed {
         let ipc = rig.domain.join("stranger");
         Feed {
             publisher: DynamicPublisher::open(&ipc, "stranger/counts", SCHEMA).unwrap(),
@@ -46,12 +44,12 @@ impl Feed {
 }
 
 /// Starts `ril record` with its files in the folder `record`, and waits until it records the topic.
-pub fn record(rig: &Rig, options: &str) -> Process {
+pub fn record(rig: &Sandbox, options: &str) -> Process {
     record_by(rig, rig.start(&words(options)))
 }
 
 /// As [`record`], of a process that was started otherwise.
-pub fn record_by(_rig: &Rig, mut process: Process) -> Process {
+pub fn record_by(_rig: &Sandbox, mut process: Process) -> Process {
     process.wait_for_text("recorded topic=\"/robot1/stranger/counts\"");
     process
 }
@@ -66,7 +64,7 @@ pub fn words(options: &str) -> String {
 }
 
 /// The files of the recorder, the oldest first.
-pub fn files(rig: &Rig) -> Vec<PathBuf> {
+pub fn files(rig: &Sandbox) -> Vec<PathBuf> {
     let Ok(entries) = fs::read_dir(rig.folder().join("record")) else {
         return Vec::new();
     };
@@ -80,14 +78,14 @@ pub fn files(rig: &Rig) -> Vec<PathBuf> {
 
 /// The only file of the recorder.
 #[track_caller]
-pub fn only_file(rig: &Rig) -> PathBuf {
+pub fn only_file(rig: &Sandbox) -> PathBuf {
     let mut files = files(rig);
     assert_eq!(files.len(), 1, "{files:?}");
     files.remove(0)
 }
 
 /// Waits until the sample of this number is in a file.
-pub fn until_recorded(rig: &Rig, number: u64) {
+pub fn until_recorded(rig: &Sandbox, number: u64) {
     let begun = Instant::now();
     while !files(rig).iter().any(|file| has(file, number)) {
         assert!(begun.elapsed() < WAIT_LIMIT, "{number} is in no file");
@@ -97,23 +95,23 @@ pub fn until_recorded(rig: &Rig, number: u64) {
 
 /// Whether the sample of this number is in the file, which may be empty yet, or be gone.
 pub fn has(file: &Path, number: u64) -> bool {
-    let Ok(bytes) = Bytes::open(file) else {
+    let Ok(bytes) = RecordFile::open(file) else {
         return false;
     };
     let mut messages = read::messages(&bytes).filter_map(Result::ok);
-    messages.any(|message| message.topic == TOPIC && sample(&message).0 == number)
+    messages.any(|message| message.topic() == TOPIC && sample(&message).0 == number)
 }
 
 /// What was recorded of a topic: numbers and samples without the header of CDR.
 pub fn samples(file: &Path, topic: &str) -> Vec<(u64, Vec<u8>)> {
-    let bytes = Bytes::open(file).unwrap();
+    let bytes = RecordFile::open(file).unwrap();
     let messages = read::messages(&bytes).map(Result::unwrap);
-    let of_topic = messages.filter(|message| message.topic == topic);
+    let of_topic = messages.filter(|message| message.topic() == topic);
     of_topic.map(|message| sample(&message)).collect()
 }
 
-fn sample(message: &Message<'_>) -> (u64, Vec<u8>) {
-    let payload = &message.data[CDR_HEADER.len()..];
+fn sample(message: &Message) -> (u64, Vec<u8>) {
+    let payload = &message.data()[CDR_HEADER.len()..];
     let sequence = u64::from_le_bytes(payload[..8].try_into().unwrap());
     assert_eq!(sequence as u32, message.sequence);
     (sequence, payload.to_vec())
@@ -142,7 +140,7 @@ pub fn told(check: &Check, topic: &str) -> BTreeMap<EventKind, u64> {
 }
 
 pub fn check(file: &Path) -> Check {
-    read::check(&Bytes::open(file).unwrap())
+    read::check(&RecordFile::open(file).unwrap())
 }
 
 /// What the process has printed so far.

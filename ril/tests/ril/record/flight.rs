@@ -1,16 +1,16 @@
 //! A flight with the real processes: the record has every topic, as a consumer saw it.
 
+use ril_tests::Sandbox;
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::path::Path;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{RobotId, Subscriber, Topic};
-use recording::read::summary_of;
+use recording::read::{RecordFile, summary_of};
 use ril_tests::process::Signal;
 
 use super::feed::{check, files, only_file, samples, words};
-use crate::common::{Rig, end, json};
+use crate::common::{end, json, sandbox};
 
 /// A consumer that keeps all that it gets.
 struct Consumer<T: Topic> {
@@ -19,7 +19,7 @@ struct Consumer<T: Topic> {
 }
 
 impl<T: Topic> Consumer<T> {
-    fn new(rig: &Rig) -> Consumer<T> {
+    fn new(rig: &Sandbox) -> Consumer<T> {
         let ipc = rig.domain.join_as(RobotId::DEFAULT, "consumer");
         Consumer {
             subscriber: ipc.subscriber().unwrap(),
@@ -57,7 +57,7 @@ impl<T: Topic> Consumer<T> {
 
 /// The processes began after the recorder: the file says which they were, and what they were configured with.
 fn assert_processes_are_known(file: &Path, pids: [(&str, u32); 2]) {
-    let summary = summary_of(&mut File::open(file).unwrap()).unwrap();
+    let summary = summary_of(&RecordFile::open(file).unwrap()).unwrap();
     // The last one of a name holds.
     let metadata: BTreeMap<_, _> = summary.metadata.iter().cloned().collect();
     let flight = &metadata["ril.flight"];
@@ -65,6 +65,8 @@ fn assert_processes_are_known(file: &Path, pids: [(&str, u32); 2]) {
         let key = format!("pid.{process}");
         assert_eq!(flight.get(&key), Some(&pid.to_string()), "{flight:#?}");
     }
+    let command = &flight["command.bridge"];
+    assert!(command.contains("--port dsp-1"), "{command}");
     assert!(metadata["ril.layouts"].contains_key("/robot1/hero/telemetry"));
     let bridge = summary
         .attachments
@@ -75,8 +77,60 @@ fn assert_processes_are_known(file: &Path, pids: [(&str, u32); 2]) {
 }
 
 #[test]
+fn the_record_has_what_the_bridge_runs_with_and_not_what_its_file_says_later() {
+    let rig = sandbox();
+    let sim = rig.sim(1, "--speed 5");
+    let bridge = rig.bridge(1);
+    rig.watch(1).until_ready();
+    rig.write("patient.toml", "[safety.battery_v]\nwarn = 11.0\n");
+    let mut recorder = rig.start(&words(""));
+    recorder.wait_for_text("recorded topic=\"/robot1/bridge/journal\"");
+    rig.run("start", 0);
+    for process in [bridge, sim, recorder] {
+        end(process, Signal::TERM);
+    }
+    let summary = summary_of(&RecordFile::open(&only_file(&rig)).unwrap()).unwrap();
+    let file = |name: &str| {
+        let files = &summary.attachments;
+        let file = files.iter().rfind(|file| file.name == name).unwrap();
+        String::from_utf8_lossy(&file.data).into_owned()
+    };
+    let running = file("bridge.running.toml");
+    assert!(running.contains("pc_timeout_ms = 60000"), "{running}");
+    assert!(!running.contains("warn = 11.0"), "{running}");
+    assert!(file("bridge.toml").contains("warn = 11.0"));
+}
+
+#[test]
+fn each_file_of_a_recording_is_verified_without_the_one_before() {
+    let rig = sandbox();
+    let sim = rig.sim(1, "");
+    let status = rig.status(1);
+    let bridge = rig.bridge(1);
+    rig.watch(1).until_ready();
+    let mut recorder = rig.start(&words("--split 2s"));
+    for _ in 0..4 {
+        recorder.wait_for_text("recording file=");
+    }
+    for process in [bridge, status, sim, recorder] {
+        end(process, Signal::TERM);
+    }
+    for file in &files(&rig)[..3] {
+        let verified = rig.run(&format!("replay {} --verify --json", file.display()), 0);
+        let verified = json(&verified.stdout[0]);
+        for journal in ["bridge", "status"] {
+            let count = |name: &str| verified[journal][name].as_u64().unwrap();
+            assert!(
+                count("snapshots") > 0 && count("samples") > 0,
+                "{verified:#}"
+            );
+        }
+    }
+}
+
+#[test]
 fn a_flight_is_recorded_as_a_consumer_saw_it() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut recorder = rig.start(&words("--flights --json"));
     recorder.wait_for_text("recording file=");
     let mut dsp = Consumer::<DspTelemetry>::new(&rig);
@@ -99,8 +153,7 @@ fn a_flight_is_recorded_as_a_consumer_saw_it() {
     end(status, Signal::TERM);
     end(sim, Signal::TERM);
     recorder.signal(Signal::TERM);
-    let finished = recorder.wait_exit();
-    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    let finished = recorder.exits(0);
     let objects: Vec<_> = finished.stdout.iter().map(|line| json(line)).collect();
     let (last, closed) = objects.split_last().unwrap();
     assert_eq!(last["schema"], "ril.Record.v1");
@@ -128,11 +181,14 @@ fn a_flight_is_recorded_as_a_consumer_saw_it() {
         "/robot1/log",
         "/robot1/bridge/journal",
         "/robot1/requests",
-        "/robot1/serial/received",
-        "/robot1/serial/sent",
     ] {
         assert!(topics.contains(topic), "{topic}: {topics:?}");
     }
+    // Each byte of the serial line is there once: in the journal.
+    assert!(
+        !topics.iter().any(|topic| topic.contains("serial")),
+        "{topics:?}"
+    );
     assert_processes_are_known(&file, pids);
     let name = file.display();
     rig.run(&format!("log check {name}"), 0);
@@ -146,6 +202,17 @@ fn a_flight_is_recorded_as_a_consumer_saw_it() {
     for expected in ["taking off", "landing", "Requests", "takeoff", "ril.flight"] {
         assert!(page.contains(expected), "{expected}");
     }
+    // A part of it is a record, too, with the times of the whole.
+    let part = "--topic dsp/telemetry --topic requests --from 500ms --to 2s --output part.mcap";
+    rig.run(&format!("log export {name} {part}"), 0);
+    rig.run("log check part.mcap", 0);
+    let part = self::check(&rig.folder().join("part.mcap"));
+    let of_part: Vec<&str> = part.topics.keys().map(String::as_str).collect();
+    assert_eq!(of_part[0], "/robot1/dsp/telemetry");
+    assert!(of_part.len() <= 2 && part.errors.is_empty(), "{part:#?}");
+    let start_ns = check.first_ns.unwrap();
+    assert!(part.first_ns.unwrap() >= start_ns + 500_000_000);
+    assert!(part.last_ns.unwrap() <= start_ns + 2_000_000_000);
     let csv = rig.run(&format!("log csv {name}"), 0).stdout;
     assert_eq!(csv.len() as u64, 1 + summary["rows"].as_u64().unwrap());
     let tail = rig.run(&format!("log tail -n 3 {name}"), 0).stdout;

@@ -6,7 +6,7 @@ use std::fs;
 use ril_tests::process::Signal;
 
 use super::feed::{Feed, TOPIC, check, missing, only_file, record, samples};
-use crate::common::Rig;
+use crate::common::sandbox;
 
 /// Moments of the kills: samples that are published before each.
 const MOMENTS: [u32; 5] = [0, 3, 50, 300, 1000];
@@ -14,7 +14,7 @@ const MOMENTS: [u32; 5] = [0, 3, 50, 300, 1000];
 #[test]
 fn a_killed_recorder_leaves_a_file_without_a_hole_which_can_be_made_whole() {
     for moment in MOMENTS {
-        let rig = Rig::new();
+        let rig = sandbox();
         let mut feed = Feed::new(&rig);
         let mut recorder = record(&rig, "");
         recorder.wait_for_text("recording file=");

@@ -3,20 +3,20 @@
 use std::fs;
 use std::path::Path;
 
-use recording::read::{self, Bytes};
+use recording::read::{self, RecordFile};
 use ril_tests::process::Signal;
 use ros_messages::{Level, Log};
 
 use super::feed::{only_file, words};
-use crate::common::{Rig, end};
+use crate::common::{end, sandbox};
 
 /// The lines of a process in the file, in their order: `INFO bridge::shell: ready`.
 fn recorded(file: &Path, process: &str) -> Vec<String> {
-    let bytes = Bytes::open(file).unwrap();
+    let bytes = RecordFile::open(file).unwrap();
     let messages = read::messages(&bytes).map(Result::unwrap);
-    let of_log = messages.filter(|message| message.topic == "/robot1/log");
+    let of_log = messages.filter(|message| message.topic() == "/robot1/log");
     of_log
-        .filter_map(|message| line(message.data, process))
+        .filter_map(|message| line(message.data(), process))
         .collect()
 }
 
@@ -41,7 +41,7 @@ fn logged(standard_error: &[String]) -> Vec<String> {
 
 #[test]
 fn what_the_processes_log_while_they_are_recorded_is_in_the_file() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let sim = rig.sim(1, "--speed 5");
     let mut status = rig.status(1);
     let bridge = rig.bridge(1);
@@ -61,8 +61,7 @@ fn what_the_processes_log_while_they_are_recorded_is_in_the_file() {
     let status = logged(&end(status, Signal::TERM).stderr);
     end(sim, Signal::TERM);
     recorder.signal(Signal::TERM);
-    let finished = recorder.wait_exit();
-    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    let finished = recorder.exits(0);
 
     let file = only_file(&rig);
     // All from the moment on from which a journal was recorded, to the last line of each bridge.
@@ -100,7 +99,7 @@ fn what_the_processes_log_while_they_are_recorded_is_in_the_file() {
 
 #[test]
 fn the_report_has_what_a_process_warned_of() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let sim = rig.sim(1, "--speed 5");
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();

@@ -1,5 +1,6 @@
 //! What did not come to the recorder is told by the record itself, exactly.
 
+use ril_tests::Sandbox;
 use std::iter;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -12,14 +13,14 @@ use super::feed::{
     until_recorded, words,
 };
 use super::starved::Starved;
-use crate::common::{Rig, end, says};
+use crate::common::{end, sandbox, says};
 
 /// A recorder that does not read while this many samples are published: four times what a subscriber holds.
 const STOPPED_FOR: u64 = 512;
 
 /// The record of `feed` must tell of each sample that it lacks. Returns how many those are.
 #[track_caller]
-fn lost(rig: &Rig, last: u64) -> u64 {
+fn lost(rig: &Sandbox, last: u64) -> u64 {
     let file = only_file(rig);
     let samples = samples(&file, TOPIC);
     let missing = missing(&samples);
@@ -37,7 +38,7 @@ fn lost(rig: &Rig, last: u64) -> u64 {
 
 #[test]
 fn a_stopped_recorder_tells_what_it_missed() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut feed = Feed::new(&rig);
     let recorder = record(&rig, "");
     // What comes before the first sample of a record is not missing in it.
@@ -52,7 +53,7 @@ fn a_stopped_recorder_tells_what_it_missed() {
 
 #[test]
 fn a_slowed_recorder_tells_what_it_missed() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut feed = Feed::new(&rig);
     let recorder = record(&rig, "");
     let mut last = 0;
@@ -74,7 +75,7 @@ const PACE: Duration = Duration::from_millis(1);
 
 #[test]
 fn a_starved_recorder_tells_what_it_missed() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut feed = Feed::new(&rig);
     let recorder = record(&rig, "");
     until_recorded(&rig, feed.publish());
@@ -92,7 +93,7 @@ fn a_starved_recorder_tells_what_it_missed() {
 
 #[test]
 fn a_recorder_whose_disk_is_slow_tells_what_it_dropped() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut feed = Feed::new(&rig);
     let mut recorder = record(&rig, "");
     until_recorded(&rig, feed.publish());
@@ -119,7 +120,7 @@ fn a_recorder_whose_disk_is_slow_tells_what_it_dropped() {
 
 #[test]
 fn a_flooded_recorder_tells_what_it_missed() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut feed = Feed::new(&rig);
     let recorder = record(&rig, "");
     // As fast as this process can, which is faster than any robot.
@@ -130,7 +131,7 @@ fn a_flooded_recorder_tells_what_it_missed() {
 
 #[test]
 fn what_was_sent_before_the_recorder_had_joined_is_told() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut recorder = rig.start(&words(""));
     recorder.wait_for_text("recording file=");
     recorder.signal(Signal::STOP);
@@ -150,9 +151,9 @@ fn what_was_sent_before_the_recorder_had_joined_is_told() {
 
 #[test]
 fn a_publisher_that_begins_again_is_told_in_its_place() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut feed = Feed::new(&rig);
-    let mut recorder = record(&rig, "--duration 1h");
+    let mut recorder = record(&rig, "--split 1h");
     (0..10).for_each(|_| _ = feed.publish());
     drop(feed);
     let mut feed = Feed::new(&rig);
@@ -163,7 +164,7 @@ fn a_publisher_that_begins_again_is_told_in_its_place() {
         thread::yield_now();
     }
     recorder.signal(Signal::TERM);
-    assert_eq!(recorder.wait_exit().code(), Some(0));
+    recorder.exits(0);
     let file = only_file(&rig);
     let check = check(&file);
     assert_eq!(told(&check, TOPIC).get(&EventKind::Restart), Some(&1));

@@ -7,20 +7,20 @@ mod verifying;
 use std::time::Duration;
 
 use super::watch::screen::Screen;
-use crate::common::{Rig, end, json, says};
+use crate::common::{end, json, sandbox, shown_state, state_of};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Subscriber, Topic, Wake};
 use made::{Made, record};
 use ril_tests::process::{Signal, WAIT_LIMIT};
-use ril_tests::{Replay, StandInStatus, TestDomain};
+use ril_tests::{Replay, Sandbox, StandInStatus, TestDomain};
 
-fn rig() -> (Rig, Made) {
-    let rig = Rig::new();
+fn rig() -> (Sandbox, Made) {
+    let rig = sandbox();
     let made = record(rig.folder());
     (rig, made)
 }
 
-fn subscriber<T: Topic>(rig: &Rig) -> Subscriber<T> {
+fn subscriber<T: Topic>(rig: &Sandbox) -> Subscriber<T> {
     rig.domain.join("consumer").subscriber().unwrap()
 }
 
@@ -75,16 +75,12 @@ fn consumers_see_what_was_recorded_in_its_order_and_as_old_as_it_was() {
     // Raw telemetry passes before the SI telemetry that was made of it.
     let times = made.dsp.iter().map(|sample| sample.dsp_time_ms);
     assert_eq!(raw, times.collect::<Vec<_>>());
-    let finished = replay.wait_exit();
-    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    let finished = replay.exits(0);
     assert_eq!(
         finished.stdout,
         ["1.000 s  request 77: takeoff, from process 812"]
     );
-    assert!(
-        says(&finished.stderr, "robot 1 is played in"),
-        "{finished:#?}"
-    );
+    finished.err_says("robot 1 is played in");
 }
 
 #[test]
@@ -101,20 +97,17 @@ fn what_was_old_is_as_old_again_and_the_state_says_that_it_is_replayed() {
         "{age:?}"
     );
     // The processes of the RIL take it for a robot.
-    let shown = rig.state(1);
+    let shown = shown_state(&rig, 1);
     assert_eq!(shown["link"]["state"], "up", "{shown:#}");
     assert_eq!(shown["replayed"], true, "{shown:#}");
     let echoed = rig.run("echo hero --count 3 --json", 0);
     assert_eq!(json(&echoed.stdout[2])["schema"], "hero.HeroTelemetry.v2");
-    let text = rig.state_of("status");
-    assert!(says(&text.stdout, "replayed"), "{text:#?}");
+    let text = state_of(&rig, "status");
+    text.out_says("replayed");
     let refused = rig.run("takeoff 10m", 5);
-    assert!(says(&refused.stderr, "replayed"), "{refused:#?}");
+    refused.err_says("replayed");
     let finished = end(replay, Signal::TERM);
-    assert!(
-        says(&finished.stderr, "1 requests were refused"),
-        "{finished:#?}"
-    );
+    finished.err_says("1 requests were refused");
 }
 
 #[test]
@@ -136,9 +129,9 @@ fn a_section_is_played_again_and_again() {
 fn a_robot_that_lives_is_not_replaced_and_mistakes_are_told() {
     let (rig, _) = rig();
     let status = StandInStatus::start(&rig.domain);
-    let refused = rig.run("replay flight.mcap", 5);
-    assert!(says(&refused.stderr, "robot 1 lives in"), "{refused:#?}");
-    assert!(says(&refused.stderr, "--robot 2"), "{refused:#?}");
+    rig.run("replay flight.mcap", 5)
+        .err_says("robot 1 lives in")
+        .err_says("--robot 2");
     // As another one it can be played beside it.
     let played = rig.run("replay flight.mcap --robot 2 --from 6s -q", 0);
     assert!(played.stderr.is_empty(), "{played:#?}");
@@ -151,8 +144,7 @@ fn a_robot_that_lives_is_not_replaced_and_mistakes_are_told() {
         ("replay flight.mcap --from 1h", "no message in this section"),
         ("replay flight.mcap --speed 0", "out of range"),
     ] {
-        let finished = rig.run(args, 2);
-        assert!(says(&finished.stderr, expected), "{args}: {finished:#?}");
+        rig.run(args, 2).err_says(expected);
     }
 }
 

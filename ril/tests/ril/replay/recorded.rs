@@ -4,11 +4,11 @@ use std::fs;
 
 use ril_tests::process::Signal;
 
-use crate::common::{Rig, end, json, says};
+use crate::common::{end, json, sandbox};
 
 #[test]
 fn what_was_recorded_is_verified_bit_for_bit_and_played() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut recorder = rig.start("record --output rec --min-free 0");
     recorder.wait_for_text("recording file=");
     let sim = rig.sim(1, "--speed 5");
@@ -41,8 +41,5 @@ fn what_was_recorded_is_verified_bit_for_bit_and_played() {
     assert!(summary["samples"].as_u64().unwrap() > 200, "{summary}");
     // Four requests, and what became of them.
     assert!(summary["requests"].as_u64().unwrap() >= 8, "{summary}");
-    assert!(
-        says(&played.stdout, "\"command\":\"takeoff\""),
-        "{played:#?}"
-    );
+    played.out_says("\"command\":\"takeoff\"");
 }

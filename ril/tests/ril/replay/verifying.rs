@@ -1,18 +1,19 @@
 //! `ril replay FILE --verify`, `--against` and `--keep`, with a flight of the library.
 
+use ril_tests::Sandbox;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::made::record;
-use crate::common::{Rig, json, says};
+use crate::common::{json, sandbox, says};
 
 fn flight() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/flights/wind.mcap")
 }
 
 /// A folder with the flight and configurations of the bridge: the one with which it was flown, and another one.
-fn rig() -> Rig {
-    let rig = Rig::new();
+fn rig() -> Sandbox {
+    let rig = sandbox();
     fs::copy(flight(), rig.folder().join("wind.mcap")).unwrap();
     rig.write("same.toml", "[movement]\ntime_limit_s = 60.0\n");
     let other = "[movement]\ntime_limit_s = 60.0\n[safety.battery_v]\nwarn = 99.0\n";
@@ -24,9 +25,9 @@ fn rig() -> Rig {
 #[test]
 fn a_flight_is_verified_bit_for_bit() {
     let rig = rig();
-    let text = rig.run("replay wind.mcap --verify", 0);
-    assert!(says(&text.stdout, "the same, bit for bit"), "{text:#?}");
-    assert!(says(&text.stdout, "times as fast"), "{text:#?}");
+    rig.run("replay wind.mcap --verify", 0)
+        .out_says("the same, bit for bit")
+        .out_says("times as fast");
     let object = json(&rig.run("replay wind.mcap --verify --json", 0).stdout[0]);
     assert_eq!(object["schema"], "ril.Verification.v1");
     assert_eq!(object["verified"], true);
@@ -46,7 +47,7 @@ fn a_flight_is_verified_bit_for_bit() {
 fn another_configuration_is_a_difference_with_time_topic_field_and_both_values() {
     let rig = rig();
     let text = rig.run("replay wind.mcap --against other.toml", 8);
-    assert!(says(&text.stdout, "DIFFERENT"), "{text:#?}");
+    text.out_says("DIFFERENT");
     let expected = "module_state: safety.amount was 0 and is ";
     assert!(
         says(&text.stdout, expected) && says(&text.stderr, expected),
@@ -66,11 +67,11 @@ fn another_configuration_is_a_difference_with_time_topic_field_and_both_values()
 #[test]
 fn a_recording_becomes_a_test_by_one_command() {
     let rig = rig();
-    let kept = rig.run("replay wind.mcap --keep library/new", 0);
-    assert!(says(&kept.stderr, "library/new/wind.mcap"), "{kept:#?}");
+    rig.run("replay wind.mcap --keep library/new", 0)
+        .err_says("library/new/wind.mcap");
     rig.run("replay library/new/wind.mcap --verify", 0);
-    let again = rig.run("replay wind.mcap --keep library/new", 2);
-    assert!(says(&again.stderr, "name another folder"), "{again:#?}");
+    rig.run("replay wind.mcap --keep library/new", 2)
+        .err_says("exists already");
 }
 
 #[test]
@@ -89,8 +90,7 @@ fn what_cannot_be_verified_is_told() {
             "cannot be used with",
         ),
     ] {
-        let finished = rig.run(args, code);
-        assert!(says(&finished.stderr, expected), "{args}: {finished:#?}");
+        rig.run(args, code).err_says(expected);
     }
     // A byte in the middle of a journal.
     let mut bytes = fs::read(flight()).unwrap();

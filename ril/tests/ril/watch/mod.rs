@@ -5,8 +5,7 @@ mod picture;
 pub mod screen;
 mod status;
 
-use crate::common::flight::Flight;
-use crate::common::{Rig, end, movement, says};
+use crate::common::{Flight, end, movement, sandbox};
 use ipc_types::RobotId;
 use ipc_types::code::{ControlCommand, LinkState, MovementKind, Reason};
 use ipc_types::payload::DspTelemetry;
@@ -16,7 +15,7 @@ use screen::Screen;
 
 #[test]
 fn a_flight_is_watched_held_and_its_bridge_is_missed_and_back() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut flight = Flight::begin(&rig);
     let status = rig.status(1);
     let mut screen = Screen::start(&rig, "watch --robot 1", 80, 24);
@@ -32,7 +31,7 @@ fn a_flight_is_watched_held_and_its_bridge_is_missed_and_back() {
     screen.types("hold\r");
     screen.shows("hold: sent");
     screen.shows("hold: done");
-    assert_eq!(path.wait_exit().code(), Some(5));
+    path.exits(5);
     screen.shows("hovering");
 
     // It rings as well for a bridge that a machine which stalls keeps silent.
@@ -62,7 +61,7 @@ fn whatever_ends_it_the_terminal_is_given_back() {
         Some(Signal::HUP),
         None,
     ] {
-        let rig = Rig::new();
+        let rig = sandbox();
         let mut screen = Screen::start(&rig, "watch", 80, 24);
         screen.shows("no bridge runs");
         // A word that was begun is not the shell's when it ends.
@@ -80,12 +79,9 @@ fn whatever_ends_it_the_terminal_is_given_back() {
 
 #[test]
 fn what_it_cannot_draw_on_is_refused_with_what_to_do_instead() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let finished = rig.run("watch", 2);
-    assert!(
-        says(&finished.stderr, "`ril status --json`"),
-        "{finished:#?}"
-    );
+    finished.err_says("`ril status --json`");
     assert!(finished.stdout.is_empty());
     for term in ["dumb", ""] {
         let mut screen = Screen::start_with(&rig, "watch", 80, 24, &[("TERM", term)]);
@@ -102,7 +98,7 @@ fn what_it_cannot_draw_on_is_refused_with_what_to_do_instead() {
 
 #[test]
 fn without_colour_nothing_is_coloured_and_alarms_still_stand_out() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let mut state = StandInBridge::idle_state();
     state.link.state = LinkState::Gone.code();
@@ -134,7 +130,7 @@ fn without_colour_nothing_is_coloured_and_alarms_still_stand_out() {
 
 #[test]
 fn another_size_is_drawn_at_once_and_one_that_is_too_small_says_so() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut screen = Screen::start(&rig, "watch", 80, 24);
     screen.shows("h hold");
     screen.resize(40, 12);
@@ -148,7 +144,7 @@ fn another_size_is_drawn_at_once_and_one_that_is_too_small_says_so() {
 
 #[test]
 fn what_stops_to_come_is_said_although_nothing_wakes_the_screen() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let mut state = StandInBridge::idle_state();
     state.link.telemetry_published = 1;
@@ -170,7 +166,7 @@ fn what_stops_to_come_is_said_although_nothing_wakes_the_screen() {
 
 #[test]
 fn an_order_goes_to_the_robot_that_is_selected_and_how_it_ends_is_told() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridges =
         [1, 2].map(|robot| StandInBridge::start_for(&rig.domain, RobotId::new(robot).unwrap()));
     // However long a machine stalls that runs other tests.
@@ -199,7 +195,7 @@ fn an_order_goes_to_the_robot_that_is_selected_and_how_it_ends_is_told() {
 
 #[test]
 fn a_bridge_that_hangs_does_not_stop_the_screen() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(Answer::Hang);
     let mut screen = Screen::start(&rig, "watch", 100, 30);
@@ -215,7 +211,7 @@ fn a_bridge_that_hangs_does_not_stop_the_screen() {
 
 #[test]
 fn without_a_bridge_an_order_is_not_sent_and_says_so() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let mut screen = Screen::start(&rig, "watch --robot 7", 80, 24);
     screen.shows("no bridge runs");
     screen.types("hhold\r");
@@ -227,7 +223,7 @@ fn without_a_bridge_an_order_is_not_sent_and_says_so() {
 
 #[test]
 fn a_terminal_that_takes_nothing_does_not_keep_it_from_its_end() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let mut screen = Screen::start(&rig, "watch", 200, 60);
     screen.shows("h hold");
@@ -247,7 +243,7 @@ fn a_terminal_that_takes_nothing_does_not_keep_it_from_its_end() {
 
 #[test]
 fn fence_and_path_of_files_are_drawn_and_wrong_ones_are_refused() {
-    let rig = Rig::new();
+    let rig = sandbox();
     rig.write(
         "bridge.toml",
         "[fence]\n[[fence.area]]\nname = \"field\"\nkind = \"inclusion\"\ncentre = [37.411, -6.001]\nradius_m = 40.0\n",

@@ -1,9 +1,10 @@
 //! [`Screen`]: `ril` on a pseudo-terminal of which it is the foreground process, and what that terminal shows.
 
+use ril_tests::{Sandbox, pty};
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Instant;
 
@@ -12,10 +13,7 @@ use ril_tests::process::{Signal, WAIT_LIMIT};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::ioctl_fionbio;
 use rustix::process::{Pid, kill_process};
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Termios, Winsize, tcgetattr, tcsetwinsize};
-
-use crate::common::Rig;
 
 /// A running `ril` and its terminal.
 pub struct Screen {
@@ -32,19 +30,19 @@ pub struct Screen {
 
 impl Screen {
     /// Starts `ril` with these words on a terminal of this size.
-    pub fn start(rig: &Rig, args: &str, columns: u16, rows: u16) -> Screen {
+    pub fn start(rig: &Sandbox, args: &str, columns: u16, rows: u16) -> Screen {
         Screen::start_with(rig, args, columns, rows, &[("TERM", "xterm-256color")])
     }
 
     /// The same in an environment with these variables.
     pub fn start_with(
-        rig: &Rig,
+        rig: &Sandbox,
         args: &str,
         columns: u16,
         rows: u16,
         variables: &[(&str, &str)],
     ) -> Screen {
-        let (master, name) = new_terminal();
+        let (master, name) = pty::open();
         set_size(&master, columns, rows);
         let slave = File::options().read(true).write(true).open(&name).unwrap();
         let before = tcgetattr(&slave).unwrap();
@@ -216,16 +214,6 @@ impl Drop for Screen {
         let _ = self.child.kill();
         let _ = self.child.wait();
     }
-}
-
-fn new_terminal() -> (File, PathBuf) {
-    let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
-    let master = openpt(flags).unwrap();
-    grantpt(&master).unwrap();
-    unlockpt(&master).unwrap();
-    let name = ptsname(&master, Vec::new()).unwrap();
-    let name = Path::new(name.to_str().unwrap()).to_owned();
-    (File::from(master), name)
 }
 
 fn set_size(master: &File, columns: u16, rows: u16) {

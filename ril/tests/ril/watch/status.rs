@@ -7,16 +7,16 @@ use ril_tests::process::Signal;
 use ril_tests::{StandInBridge, StandInStatus};
 
 use super::screen::Screen;
-use crate::common::{Rig, end, json, says};
+use crate::common::{end, json, sandbox, shown_state, state_of};
 
 #[test]
 fn a_flight_is_told_first_and_the_link_s_state_is_the_exit_code() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let sim = rig.sim(1, "--speed 10");
     let bridge = rig.bridge(1);
     let status = rig.status(1);
     rig.watch(1).until_ready();
-    let finished = rig.state_of("state --timeout 60s");
+    let finished = state_of(&rig, "state --timeout 60s");
     let titles: Vec<&str> = finished
         .stdout
         .iter()
@@ -48,11 +48,8 @@ fn a_flight_is_told_first_and_the_link_s_state_is_the_exit_code() {
         "hero",
     ];
     assert_eq!(titles, expected, "{finished:#?}");
-    assert!(
-        says(&finished.stdout, "flight      on the ground"),
-        "{finished:#?}"
-    );
-    let shown = rig.state(1);
+    finished.out_says("flight      on the ground");
+    let shown = shown_state(&rig, 1);
     assert_eq!(shown["flight"]["flying"], false);
     assert!(
         shown["flight"]["battery_v"].as_f64().unwrap() > 1.0,
@@ -64,24 +61,15 @@ fn a_flight_is_told_first_and_the_link_s_state_is_the_exit_code() {
     watch.until("the link is down", |state| {
         state.link.state() != Some(LinkState::Up)
     });
-    let finished = rig.run("state --timeout 60s", 6);
-    assert!(
-        says(&finished.stdout, "link        "),
-        "it is shown all the same: {finished:#?}"
-    );
-    assert!(
-        says(&finished.stderr, "`ril doctor --robot 1` finds out why"),
-        "{finished:#?}"
-    );
+    rig.run("state --timeout 60s", 6)
+        .out_says("link        ")
+        .err_says("`ril doctor --robot 1` finds out why");
     drop(watch);
     end(bridge, Signal::TERM);
     // Status alone is shown, too.
-    let finished = rig.run("state --timeout 2s", 3);
-    assert!(says(&finished.stdout, "no bridge runs"), "{finished:#?}");
-    assert!(
-        says(&finished.stdout, "status      hero-status"),
-        "{finished:#?}"
-    );
+    rig.run("state --timeout 2s", 3)
+        .out_says("no bridge runs")
+        .out_says("status      hero-status");
     let shown = json(&rig.run("state --timeout 2s --json", 3).stdout[0]);
     assert!(shown["module"].is_null());
     assert_eq!(
@@ -93,7 +81,7 @@ fn a_flight_is_told_first_and_the_link_s_state_is_the_exit_code() {
 
 #[test]
 fn old_telemetry_over_a_link_that_is_up_is_code_4() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let mut state = StandInBridge::idle_state();
     state.link.telemetry_published = 1;
@@ -102,8 +90,7 @@ fn old_telemetry_over_a_link_that_is_up_is_code_4() {
         received_ns: MonotonicNs::now().0 - 5_000_000_000,
         ..DspTelemetry::default()
     });
-    let finished = rig.run("state --timeout 5s", 4);
-    assert!(says(&finished.stdout, ", STALE"), "{finished:#?}");
+    rig.run("state --timeout 5s", 4).out_says(", STALE");
 }
 
 /// A sample in which position and switch are valid.
@@ -120,7 +107,7 @@ fn sample(altitude_m: f64) -> HeroTelemetry {
 
 #[test]
 fn watched_in_a_pipe_there_is_a_line_for_each_change() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let status = StandInStatus::start(&rig.domain);
     status.publish(&sample(10.0));
@@ -143,7 +130,7 @@ fn watched_in_a_pipe_there_is_a_line_for_each_change() {
 
 #[test]
 fn watched_on_a_terminal_the_block_is_shown_in_its_place() {
-    let rig = Rig::new();
+    let rig = sandbox();
     let _bridge = StandInBridge::start(&rig.domain);
     let status = StandInStatus::start(&rig.domain);
     let mut screen = Screen::start(&rig, "state --watch", 100, 40);

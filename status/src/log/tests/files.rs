@@ -385,6 +385,9 @@ fn a_total_that_cannot_be_kept_stops_the_log_until_it_can() {
     disk.0.borrow_mut().stubborn.insert(stubborn.clone());
     let content = vec![b'x'; 30_000];
     disk.0.borrow_mut().files.insert(stubborn, content);
+    // The newest stays in any case.
+    let newest = PathBuf::from("log/hero(1)_02_01_01-00_00_00.tsv");
+    disk.0.borrow_mut().files.insert(newest, b"x".to_vec());
     let mut harness = Harness::begin(disk.clone(), limits_of(4));
     assert_eq!(harness.reported(), ["failed"]);
     harness.record(100);

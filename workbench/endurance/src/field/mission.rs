@@ -20,7 +20,7 @@ pub fn run(plan: &Plan) -> Result<Outcome, String> {
     let mut outcome = Outcome::default();
     let (mut done, mut is_path_done) = (0, false);
     for verb in verbs {
-        let finished = station.run(verb);
+        let finished = station.finish(verb);
         is_path_done |= says(&finished.stdout, "goto: done, 4 of 4 waypoints sent");
         let is_done = finished.code() == Some(0);
         done += u32::from(is_done);

@@ -71,7 +71,7 @@ impl Operator {
             }
         };
         match sent {
-            Ok(()) => {
+            Ok(_) => {
                 self.count += 1;
                 self.open.insert(id);
             }

@@ -117,7 +117,7 @@ impl Station {
     /// A client has sent a request. It is refused at once when the link is down.
     pub fn request(
         &mut self,
-        request: Request,
+        request: ClientRequest,
         is_link_up: bool,
         now: MonotonicNs,
         out: &mut Vec<Output>,
@@ -160,10 +160,10 @@ impl Station {
     /// The client of this request has gone: it gets no more reports, and the robot side gives the request up.
     pub fn give_up(&mut self, handle: u64, out: &mut Vec<Output>) {
         let mut entries = self.entries.iter_mut();
-        let entry =
-            entries.find(|entry| entry.client == Client::Waits && entry.request.handle == handle);
+        let entry = entries
+            .find(|entry| entry.client == Requester::Waits && entry.request.handle == handle);
         if let Some(entry) = entry {
-            entry.client = Client::Gone;
+            entry.client = Requester::Gone;
             let number = entry.number;
             self.ask(|entry| entry.number == number, out);
         }
@@ -187,7 +187,7 @@ impl Station {
             if held.is_none() {
                 *next_number += 1;
             }
-            if let (Some(held), Client::Waits) = (&held, entry.client) {
+            if let (Some(held), Requester::Waits) = (&held, entry.client) {
                 out.push(report(entry, held, Origin::Robot));
             }
             held.is_none()
@@ -214,14 +214,14 @@ impl Station {
             return;
         };
         let entry = &mut self.entries[index];
-        if entry.client == Client::Gone && answer.report.is_final() {
+        if entry.client == Requester::Gone && answer.report.is_final() {
             self.entries.remove(index);
             return;
         }
         let ready = entry.take(answer.serial, &answer.report, now);
         self.unanswered_rounds = 0;
         self.next_round = self.next_round.min(now + self.timeout);
-        if entry.client == Client::Gone {
+        if entry.client == Requester::Gone {
             return;
         }
         for ready in ready.into_iter().flatten() {
@@ -240,7 +240,7 @@ impl Station {
             if entry.lost_at(limit).is_none_or(|at| at > now) {
                 return true;
             }
-            entry.client = Client::Gone;
+            entry.client = Requester::Gone;
             if let Some(held) = entry.held_final() {
                 out.push(report(entry, &held, Origin::Robot));
                 return false;
@@ -347,7 +347,7 @@ const ASK_PERIOD: Duration = Duration::from_secs(1);
 
 /// A request of a client.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Request {
+pub struct ClientRequest {
     /// By what the caller knows the request; different from all that are open.
     pub handle: u64,
     /// Path of the request, which every report repeats; 0 if it has none.
@@ -363,7 +363,7 @@ pub struct Request {
 
 /// Who waits for the reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Client {
+enum Requester {
     Waits,
     /// It went away, or has the report that the outcome is unknown.
     Gone,
@@ -372,9 +372,9 @@ enum Client {
 /// An order that is not settled.
 #[derive(Clone, Debug)]
 struct Entry {
-    request: Request,
+    request: ClientRequest,
     request_id: u64,
-    client: Client,
+    client: Requester,
     number: u64,
     /// The lowest number under which the robot side may remember this order: until it has answered the present number, the
     /// former one.
@@ -393,11 +393,11 @@ struct Entry {
 }
 
 impl Entry {
-    fn new(request: Request, request_id: u64, number: u64, now: MonotonicNs) -> Entry {
+    fn new(request: ClientRequest, request_id: u64, number: u64, now: MonotonicNs) -> Entry {
         Entry {
             request,
             request_id,
-            client: Client::Waits,
+            client: Requester::Waits,
             number,
             lowest: number,
             is_repeat: false,
@@ -419,7 +419,7 @@ impl Entry {
 
     /// When the robot has been silent about this order for `give_up`. `None` if no client waits.
     fn lost_at(&self, give_up: Duration) -> Option<MonotonicNs> {
-        (self.client == Client::Waits).then(|| self.last_answer + give_up)
+        (self.client == Requester::Waits).then(|| self.last_answer + give_up)
     }
 
     /// One more copy.
@@ -431,7 +431,7 @@ impl Entry {
             service: self.request.service,
             expires: self.request.expires,
             is_repeat: self.is_repeat,
-            is_given_up: self.client == Client::Gone,
+            is_given_up: self.client == Requester::Gone,
             request: self.request.bytes.clone(),
         }
     }

@@ -40,7 +40,7 @@ impl Rig {
     }
 
     fn request_on(&mut self, is_link_up: bool, handle: u64) -> Vec<Output> {
-        let request = Request {
+        let request = ClientRequest {
             handle,
             path_id: 5,
             service: 3,
@@ -196,7 +196,7 @@ fn an_open_id_is_busy_and_no_id_is_invalid() {
     rig.request(7);
     let refused = reports(&rig.request(7));
     assert_eq!(refused, [(7, Stage::Refused, Reason::StillOpen.code())]);
-    let request = Request {
+    let request = ClientRequest {
         handle: 8,
         path_id: 0,
         service: 0,

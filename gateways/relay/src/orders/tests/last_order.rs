@@ -292,7 +292,7 @@ impl Sky {
         bytes[WITHIN].copy_from_slice(&issued.within_ns.to_le_bytes());
         bytes[ORIGIN].copy_from_slice(&(slot as u32 + 1).to_le_bytes());
         bytes[BEGIN_BY].copy_from_slice(&begin_by.0.to_le_bytes());
-        let request = station::Request {
+        let request = station::ClientRequest {
             handle: request_id(&bytes),
             path_id: 0,
             service: 0,

@@ -310,7 +310,7 @@ impl World {
         let mut bytes = id.to_le_bytes().to_vec();
         bytes.push(Kind::random(&mut self.random) as u8);
         let expires = self.now + 200 * MS + self.random.below(5 * SECOND);
-        let request = station::Request {
+        let request = station::ClientRequest {
             handle: id,
             path_id: id + 1,
             service: self.random.below(SERVICES),

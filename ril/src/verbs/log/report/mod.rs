@@ -19,14 +19,14 @@ use std::path::{Path, PathBuf};
 
 use flight_report::Flight;
 use flight_report::flight::{Table, Weight};
-use recording::read::Bytes;
+use recording::read::{RecordFile, Summary as RecordSummary, summary_of};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
 
 use self::collector::Collector;
 use self::row::SampleReader;
 use super::files::ending;
-use super::files::{LogFile, MAX_NAMED, chosen_file};
+use super::files::{LogFile, MAX_NAMED, chosen_file, of_flight};
 use super::options::LogReportArgs;
 use super::recording::{Entry, Format, ReadError};
 use super::row::UtcSource;
@@ -75,7 +75,7 @@ pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
         return Ok(());
     }
     let mut chart = of_files(args.bridge.as_deref(), args.plan.as_deref())?;
-    let file = chosen_file(args.file.as_ref(), &args.place)?;
+    let file = chosen_file(args.file.as_ref(), &args.place, of_flight())?;
     let log = file.path().to_owned();
     let record = Record::open(&log)?;
     if let Some(fence) = record.as_ref().and_then(Record::fence)
@@ -130,8 +130,8 @@ fn refuse_the_log_itself(log: &Path, output: &Path) -> Result<(), Failure> {
 
 /// A record of `ril record`, which has more than the samples of the DSP.
 struct Record {
-    path: PathBuf,
-    summary: recording::read::Summary,
+    file: RecordFile,
+    summary: RecordSummary,
 }
 
 impl Record {
@@ -144,31 +144,22 @@ impl Record {
             .take(BEGINNING_BYTES)
             .read_to_end(&mut beginning)
             .map_err(unreadable)?;
-        if Format::of(&beginning) != Format::Mcap {
+        if Format::of(path, &beginning) != Format::Mcap {
             return Ok(None);
         }
+        let file = RecordFile::open(path).map_err(unreadable)?;
         // A damaged summary is no reason for no report: the samples are read without it.
-        let summary = recording::read::summary_of(&mut file).unwrap_or_default();
-        Ok(Some(Record {
-            path: path.to_owned(),
-            summary,
-        }))
-    }
-
-    /// Gives everything but the samples of the DSP, which were taken before.
-    fn take(&self, collector: &mut Collector, start_unix_ns: Option<u64>) -> Result<(), Failure> {
-        let bytes = Bytes::open(&self.path)
-            .map_err(|error| Failure::usage(format!("{}: {error}", self.path.display())))?;
-        record::take(collector, &bytes, start_unix_ns);
-        Ok(())
+        let summary = summary_of(&file).unwrap_or_default();
+        Ok(Some(Record { file, summary }))
     }
 
     /// The fence that the bridge had, by the configuration in the record.
     fn fence(&self) -> Option<Chart> {
         let files = &self.summary.attachments;
-        let file = files
-            .iter()
-            .find(|file| file.name == bridge::cli::DEFAULT_CONFIG_FILE)?;
+        let named = |name: &str| files.iter().rev().find(|file| file.name == name);
+        // What it ran with, whatever the file said when it was read.
+        let file = named("bridge.running.toml");
+        let file = file.or_else(|| named(bridge::cli::DEFAULT_CONFIG_FILE))?;
         let text = std::str::from_utf8(&file.data).ok()?;
         let fence = runtime::config::parse::<FenceFile>(text, &file.name).ok()?;
         Some(Chart::new(&fence, &[]))
@@ -208,10 +199,8 @@ fn read(mut file: LogFile, record: Option<&Record>, chart: &Chart) -> Result<Rea
         }
     };
     let summary = summarizer.finish(file.recording.unfinished_bytes());
-    // A record is in memory while it is read; once is enough.
-    drop(file);
     if let Some(record) = record {
-        record.take(&mut collector, start_unix_ns)?;
+        record::take(&mut collector, &record.file, start_unix_ns);
     }
     let mut flight = collector.finish(words::title(&summary), chart);
     flight.start_unix_ns = start_unix_ns;

@@ -7,7 +7,7 @@ use flight_report::flight::{Table, Weight};
 use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
 use recording::EventKind;
-use recording::read::{self, Message};
+use recording::read::{self, Message, RecordFile, RecordedEvent};
 use ros_messages::{Level, Log};
 
 use super::collector::Collector;
@@ -19,47 +19,51 @@ use crate::recorded::{REQUEST_EVENT, RequestEvent};
 const HERO: &str = "/hero/telemetry";
 const STATE: &str = "/bridge/state";
 
-/// Takes everything of the file `bytes`, whose first sample of the DSP was at `start_unix_ns`, after these samples were taken.
-pub fn take(collector: &mut Collector, bytes: &[u8], start_unix_ns: Option<u64>) {
+/// Takes everything of the file, whose first sample of the DSP was at `start_unix_ns`, after these samples were taken.
+pub fn take(collector: &mut Collector, file: &RecordFile, start_unix_ns: Option<u64>) {
     let since = |unix_ns: u64| Some(unix_ns.saturating_sub(start_unix_ns?));
-    for message in read::messages(bytes).flatten() {
-        let payload = || message.data.get(CDR_HEADER.len()..);
-        if message.topic.ends_with(HERO) {
+    for message in read::messages(file).flatten() {
+        let payload = || message.data().get(CDR_HEADER.len()..);
+        if message.topic().ends_with(HERO) {
             if let Some(hero) = payload().and_then(HeroTelemetry::from_bytes) {
                 collector.hero(&hero);
             }
-        } else if message.topic.ends_with(STATE) {
+        } else if message.topic().ends_with(STATE) {
             if let Some(state) = payload().and_then(ModuleState::from_bytes) {
                 collector.state(&state);
             }
         } else if let Some(event) = request(&message) {
             collector.request(&event);
-        } else if let Some((weight, text)) = complaint(&message)
-            && let Some(since_ns) = since(message.publish_time_ns)
-        {
-            collector.happened(Kind::Process, since_ns, weight, &text);
-        }
-    }
-    for event in read::check(bytes).events {
-        let weight = match event.kind {
-            EventKind::Loss | EventKind::Late | EventKind::Disk => Weight::Warning,
-            EventKind::Split | EventKind::Clock | EventKind::Note => Weight::Note,
-            // Samples that are missing and starts of the bridge are seen in the samples themselves.
-            _ => continue,
-        };
-        if let Some(since_ns) = since(event.log_time_ns) {
-            let text = format!("recording: {}", event.text);
-            collector.happened(Kind::Recording, since_ns, weight, &text);
+        } else if let Some((weight, text)) = complaint(&message) {
+            if let Some(since_ns) = since(message.publish_time_ns) {
+                collector.happened(Kind::Process, since_ns, weight, &text);
+            }
+        } else if let Some(event) = RecordedEvent::of(&message) {
+            recorded(collector, &event, since(event.log_time_ns));
         }
     }
 }
 
+/// What happened to the recording itself.
+fn recorded(collector: &mut Collector, event: &RecordedEvent, since_ns: Option<u64>) {
+    let weight = match event.kind {
+        EventKind::Loss | EventKind::Late | EventKind::Disk => Weight::Warning,
+        EventKind::Split | EventKind::Clock | EventKind::Note => Weight::Note,
+        // Samples that are missing and starts of the bridge are seen in the samples themselves.
+        _ => return,
+    };
+    if let Some(since_ns) = since_ns {
+        let text = format!("recording: {}", event.text);
+        collector.happened(Kind::Recording, since_ns, weight, &text);
+    }
+}
+
 /// What a process warned of in its log. The most of it is seen in the samples and states as well, so it weighs less than there.
-fn complaint(message: &Message<'_>) -> Option<(Weight, String)> {
-    if message.schema_name != Log::TYPE_NAME {
+fn complaint(message: &Message) -> Option<(Weight, String)> {
+    if message.schema_name() != Log::TYPE_NAME {
         return None;
     }
-    let log = Log::read(message.data).filter(|log| log.process != FLIGHT)?;
+    let log = Log::read(message.data()).filter(|log| log.process != FLIGHT)?;
     let weight = match log.level {
         Level::Debug | Level::Info => return None,
         Level::Warn => Weight::Note,
@@ -68,9 +72,9 @@ fn complaint(message: &Message<'_>) -> Option<(Weight, String)> {
     Some((weight, format!("{} logged: {}", log.process, log.text)))
 }
 
-fn request<'a>(message: &Message<'a>) -> Option<RequestEvent<'a>> {
-    (message.schema_name == REQUEST_EVENT).then_some(())?;
-    RequestEvent::read(message.data)
+fn request(message: &Message) -> Option<RequestEvent<'_>> {
+    (message.schema_name() == REQUEST_EVENT).then_some(())?;
+    RequestEvent::read(message.data())
 }
 
 /// What the file says of itself.

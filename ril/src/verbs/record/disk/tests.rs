@@ -1,4 +1,7 @@
+//! The thread of the disk and its worker on a real folder: what each action leaves there, and what the operator is told.
+
 use std::fs;
+use std::os::unix::fs::MetadataExt;
 use std::path::PathBuf;
 
 use ipc_types::RobotId;
@@ -92,6 +95,60 @@ fn a_file_without_a_message_goes() {
     });
     assert!(matches!(&closed.notes[..], [Note::NothingCame(_)]));
     assert_eq!(fs::read_dir(&place.folder).unwrap().count(), 0);
+}
+
+#[test]
+fn the_file_that_was_just_finished_stays_though_it_is_a_little_too_long() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut worker = Worker::new(place(&folder), FileStore);
+    let mut opened = |index| {
+        let notes = worker.perform(Action::Open { index }).notes;
+        let Some(Note::Opened(path)) = notes.last() else {
+            panic!("{notes:?}")
+        };
+        // The last chunk and the summary come on top of the size at which another file is begun.
+        worker.perform(write(0, &[1; 4097]));
+        let (is_whole, messages) = (true, 1);
+        worker.perform(Action::Close { is_whole, messages });
+        path.clone()
+    };
+    let [_, before, last] = [0, 1, 2].map(&mut opened);
+    let there = fs::read_dir(folder.path().join("a/b")).unwrap();
+    assert_eq!(there.count(), 2);
+    assert!(before.exists() && last.exists());
+}
+
+#[test]
+fn a_file_is_never_for_everybody_whatever_the_umask() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut worker = Worker::new(place(&folder), FileStore);
+    let before = rustix::process::umask(rustix::fs::Mode::empty());
+    let notes = worker.perform(Action::Open { index: 0 }).notes;
+    rustix::process::umask(before);
+    let Some(Note::Opened(path)) = notes.last() else {
+        panic!("{notes:?}")
+    };
+    assert_eq!(fs::metadata(path).unwrap().mode() & 0o777, 0o640);
+}
+
+#[test]
+fn a_file_that_another_program_has_cut_is_of_no_more_use() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut worker = Worker::new(place(&folder), FileStore);
+    let notes = worker.perform(Action::Open { index: 0 }).notes;
+    let Some(Note::Opened(path)) = notes.last() else {
+        panic!("{notes:?}")
+    };
+    assert_eq!(worker.perform(write(0, b"abcdef")).result, Ok(()));
+    fs::OpenOptions::new()
+        .write(true)
+        .open(path)
+        .unwrap()
+        .set_len(2)
+        .unwrap();
+    let error = worker.perform(write(6, b"ghi")).result.unwrap_err();
+    assert_eq!(error.kind, DiskErrorKind::Failed);
+    assert!(error.text.contains("cut"), "{error}");
 }
 
 #[test]

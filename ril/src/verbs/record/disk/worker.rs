@@ -1,8 +1,8 @@
 //! [`Worker`]: what the thread of the disk has, and how it carries out one action.
 
-use std::fs::File;
+use std::fs::{File, Permissions};
 use std::io;
-use std::os::unix::fs::FileExt;
+use std::os::unix::fs::{FileExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use recording::{Action, DiskError, DiskErrorKind, Part};
@@ -19,11 +19,40 @@ pub(super) trait RecordFile: LogFile {
     ///
     /// Some of them may be there.
     fn write_at(&mut self, bytes: &[u8], at: u64) -> io::Result<()>;
+
+    /// Takes the permissions away that go beyond [`MODE`]: whatever the umask is, a record is not for everybody.
+    ///
+    /// # Errors
+    ///
+    /// They are as before.
+    fn restrict(&mut self) -> io::Result<()>;
+
+    /// Its length on the disk.
+    ///
+    /// # Errors
+    ///
+    /// The system does not say.
+    fn len(&self) -> io::Result<u64>;
 }
+
+/// Who may read and write a record at most: its owner, and its group may read.
+pub(in super::super) const MODE: u32 = 0o640;
 
 impl RecordFile for File {
     fn write_at(&mut self, bytes: &[u8], at: u64) -> io::Result<()> {
         self.write_all_at(bytes, at)
+    }
+
+    fn restrict(&mut self) -> io::Result<()> {
+        let mode = self.metadata()?.mode() & 0o777;
+        match mode & !MODE {
+            0 => Ok(()),
+            _ => self.set_permissions(Permissions::from_mode(mode & MODE)),
+        }
+    }
+
+    fn len(&self) -> io::Result<u64> {
+        Ok(self.metadata()?.len())
     }
 }
 
@@ -60,9 +89,9 @@ impl<S: Store<File: RecordFile>> Worker<S> {
     }
 
     /// Carries out an action.
-    pub(super) fn perform(&mut self, action: Action) -> Outcome {
+    pub(super) fn perform(&mut self, action: Action) -> ActionResult {
         let result = self.act(action);
-        Outcome {
+        ActionResult {
             result,
             notes: std::mem::take(&mut self.notes),
         }
@@ -133,8 +162,10 @@ impl<S: Store<File: RecordFile>> Worker<S> {
         }
         let series = &self.place.series;
         let stem = series.stem(self.store.clock().utc());
-        let (path, file) = self.store.create(folder, &stem, series.kind())?;
+        let (path, mut file) = self.store.create(folder, &stem, series.kind())?;
         self.retention.created(&path);
+        // Some file systems have no permissions.
+        let _ = file.restrict();
         self.notes.push(Note::Opened(path.clone()));
         self.file = Some(OpenFile {
             path,
@@ -168,9 +199,18 @@ impl<S: Store<File: RecordFile>> Worker<S> {
 }
 
 impl<F: RecordFile> OpenFile<F> {
+    /// What is written behind a cut cannot be read without what was before.
+    fn check_length(&self) -> io::Result<()> {
+        match self.file.len()? < self.bytes {
+            true => Err(io::Error::other("another program has cut the file")),
+            false => Ok(()),
+        }
+    }
+
     fn act(&mut self, action: Action, folder: &Path) -> io::Result<()> {
         match action {
             Action::Write { parts } => {
+                self.check_length()?;
                 for Part { at, bytes } in parts {
                     self.file.write_at(&bytes, at)?;
                     self.bytes = self.bytes.max(at.saturating_add(bytes.len() as u64));
@@ -181,6 +221,7 @@ impl<F: RecordFile> OpenFile<F> {
                 self.bytes = len;
             }
             Action::Sync => {
+                self.check_length()?;
                 self.file.sync()?;
                 if !self.is_named {
                     // A power cut could otherwise take the file's name, and with it the file. Not every file system can do that.
@@ -234,7 +275,7 @@ pub(in super::super) struct ClosedFile {
 }
 
 /// How an action went.
-pub(in super::super) struct Outcome {
+pub(in super::super) struct ActionResult {
     /// The answer for the recorder.
     pub result: Result<(), DiskError>,
     /// What the operator should know.

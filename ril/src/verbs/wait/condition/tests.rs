@@ -1,3 +1,5 @@
+//! Conditions: how they are read, and by which samples they are met.
+
 use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, TelemetryGroup};

@@ -6,10 +6,10 @@ use ipc_types::payload::{ModuleState, RelayLink};
 use runtime::finding::{Finding, Severity};
 
 use super::super::freshness::Freshness;
-use super::{DSP_ERROR_SHOWN, Robot};
+use super::{DSP_ERROR_SHOWN, Process, WatchedRobot};
 use crate::render::messages::details;
 
-impl Robot {
+impl WatchedRobot {
     /// All that is wrong, what matters most first. What follows from another finding is left out: one cause is one alarm.
     pub(super) fn findings(&self, now: MonotonicNs) -> Vec<Finding> {
         let mut findings = Vec::new();
@@ -27,7 +27,7 @@ impl Robot {
         if has_no_fix && self.pilot.flying == Some(true) {
             findings.push(alarm("no-fix", "no GPS fix in flight"));
         }
-        if matches!(self.status_feed.at(now), Freshness::Gone(_)) {
+        if matches!(self.process(Process::Status, now), Freshness::Gone(_)) {
             let text = "`ril run status` has ended: telemetry is the bridge's own, and no logs are written";
             findings.push(warning("status-gone", text));
         }
@@ -38,7 +38,7 @@ impl Robot {
     fn cut(&self, now: MonotonicNs) -> Option<Finding> {
         if self.is_relayed {
             let relay = self.relay.as_ref();
-            let feed = self.relay_feed.at(now);
+            let feed = self.process(Process::Relay, now);
             if !feed.is_fresh() || !relay.is_some_and(RelayLink::is_up) {
                 let state = relay.and_then(RelayLink::state);
                 let state = state.map_or("unknown", |state| state.name());
@@ -49,7 +49,7 @@ impl Robot {
                 return Some(alarm("relay-link", text));
             }
         }
-        match self.bridge_feed.at(now) {
+        match self.process(Process::Bridge, now) {
             Freshness::Gone(_) => {
                 let text = format!("the bridge is gone: start `ril bridge --robot {}`", self.id);
                 return Some(alarm("bridge-gone", text));

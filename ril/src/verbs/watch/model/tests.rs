@@ -5,19 +5,19 @@ use ipc_types::code::{Functionality, RelayLinkState, SafetyAction, SafetyRule};
 use super::*;
 use crate::verbs::watch::fixture::{at, fly, hero, on_path, state, translating};
 
-fn flown() -> Robot {
-    let mut robot = Robot::new(RobotId::DEFAULT);
+fn flown() -> WatchedRobot {
+    let mut robot = WatchedRobot::new(RobotId::DEFAULT);
     fly(&mut robot);
     robot
 }
 
-fn journal(robot: &Robot) -> Vec<String> {
-    let lines = robot.journal().newest(usize::MAX);
+fn journal(robot: &WatchedRobot) -> Vec<String> {
+    let lines = robot.journal.newest(usize::MAX);
     lines.map(|line| line.text.clone()).collect()
 }
 
-fn alarms(robot: &Robot) -> Vec<(&'static str, u32)> {
-    let alarms = robot.alarms().lasting();
+fn alarms(robot: &WatchedRobot) -> Vec<(&'static str, u32)> {
+    let alarms = robot.alarms.lasting();
     alarms
         .map(|alarm| {
             let number = alarm.finding.items.first();
@@ -39,9 +39,9 @@ fn a_flight_is_told_in_order() {
     let robot = flown();
     assert_eq!(journal(&robot), expected);
     assert!(alarms(&robot).is_empty());
-    assert_eq!(robot.reached().len(), 1);
+    assert_eq!(robot.reached.len(), 1);
     assert_eq!(robot.height_m(), Some(10.0));
-    assert!(robot.track().len() > 20);
+    assert!(robot.track.points().len() > 20);
 }
 
 #[test]
@@ -104,7 +104,7 @@ fn a_safety_rule_is_told_once_with_what_the_bridge_does() {
         .filter(|line| line.contains("fence-ceiling"))
         .collect();
     assert_eq!(about, ["fence-ceiling by 4.2 m: hold"]);
-    let shown = robot.alarms().lasting().next().unwrap();
+    let shown = robot.alarms.lasting().next().unwrap();
     assert_eq!(shown.finding.text, "fence-ceiling by 5.1 m: hold");
     assert_eq!(robot.take_bells(), 1);
 }
@@ -138,7 +138,7 @@ fn a_dsp_error_is_shown_for_a_while_and_stays_in_the_journal() {
 
 #[test]
 fn without_status_raw_telemetry_is_shown() {
-    let mut robot = Robot::new(RobotId::DEFAULT);
+    let mut robot = WatchedRobot::new(RobotId::DEFAULT);
     let mut dsp = DspTelemetry {
         received_ns: at(0).0,
         valid_groups: u16::MAX,
@@ -146,14 +146,14 @@ fn without_status_raw_telemetry_is_shown() {
     };
     dsp.supply.battery_mv = 23_500;
     robot.dsp(&dsp, at(0));
-    assert_eq!(robot.pilot().battery_v, Some(23.5));
+    assert_eq!(robot.pilot.battery_v, Some(23.5));
     assert!(robot.telemetry_freshness(at(0)).is_fresh());
 }
 
 #[test]
 fn a_relay_whose_link_is_down_is_the_cause_and_not_the_bridge() {
     let mut robot = flown();
-    robot.relayed(true);
+    robot.is_relayed = true;
     let mut link = RelayLink {
         published_ns: at(25_000).0,
         state: RelayLinkState::Down.code(),

@@ -14,11 +14,11 @@ use crate::verbs::watch::paint;
 /// Gives the terminal back when it is dropped, and before a panic is reported.
 pub(super) struct Guard {
     raw: Termios,
-    saved: Arc<Saved>,
+    saved: Arc<SavedTerminal>,
 }
 
 /// How the terminal was.
-struct Saved {
+struct SavedTerminal {
     settings: Termios,
     is_taken: AtomicBool,
 }
@@ -28,7 +28,7 @@ impl Guard {
         let settings = tcgetattr(stdin())?;
         let mut raw = settings.clone();
         raw.make_raw();
-        let saved = Arc::new(Saved {
+        let saved = Arc::new(SavedTerminal {
             settings,
             is_taken: AtomicBool::new(true),
         });
@@ -57,7 +57,7 @@ impl Drop for Guard {
     }
 }
 
-impl Saved {
+impl SavedTerminal {
     /// Once.
     fn give_back(&self) {
         if !self.is_taken.swap(false, Ordering::AcqRel) {

@@ -1,22 +1,25 @@
-//! The lines: what the robot does, and the worst alarm; the robots, one a line, when there are several; what happened, newest last; keys,
-//! or the question that waits for its word.
+//! Draws the lines: what the robot does, and the worst alarm; the robots, one a line, when there are several; what happened, newest
+//! last; keys, or the question that waits for its word.
 
 use ipc_types::payload::ModuleState;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
 
-use super::pen::{ALARM, Clock, GOOD, Glyphs, OLD, TITLE, WARNING, put, put_right, style_of};
+use super::pen::{ALARM, GOOD, Glyphs, OLD, ScreenClock, TITLE, WARNING, put, put_right, style_of};
 use crate::robot::changes::Weight;
 use crate::robot::pilot;
 use crate::verbs::watch::app::App;
 use crate::verbs::watch::freshness::Freshness;
-use crate::verbs::watch::model::{Process, Robot};
+use crate::verbs::watch::model::{Process, WatchedRobot};
 
 /// What the robot does, in words; and the style of these.
-pub(super) fn doing(robot: &Robot, clock: Clock) -> (String, Style) {
-    let flying = robot.pilot().flying;
-    let phase = robot.last_state().map(|state| pilot::phase(state, flying));
+pub(super) fn doing(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
+    let flying = robot.pilot.flying;
+    let phase = robot
+        .state
+        .as_ref()
+        .map(|state| pilot::phase(state, flying));
     let phase = phase.unwrap_or_else(|| "unknown".to_owned());
     let freshness = robot.process(Process::Bridge, clock.now);
     let age = freshness.age().unwrap_or_default();
@@ -30,9 +33,9 @@ pub(super) fn doing(robot: &Robot, clock: Clock) -> (String, Style) {
 }
 
 /// Whether the robot is in the air, as telemetry says.
-pub(super) fn flying(robot: &Robot, clock: Clock) -> (&'static str, Style) {
+pub(super) fn flying(robot: &WatchedRobot, clock: ScreenClock) -> (&'static str, Style) {
     let is_fresh = robot.telemetry_freshness(clock.now).is_fresh();
-    match (robot.pilot().flying, is_fresh) {
+    match (robot.pilot.flying, is_fresh) {
         (Some(true), true) => ("in the air", TITLE),
         (Some(false), true) => ("on the ground", Style::new()),
         (Some(true), false) => ("in the air?", OLD),
@@ -41,17 +44,17 @@ pub(super) fn flying(robot: &Robot, clock: Clock) -> (&'static str, Style) {
     }
 }
 
-/// Robot, phase, flying or landed, switch, and the time. A recording that `ril replay` plays is no robot, and is called so.
-pub(super) fn draw(robot: &Robot, clock: Clock, area: Rect, buffer: &mut Buffer) {
-    let mut x = put(buffer, area, 1, &format!("robot {}", robot.id()), TITLE);
-    if robot.last_state().is_some_and(ModuleState::is_replayed) {
+/// Draws robot, phase, flying or landed, switch, and the time. A recording that `ril replay` plays is no robot, and is called so.
+pub(super) fn draw(robot: &WatchedRobot, clock: ScreenClock, area: Rect, buffer: &mut Buffer) {
+    let mut x = put(buffer, area, 1, &format!("robot {}", robot.id), TITLE);
+    if robot.state.as_ref().is_some_and(ModuleState::is_replayed) {
         x = put(buffer, area, x + 2, "REPLAY", ALARM);
     }
     let (text, style) = doing(robot, clock);
     x = put(buffer, area, x + 2, &text, style);
     let (text, style) = flying(robot, clock);
     x = put(buffer, area, x + 2, text, style);
-    if let Some(switch) = robot.pilot().switch {
+    if let Some(switch) = robot.pilot.switch {
         let style = if switch == ipc_types::code::PilotSwitch::Auto {
             GOOD
         } else {
@@ -64,8 +67,13 @@ pub(super) fn draw(robot: &Robot, clock: Clock, area: Rect, buffer: &mut Buffer)
 }
 
 /// The worst alarm, and how many more there are.
-pub(super) fn draw_alarm(robot: &Robot, clock: Clock, area: Rect, buffer: &mut Buffer) {
-    let mut alarms = robot.alarms().lasting();
+pub(super) fn draw_alarm(
+    robot: &WatchedRobot,
+    clock: ScreenClock,
+    area: Rect,
+    buffer: &mut Buffer,
+) {
+    let mut alarms = robot.alarms.lasting();
     let Some(worst) = alarms.next() else {
         put(buffer, area, 1, "no alarm", OLD);
         return;
@@ -86,26 +94,23 @@ pub(super) fn draw_alarm(robot: &Robot, clock: Clock, area: Rect, buffer: &mut B
 }
 
 /// The keys, or the prompt.
-pub(super) fn draw_keys(app: &App, clock: Clock, area: Rect, buffer: &mut Buffer) {
-    let Some(prompt) = app.prompt() else {
-        let robots = if app.robots().len() > 1 {
+pub(super) fn draw_keys(app: &App, clock: ScreenClock, area: Rect, buffer: &mut Buffer) {
+    let Some(prompt) = app.prompt.as_ref() else {
+        let robots = if app.robots.len() > 1 {
             "  1-9 Tab robot"
         } else {
             ""
         };
-        let zoom = app.zoom().name();
+        let zoom = app.zoom.name();
         let text = format!("h hold  l land  s stop{robots}  z zoom ({zoom})  q quit");
         put(buffer, area, 1, &text, OLD);
         return;
     };
-    let (word, robot) = (prompt.order().word(), prompt.robot());
-    let ask = format!(
-        " robot {robot}: type {word} and Enter > {}_ ",
-        prompt.typed()
-    );
+    let (word, robot) = (prompt.order.word(), prompt.robot);
+    let ask = format!(" robot {robot}: type {word} and Enter > {}_ ", prompt.typed);
     let x = put(buffer, area, 0, &ask, ALARM);
-    let left = prompt.ends().since(clock.now).as_secs() + 1;
-    let effect = prompt.order().effect();
+    let left = prompt.ends.since(clock.now).as_secs() + 1;
+    let effect = prompt.order.effect();
     put(
         buffer,
         area,
@@ -122,23 +127,23 @@ const BATTERY: u16 = 56;
 const WORST: u16 = 65;
 
 /// Draws as many robots as fit, the selected one among them.
-pub(super) fn draw_list(app: &App, clock: Clock, area: Rect, buffer: &mut Buffer) {
+pub(super) fn draw_list(app: &App, clock: ScreenClock, area: Rect, buffer: &mut Buffer) {
     let height = usize::from(area.height);
-    let first = (app.selected() + 1).saturating_sub(height);
-    for (line, index) in (first..app.robots().len()).take(height).enumerate() {
-        let robot = &app.robots()[index];
+    let first = (app.selected + 1).saturating_sub(height);
+    for (line, index) in (first..app.robots.len()).take(height).enumerate() {
+        let robot = &app.robots[index];
         let row = Rect {
             y: area.y + line as u16,
             height: 1,
             ..area
         };
-        let is_selected = index == app.selected();
+        let is_selected = index == app.selected;
         let mark = if is_selected { ">" } else { " " };
         let style = match is_selected {
             true => Style::new().add_modifier(Modifier::BOLD),
             false => Style::new(),
         };
-        let title = format!("{mark}{} robot {}", index + 1, robot.id());
+        let title = format!("{mark}{} robot {}", index + 1, robot.id);
         put(buffer, row, 0, &title, style);
         let (doing, doing_style) = doing(robot, clock);
         let cell = |x: u16, end: u16| Rect {
@@ -152,15 +157,15 @@ pub(super) fn draw_list(app: &App, clock: Clock, area: Rect, buffer: &mut Buffer
         } else {
             "?"
         };
-        if let Some(altitude_m) = robot.pilot().altitude_m {
+        if let Some(altitude_m) = robot.pilot.altitude_m {
             let text = format!("{altitude_m:.1} m{old}");
             put(buffer, cell(ALTITUDE, BATTERY), 0, &text, style);
         }
-        if let Some(battery_v) = robot.pilot().battery_v {
+        if let Some(battery_v) = robot.pilot.battery_v {
             let text = format!("{battery_v:.1} V{old}");
             put(buffer, cell(BATTERY, WORST), 0, &text, style);
         }
-        if let Some(worst) = robot.alarms().lasting().next() {
+        if let Some(worst) = robot.alarms.lasting().next() {
             let text = format!("{} {}", worst.weight().mark(), worst.finding.text);
             put(
                 buffer,
@@ -175,8 +180,8 @@ pub(super) fn draw_list(app: &App, clock: Clock, area: Rect, buffer: &mut Buffer
 
 /// Draws a title, and as many lines as fit under it.
 pub(super) fn draw_log(
-    robot: &Robot,
-    clock: Clock,
+    robot: &WatchedRobot,
+    clock: ScreenClock,
     glyphs: Glyphs,
     area: Rect,
     buffer: &mut Buffer,
@@ -185,7 +190,7 @@ pub(super) fn draw_log(
     put(buffer, area, 0, &rule, OLD);
     put(buffer, area, 2, " orders, alarms and events ", TITLE);
     let count = area.height.saturating_sub(1);
-    for (line, entry) in robot.journal().newest(count.into()).enumerate() {
+    for (line, entry) in robot.journal.newest(count.into()).enumerate() {
         let row = Rect {
             y: area.y + 1 + line as u16,
             height: 1,

@@ -1,4 +1,4 @@
-//! The map: north up, as many metres to a line as to two characters.
+//! Draws the map: north up, as many metres to a line as to two characters.
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -12,7 +12,7 @@ use super::pen::{Glyphs, OLD, TITLE, put};
 use crate::robot::geo::Place;
 use crate::robot::geo::offset_m;
 use crate::verbs::watch::app::{App, Zoom};
-use crate::verbs::watch::model::Robot;
+use crate::verbs::watch::model::WatchedRobot;
 
 /// Least width and height of what is shown, m: a robot that stands still is not drawn larger than its error.
 const LEAST_SPAN_M: f64 = 20.0;
@@ -71,8 +71,8 @@ pub(super) fn draw(app: &App, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
     let set = glyphs.pick(border::PLAIN, ASCII_BORDER);
     let block = Block::bordered().border_set(set).border_style(OLD);
     let inner = block.inner(area);
-    let origin = robot.pilot().place.or(robot.track().last().copied());
-    let origin = origin.or_else(|| app.chart().path.first().copied());
+    let origin = robot.pilot.place.or(robot.track.points().last().copied());
+    let origin = origin.or_else(|| app.chart.path.first().copied());
     let Some(origin) = origin else {
         block.title("map").render(area, buffer);
         put(buffer, inner, 1, "no position yet", OLD);
@@ -80,7 +80,7 @@ pub(super) fn draw(app: &App, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
     };
     let extent = Extent::around(&shown(app, origin), inner.width, inner.height);
     let wide_m = extent.east_m[1] - extent.east_m[0];
-    let title = format!(" {}: {wide_m:.0} m wide, north up ", app.zoom().name());
+    let title = format!(" {}: {wide_m:.0} m wide, north up ", app.zoom.name());
     let (dot, dots) = (glyphs.pick("·", "."), glyphs.pick("⠶", "*"));
     let legend = format!(" #x fence {dot} path {dots} track H home ");
     block
@@ -101,18 +101,18 @@ pub(super) fn draw(app: &App, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
 /// The places that the map must show.
 fn shown(app: &App, origin: Place) -> Vec<(f64, f64)> {
     let robot = app.robot();
-    let here = robot.pilot().place.unwrap_or(origin);
+    let here = robot.pilot.place.unwrap_or(origin);
     let (east, north) = offset_m(origin, here);
-    if app.zoom() == Zoom::Near {
+    if app.zoom == Zoom::Near {
         let half = NEAR_M / 2.0;
         return vec![(east - half, north - half), (east + half, north + half)];
     }
     let mut places: Vec<Place> = vec![here];
-    places.extend(robot.home().map(|home| home.place));
-    places.extend(robot.track());
-    places.extend(&app.chart().path);
-    if app.zoom() == Zoom::Fence {
-        places.extend(app.chart().fence.iter().flat_map(|area| &area.corners));
+    places.extend(robot.home.map(|home| home.place));
+    places.extend(robot.track.points());
+    places.extend(&app.chart.path);
+    if app.zoom == Zoom::Fence {
+        places.extend(app.chart.fence.iter().flat_map(|area| &area.corners));
     }
     places
         .iter()
@@ -131,7 +131,7 @@ struct Sheet<'a> {
 impl Sheet<'_> {
     /// Fence and path of the files, which lie below all else.
     fn chart(&mut self, app: &App, glyphs: Glyphs) {
-        for area in &app.chart().fence {
+        for area in &app.chart.fence {
             let (letter, colour) = match area.is_inclusion {
                 true => ("#", Color::Yellow),
                 false => ("x", Color::Red),
@@ -144,11 +144,15 @@ impl Sheet<'_> {
                 .collect();
             self.lines(&closed, Some(letter), colour);
         }
-        self.lines(&app.chart().path, Some(glyphs.pick("·", ".")), Color::Cyan);
+        self.lines(&app.chart.path, Some(glyphs.pick("·", ".")), Color::Cyan);
     }
 
-    fn track(&mut self, robot: &Robot, glyphs: Glyphs) {
-        self.lines(robot.track(), glyphs.pick(None, Some("*")), Color::Green);
+    fn track(&mut self, robot: &WatchedRobot, glyphs: Glyphs) {
+        self.lines(
+            robot.track.points(),
+            glyphs.pick(None, Some("*")),
+            Color::Green,
+        );
     }
 
     /// Joins `places`: with `letter`, or without one with Braille dots.
@@ -181,16 +185,16 @@ impl Sheet<'_> {
     fn marks(&mut self, app: &App, glyphs: Glyphs) {
         let robot = app.robot();
         let waypoint = Style::new().fg(Color::Cyan).add_modifier(Modifier::BOLD);
-        if let Some(home) = robot.home() {
+        if let Some(home) = robot.home {
             self.mark(&home.place, "H", TITLE);
         }
-        for place in robot.reached() {
+        for place in &robot.reached {
             self.mark(place, "o", waypoint);
         }
-        for (index, place) in app.chart().path.iter().enumerate() {
+        for (index, place) in app.chart.path.iter().enumerate() {
             self.mark(place, &(index + 1).to_string(), waypoint);
         }
-        let pilot = robot.pilot();
+        let pilot = &robot.pilot;
         if let Some(place) = pilot.place {
             let direction = pilot.heading_deg.or(pilot.course_deg);
             let style = Style::new()

@@ -13,7 +13,7 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 
 use super::app::App;
-pub use pen::{Clock, Glyphs};
+pub use pen::{Glyphs, ScreenClock};
 use pen::{TITLE, put};
 
 /// The least that the whole view needs, characters. On less there are a few lines and a word about it.
@@ -35,12 +35,12 @@ const USUAL_LOG: u16 = 8;
 const VALUES_WIDTH: u16 = 44;
 
 /// Draws `app` into all of `buffer`.
-pub fn draw(app: &App, clock: Clock, glyphs: Glyphs, buffer: &mut Buffer) {
+pub fn draw(app: &App, clock: ScreenClock, glyphs: Glyphs, buffer: &mut Buffer) {
     let area = buffer.area;
     if area.width < MIN_WIDTH || area.height < MIN_HEIGHT {
         return draw_small(app, clock, buffer);
     }
-    let robots = u16::try_from(app.robots().len()).unwrap_or(u16::MAX);
+    let robots = u16::try_from(app.robots.len()).unwrap_or(u16::MAX);
     let spare = area.height - 3 - VALUES;
     let list = if robots > 1 {
         robots.min(spare - MIN_LOG)
@@ -80,7 +80,7 @@ pub fn draw(app: &App, clock: Clock, glyphs: Glyphs, buffer: &mut Buffer) {
 }
 
 /// What matters most, where there is no room for all.
-fn draw_small(app: &App, clock: Clock, buffer: &mut Buffer) {
+fn draw_small(app: &App, clock: ScreenClock, buffer: &mut Buffer) {
     let area = buffer.area;
     let height = area.height;
     let row = |y: u16| Rect {
@@ -90,7 +90,7 @@ fn draw_small(app: &App, clock: Clock, buffer: &mut Buffer) {
     };
     lines::draw(app.robot(), clock, row(0), buffer);
     lines::draw_alarm(app.robot(), clock, row(1), buffer);
-    let pilot = app.robot().pilot();
+    let pilot = &app.robot().pilot;
     let altitude = pilot
         .altitude_m
         .map_or("-".to_owned(), |m| format!("{m:.1} m"));

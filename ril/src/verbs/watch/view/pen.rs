@@ -31,14 +31,14 @@ impl Glyphs {
 
 /// The time for which the screen is drawn.
 #[derive(Clone, Copy, Debug)]
-pub struct Clock {
+pub struct ScreenClock {
     /// Host monotonic time.
     pub now: MonotonicNs,
     /// The same moment by the wall clock, seconds since 1970-01-01 UTC.
     pub utc_s: u64,
 }
 
-impl Clock {
+impl ScreenClock {
     /// The time of day of an earlier moment, UTC.
     pub fn time_of_day(self, at: MonotonicNs) -> String {
         let age_s = self.now.since(at).as_secs();
@@ -48,16 +48,12 @@ impl Clock {
 
 /// Writes `text` at column `x` of the first line of `area`, as far as it fits; gives the column after it.
 pub(super) fn put(buffer: &mut Buffer, area: Rect, x: u16, text: &str, style: Style) -> u16 {
-    put_line(buffer, area, x, &Line::from(Span::styled(text, style)))
-}
-
-/// The same of a line of several styles.
-fn put_line(buffer: &mut Buffer, area: Rect, x: u16, line: &Line<'_>) -> u16 {
     let area = area.intersection(buffer.area);
     if area.is_empty() || x >= area.width {
         return x;
     }
-    let (end, _) = buffer.set_line(area.x + x, area.y, line, area.width - x);
+    let line = Line::from(Span::styled(text, style));
+    let (end, _) = buffer.set_line(area.x + x, area.y, &line, area.width - x);
     end - area.x
 }
 

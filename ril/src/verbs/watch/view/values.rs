@@ -1,4 +1,4 @@
-//! The values of the robot in detail, a line each.
+//! Draws the values of the robot in detail, a line each.
 
 use std::borrow::Cow;
 
@@ -7,12 +7,12 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
-use super::pen::{Clock, GOOD, Glyphs, OLD, TITLE, WARNING, put};
+use super::pen::{GOOD, Glyphs, OLD, ScreenClock, TITLE, WARNING, put};
 use crate::robot::pilot;
 use crate::verbs::watch::app::App;
 use crate::verbs::watch::freshness::Freshness;
 use crate::verbs::watch::history::History;
-use crate::verbs::watch::model::{Process, Robot};
+use crate::verbs::watch::model::{Process, WatchedRobot};
 
 /// Width of the names, characters.
 const NAMES: u16 = 9;
@@ -24,7 +24,7 @@ const LEAST_CLIMB_M: f64 = 2.0;
 const LEAST_CHANGE_MPS: f64 = 1.0;
 
 /// Draws the lines in their order.
-pub(super) fn draw(app: &App, clock: Clock, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
+pub(super) fn draw(app: &App, clock: ScreenClock, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
     let robot = app.robot();
     let telemetry = robot.telemetry_freshness(clock.now).is_fresh();
     let bridge = robot.process(Process::Bridge, clock.now).is_fresh();
@@ -35,15 +35,15 @@ pub(super) fn draw(app: &App, clock: Clock, glyphs: Glyphs, area: Rect, buffer: 
         y: 0,
     };
     lines.value("altitude", telemetry, &altitude(robot));
-    lines.sparkline(robot.altitude(), LEAST_CLIMB_M);
+    lines.sparkline(&robot.altitude, LEAST_CLIMB_M);
     lines.value("speed", telemetry, &speed(robot));
-    lines.sparkline(robot.speed(), LEAST_CHANGE_MPS);
+    lines.sparkline(&robot.speed, LEAST_CHANGE_MPS);
     lines.value("position", telemetry, &position(robot));
     lines.value("path", bridge, &path(robot));
     lines.value("supply", telemetry, &supply(robot));
     let (text, style) = switch(robot);
     lines.styled("switch", telemetry, text, style);
-    let gps = robot.pilot().gps;
+    let gps = robot.pilot.gps;
     let fix = gps.map_or("-".to_owned(), |gps| gps.to_string());
     lines.value("GPS", telemetry, &fix);
     let (text, style) = dsp_link(robot, clock);
@@ -111,8 +111,8 @@ impl Lines<'_> {
     }
 }
 
-fn altitude(robot: &Robot) -> String {
-    let Some(altitude_m) = robot.pilot().altitude_m else {
+fn altitude(robot: &WatchedRobot) -> String {
+    let Some(altitude_m) = robot.pilot.altitude_m else {
         return "-".to_owned();
     };
     match robot.height_m() {
@@ -121,8 +121,8 @@ fn altitude(robot: &Robot) -> String {
     }
 }
 
-fn speed(robot: &Robot) -> String {
-    let pilot = robot.pilot();
+fn speed(robot: &WatchedRobot) -> String {
+    let pilot = &robot.pilot;
     let Some(speed_mps) = pilot.ground_speed_mps else {
         return "-".to_owned();
     };
@@ -136,15 +136,15 @@ fn speed(robot: &Robot) -> String {
     text
 }
 
-fn position(robot: &Robot) -> String {
-    match robot.pilot().place {
+fn position(robot: &WatchedRobot) -> String {
+    match robot.pilot.place {
         Some(place) => format!("{:.7}° {:.7}°", place.latitude_deg, place.longitude_deg),
         None => "-".to_owned(),
     }
 }
 
-fn path(robot: &Robot) -> String {
-    let Some(state) = robot.last_state() else {
+fn path(robot: &WatchedRobot) -> String {
+    let Some(state) = robot.state.as_ref() else {
         return "-".to_owned();
     };
     let movement = &state.movement;
@@ -164,8 +164,8 @@ fn path(robot: &Robot) -> String {
     text
 }
 
-fn supply(robot: &Robot) -> String {
-    let pilot = robot.pilot();
+fn supply(robot: &WatchedRobot) -> String {
+    let pilot = &robot.pilot;
     let battery = pilot.battery_v.map(|volts| format!("battery {volts:.1} V"));
     let fuel = pilot
         .fuel_percent
@@ -178,16 +178,16 @@ fn supply(robot: &Robot) -> String {
     }
 }
 
-fn switch(robot: &Robot) -> (&'static str, Style) {
-    match robot.pilot().switch {
+fn switch(robot: &WatchedRobot) -> (&'static str, Style) {
+    match robot.pilot.switch {
         Some(PilotSwitch::Auto) => ("auto: the DSP flies", GOOD),
         Some(PilotSwitch::Manual) => ("manual: the pilot flies", WARNING),
         _ => ("-", OLD),
     }
 }
 
-fn dsp_link(robot: &Robot, clock: Clock) -> (String, Style) {
-    let Some(state) = robot.last_state() else {
+fn dsp_link(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
+    let Some(state) = robot.state.as_ref() else {
         return ("-".to_owned(), OLD);
     };
     let link = &state.link;
@@ -216,18 +216,18 @@ fn dsp_link(robot: &Robot, clock: Clock) -> (String, Style) {
     (text, style)
 }
 
-fn telemetry_line(robot: &Robot, clock: Clock) -> (String, Style) {
+fn telemetry_line(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
     let freshness = robot.telemetry_freshness(clock.now);
     match freshness.age() {
         Some(age) => (format!("STALE, {age}"), WARNING),
-        None if freshness.is_fresh() => (format!("fresh, {} lost", robot.lost()), GOOD),
+        None if freshness.is_fresh() => (format!("fresh, {} lost", robot.lost), GOOD),
         None => ("none yet".to_owned(), OLD),
     }
 }
 
-fn status(robot: &Robot, clock: Clock) -> (String, Style) {
+fn status(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
     let freshness = robot.process(Process::Status, clock.now);
-    let doing = robot.last_status().and_then(|status| status.doing());
+    let doing = robot.status.as_ref().and_then(|status| status.doing());
     let doing = doing.unwrap_or("unreadable");
     match freshness {
         Freshness::Fresh => (doing.to_owned(), GOOD),
@@ -238,8 +238,8 @@ fn status(robot: &Robot, clock: Clock) -> (String, Style) {
     }
 }
 
-fn relay(robot: &Robot, clock: Clock) -> (String, Style) {
-    if !robot.is_relayed() {
+fn relay(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
+    if !robot.is_relayed {
         return ("none: the robot is on this host".to_owned(), OLD);
     }
     let Some(link) = robot.last_relay() else {

@@ -1,0 +1,1 @@
+../../../../ipc-types/layouts/hero_ipc.pyi

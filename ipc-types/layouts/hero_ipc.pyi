@@ -1,0 +1,1033 @@
+"""Structs and numbers of the HERO RIL in shared memory. docs/ipc.md says what they mean.
+
+Made by ipc-types/tests/layout.rs: do not edit.
+"""
+
+import enum
+
+#: By service: the values of its attributes `layout` and `layout_hash`.
+LAYOUTS = {
+    "dsp_telemetry": ("hero.DspTelemetry.v2", "25be95d4f5a2c01b"),
+    "hero_telemetry": ("hero.HeroTelemetry.v2", "cc14cf2487fae1b2"),
+    "module_state": ("hero.ModuleState.v3", "b4e09f1f99062c73"),
+    "module_control": ("hero.ModuleControl.v2/hero.RequestReport.v2", "6bfcc9740509a353"),
+    "movement": ("hero.MovementData.v3/hero.RequestReport.v2", "2af2c004c0511e69"),
+    "parameters": ("hero.ParameterRequest.v2/hero.RequestReport.v2", "76e7bccf46c20e2f"),
+    "relay/link": ("hero.RelayLink.v2", "657a275948d9ee4b"),
+    "relay/stations": ("hero.RelayStations.v1", "cd591e6b7779750e"),
+    "bridge/journal": ("hero.BridgeJournal.v1", "a0a172067737e627"),
+    "status/journal": ("hero.StatusJournal.v1", "394f9e703707f1ff"),
+}
+
+
+class ControlCommand(enum.IntEnum):
+    START = 1
+    STOP = 2
+    RELOAD_FENCE = 3
+
+
+class MovementKind(enum.IntEnum):
+    GOTO = 1
+    TAKEOFF = 2
+    LAND = 3
+    HOLD = 4
+
+
+class ModuleId(enum.IntEnum):
+    HERO_BRIDGE = 1
+    HERO_STATUS = 2
+    HERO_RELAY = 3
+
+
+class ModuleStatus(enum.IntEnum):
+    WAITING_DATA_TO_START = 1
+    RUNNING = 2
+    ENDED = 3
+    ABORTED = 4
+
+
+class Functionality(enum.IntEnum):
+    AT_REST = 1
+    RECEIVING_PATH = 2
+    TAKING_OFF = 3
+    FOLLOWING_PATH = 4
+    LANDING = 5
+    STOPPING = 6
+    HOLDING = 7
+
+
+class LinkState(enum.IntEnum):
+    CONNECTING = 1
+    UP = 2
+    SILENT = 3
+    GONE = 4
+
+
+class RelayLinkState(enum.IntEnum):
+    CONNECTING = 1
+    UP = 2
+    DOWN = 3
+
+
+class DspPathState(enum.IntEnum):
+    UNKNOWN = 1
+    EMPTY = 2
+    OURS = 3
+
+
+class PilotSwitch(enum.IntEnum):
+    UNKNOWN = 0
+    MANUAL = 1
+    AUTO = 2
+
+
+class SafetyRule(enum.IntEnum):
+    PILOT_SWITCH = 1
+    FENCE_INCLUSION = 2
+    FENCE_EXCLUSION = 3
+    FENCE_FLOOR = 4
+    FENCE_CEILING = 5
+    BATTERY = 6
+    FUEL = 7
+    LINK_LOSS = 8
+    FENCE_UNJUDGEABLE = 9
+
+
+class SafetyAction(enum.IntEnum):
+    WARN = 1
+    REFUSE = 2
+    HOLD = 3
+    LAND = 4
+
+
+class ParameterOperation(enum.IntEnum):
+    READ = 1
+    WRITE = 2
+    LIST = 3
+
+
+class PortKind(enum.IntEnum):
+    U16 = 1
+    I16 = 2
+    F32 = 3
+
+
+class Stage(enum.IntEnum):
+    ACCEPTED = 1
+    PROGRESS = 2
+    DONE = 16
+    REFUSED = 17
+    ABORTED = 18
+    UNKNOWN = 19
+
+
+class Reason(enum.IntEnum):
+    NONE = 0
+    INVALID_REQUEST = 1
+    NOT_FINITE = 2
+    OUT_OF_RANGE = 3
+    TOO_FAR = 4
+    NOT_STARTED = 5
+    ALREADY_RUNNING = 6
+    UNABLE_TO_ABORT = 7
+    BUSY = 8
+    LINK_DOWN = 9
+    NOT_FLYING = 10
+    ALREADY_FLYING = 11
+    NO_POSITION = 12
+    PATH_WITHOUT_HEAD = 13
+    PATH_REPLACED = 14
+    PATH_TOO_LONG = 15
+    PATH_BROKEN = 16
+    TOO_MANY_REQUESTS = 17
+    TOO_LATE = 18
+    MOVEMENT_TIMEOUT = 19
+    STOPPED = 20
+    DSP_FATAL_ERROR = 21
+    COMMUNICATION_FATAL_ERROR = 22
+    DSP_REBOOTED = 23
+    BRIDGE_ENDING = 24
+    BRIDGE_GONE = 25
+    DELIVERY_FAILED = 26
+    NOT_REMEMBERED = 27
+    REFUSED_BY_DSP = 28
+    REPLACED = 29
+    PILOT_HAS_CONTROL = 30
+    FENCE_BREACH = 31
+    SUPPLY_LOW = 32
+    LINK_LOST = 33
+    NO_SUCH_PORT = 34
+    NOT_IN_FLIGHT = 35
+    INVALID_FENCE = 36
+    RELAY_LINK_DOWN = 37
+    RELAY_LINK_LOST = 38
+    RELAY_NOT_PERMITTED = 39
+    STILL_OPEN = 40
+    RELAY_TOO_MANY_STATIONS = 41
+    REPLAYED = 42
+    SUPERSEDED = 43
+    MODULE_GONE = 44
+
+
+class ImiError(enum.IntEnum):
+    NO_ERROR = 0
+    MODULE_RUNNING_TO_RESTART_STOP_IT_BEFORE = 1
+    IMPOSSIBLE_TO_STOP_MODULE = 2
+    HERO_DSP_FATAL_ERROR = 100
+    COMMUNICATION_FATAL_ERROR = 101
+    MOVEMENT_TIMEOUT = 102
+
+
+class TelemetryGroup(enum.IntFlag):
+    TIME = 1
+    GEOGRAPHIC = 2
+    XY = 4
+    GPS_VELOCITY = 8
+    GPS_QUALITY = 16
+    ATTITUDE = 32
+    ACCELERATION = 64
+    ANGULAR_RATE = 128
+    PILOT_PWM = 256
+    SONAR = 512
+    SUPPLY = 1024
+    PAN_TILT = 2048
+    ROTOR_SPEED = 4096
+    BAROMETER = 8192
+    ACTUATION = 16384
+    REFERENCES = 32768
+
+
+class Event(enum.IntEnum):
+    DATA = 1
+    ARRIVED = 2
+    LEFT = 3
+    DIED = 4
+
+from typing import Any, Generic, Iterator, Type, TypeVar
+
+_T = TypeVar("_T")
+_S = TypeVar("_S", bound="_Struct")
+
+class _Array(Generic[_T]):
+    def __getitem__(self, index: int) -> _T: ...
+    def __setitem__(self, index: int, value: _T) -> None: ...
+    def __len__(self) -> int: ...
+    def __iter__(self) -> Iterator[_T]: ...
+    def __buffer__(self, flags: int) -> memoryview: ...
+
+class _Struct:
+    @classmethod
+    def from_buffer_copy(cls: Type[_S], source: Any, offset: int = ...) -> _S: ...
+    @staticmethod
+    def type_name() -> str: ...
+    def __buffer__(self, flags: int) -> memoryview: ...
+
+class DspGeographic(_Struct):
+    """Geographic position, WGS 84."""
+    latitude_deg: float
+    """Latitude, degrees, north positive. [deg]"""
+    longitude_deg: float
+    """Longitude, degrees, east positive. [deg]"""
+    altitude_m: float
+    """Altitude, metres, up positive. [m]"""
+    def __init__(self, latitude_deg: float = ..., longitude_deg: float = ..., altitude_m: float = ...) -> None: ...
+
+class DspXy(_Struct):
+    """The DSP's flat position; the origin is its first valid GPS fix."""
+    x_m: float
+    """East of the origin, metres. [m]"""
+    y_m: float
+    """North of the origin, metres. [m]"""
+    def __init__(self, x_m: float = ..., y_m: float = ...) -> None: ...
+
+class DspGpsVelocity(_Struct):
+    """GPS velocity."""
+    horizontal_speed_mps: float
+    """Speed over ground, m/s. [m/s]"""
+    vertical_speed_mps: float
+    """Climb speed, m/s, up positive. [m/s]"""
+    heading_deg: float
+    """Course over ground, degrees clockwise from true north, 0 … 360. [deg]"""
+    def __init__(self, horizontal_speed_mps: float = ..., vertical_speed_mps: float = ..., heading_deg: float = ...) -> None: ...
+
+class DspAttitude(_Struct):
+    """IMU attitude of the body (x forward, y right, z down)."""
+    pitch_deg: float
+    """Nose up positive, degrees. [deg]"""
+    roll_deg: float
+    """Right side down positive, degrees. [deg]"""
+    yaw_deg: float
+    """Clockwise from true north, degrees, −180 … 180. [deg]"""
+    def __init__(self, pitch_deg: float = ..., roll_deg: float = ..., yaw_deg: float = ...) -> None: ...
+
+class DspAcceleration(_Struct):
+    """IMU specific force in body axes."""
+    x_mps2: float
+    """Forward, m/s². [m/s²]"""
+    y_mps2: float
+    """Right, m/s². [m/s²]"""
+    z_mps2: float
+    """Down, m/s²; about −9.81 at rest. [m/s²]"""
+    def __init__(self, x_mps2: float = ..., y_mps2: float = ..., z_mps2: float = ...) -> None: ...
+
+class DspAngularRate(_Struct):
+    """IMU angular rate in body axes."""
+    x_radps: float
+    """About the forward axis, 1/s. [rad/s]"""
+    y_radps: float
+    """About the right axis, 1/s. [rad/s]"""
+    z_radps: float
+    """About the down axis, 1/s. [rad/s]"""
+    def __init__(self, x_radps: float = ..., y_radps: float = ..., z_radps: float = ...) -> None: ...
+
+class DspServoPulses(_Struct):
+    """Pulse widths of the five servo channels, µs."""
+    collective_us: int
+    """Collective pitch, µs. [µs]"""
+    roll_us: int
+    """Lateral cyclic, µs. [µs]"""
+    pitch_us: int
+    """Longitudinal cyclic, µs. [µs]"""
+    tail_us: int
+    """Tail rotor, µs. [µs]"""
+    throttle_us: int
+    """Throttle, µs. [µs]"""
+    def __init__(self, collective_us: int = ..., roll_us: int = ..., pitch_us: int = ..., tail_us: int = ..., throttle_us: int = ...) -> None: ...
+
+class DspSupply(_Struct):
+    """Battery, fuel, switch."""
+    battery_mv: int
+    """Battery, millivolts. [mV]"""
+    fuel_percent: int
+    """Fuel, percent. [%]"""
+    auto_switch: int
+    """0 manual, 1 auto."""
+    def __init__(self, battery_mv: int = ..., fuel_percent: int = ..., auto_switch: int = ...) -> None: ...
+
+class DspPanTilt(_Struct):
+    """Pan and tilt potentiometers, raw ADC."""
+    pan_adc: int
+    """Pan, raw ADC."""
+    tilt_adc: int
+    """Tilt, raw ADC."""
+    def __init__(self, pan_adc: int = ..., tilt_adc: int = ...) -> None: ...
+
+class DspReferences(_Struct):
+    """References of the DSP's controllers."""
+    x_speed_mps: float
+    """Speed to the east, m/s. [m/s]"""
+    y_speed_mps: float
+    """Speed to the north, m/s. [m/s]"""
+    altitude_m: float
+    """Altitude, metres. [m]"""
+    pitch_deg: float
+    """Pitch, degrees. [deg]"""
+    roll_deg: float
+    """Roll, degrees. [deg]"""
+    yaw_deg: float
+    """Yaw, degrees. [deg]"""
+    reserved: int
+    """Always zero; keeps the size of the sample a multiple of eight."""
+    def __init__(self, x_speed_mps: float = ..., y_speed_mps: float = ..., altitude_m: float = ..., pitch_deg: float = ..., roll_deg: float = ..., yaw_deg: float = ..., reserved: int = ...) -> None: ...
+
+class DspTelemetry(_Struct):
+    """One status message of the DSP, in its own units. Service `dsp_telemetry`, written by the bridge.
+    
+    A group's values mean something only when its bit is set in `valid_groups`; the others are zero."""
+    sequence: int
+    """Counts the samples of this publisher from 1; a gap is a loss."""
+    epoch_ns: int
+    """When the publishing process began, host monotonic ns: another value means another publisher. [ns]"""
+    received_ns: int
+    """When the last byte of the message was read, host monotonic ns. [ns]"""
+    dsp_time_ms: int
+    """Milliseconds since the DSP's boot (group 0, `tiempo_local`). [ms]"""
+    valid_groups: int
+    """Bit *k* is set when group *k* of the status mask is valid."""
+    flying: int
+    """1 when the helicopter is in the air (`heli_volando`), else 0."""
+    gps_quality: int
+    """NMEA fix quality, 0 … 8 (group 4, `qos_GPS`)."""
+    dsp_boots: int
+    """How often the DSP was seen to boot since `epoch_ns`."""
+    dsp_errors: int
+    """DSP errors received since `epoch_ns`."""
+    last_dsp_error_code: int
+    """Code of the last DSP error as the DSP sent it, 0 … 65535; means something when `dsp_errors` is not 0."""
+    rotor_rpm: int
+    """Main rotor, rpm (group 12). [rpm]"""
+    geographic: DspGeographic
+    """Geographic position (group 1)."""
+    xy: DspXy
+    """XY position (group 2)."""
+    gps_velocity: DspGpsVelocity
+    """GPS velocity (group 3)."""
+    attitude: DspAttitude
+    """IMU attitude (group 5)."""
+    acceleration: DspAcceleration
+    """IMU acceleration (group 6)."""
+    angular_rate: DspAngularRate
+    """IMU angular rate (group 7)."""
+    pilot_pwm: DspServoPulses
+    """Pilot's PWM signals (group 8)."""
+    actuation: DspServoPulses
+    """Actuation of the servos (group 14)."""
+    sonar_adc: int
+    """Sonar, raw ADC (group 9)."""
+    barometer_adc: int
+    """Barometric altimeter, raw ADC (group 13)."""
+    supply: DspSupply
+    """Battery, fuel, switch (group 10)."""
+    pan_tilt: DspPanTilt
+    """Pan and tilt potentiometers (group 11)."""
+    references: DspReferences
+    """Controller references (group 15)."""
+    def __init__(self, sequence: int = ..., epoch_ns: int = ..., received_ns: int = ..., dsp_time_ms: int = ..., valid_groups: int = ..., flying: int = ..., gps_quality: int = ..., dsp_boots: int = ..., dsp_errors: int = ..., last_dsp_error_code: int = ..., rotor_rpm: int = ..., geographic: DspGeographic = ..., xy: DspXy = ..., gps_velocity: DspGpsVelocity = ..., attitude: DspAttitude = ..., acceleration: DspAcceleration = ..., angular_rate: DspAngularRate = ..., pilot_pwm: DspServoPulses = ..., actuation: DspServoPulses = ..., sonar_adc: int = ..., barometer_adc: int = ..., supply: DspSupply = ..., pan_tilt: DspPanTilt = ..., references: DspReferences = ...) -> None: ...
+
+class HeroGeodetic(_Struct):
+    """WGS 84 position."""
+    latitude_rad: float
+    """Latitude, rad, north positive. [rad]"""
+    longitude_rad: float
+    """Longitude, rad, east positive. [rad]"""
+    altitude_m: float
+    """Altitude, m, up positive. [m]"""
+    def __init__(self, latitude_rad: float = ..., longitude_rad: float = ..., altitude_m: float = ...) -> None: ...
+
+class HeroLocal(_Struct):
+    """Position in the plane that touches the Earth at the DSP's first valid GPS fix."""
+    east_m: float
+    """East, m. [m]"""
+    north_m: float
+    """North, m. [m]"""
+    def __init__(self, east_m: float = ..., north_m: float = ...) -> None: ...
+
+class HeroVelocity(_Struct):
+    """Velocity over ground."""
+    north_mps: float
+    """To the north, m/s. [m/s]"""
+    east_mps: float
+    """To the east, m/s. [m/s]"""
+    up_mps: float
+    """Upwards, m/s. [m/s]"""
+    ground_speed_mps: float
+    """Horizontal speed, m/s. [m/s]"""
+    course_rad: float
+    """Course over ground, rad clockwise from true north, −π … π. [rad]"""
+    def __init__(self, north_mps: float = ..., east_mps: float = ..., up_mps: float = ..., ground_speed_mps: float = ..., course_rad: float = ...) -> None: ...
+
+class HeroAttitude(_Struct):
+    """Attitude: roll, pitch, yaw of the body (forward, right, down) against north, east, down."""
+    roll_rad: float
+    """Right side down positive, rad. [rad]"""
+    pitch_rad: float
+    """Nose up positive, rad. [rad]"""
+    yaw_rad: float
+    """Clockwise from true north, rad, −π … π. [rad]"""
+    def __init__(self, roll_rad: float = ..., pitch_rad: float = ..., yaw_rad: float = ...) -> None: ...
+
+class HeroAcceleration(_Struct):
+    """Specific force along the body's axes."""
+    forward_mps2: float
+    """Forward, m/s². [m/s²]"""
+    right_mps2: float
+    """Right, m/s². [m/s²]"""
+    down_mps2: float
+    """Down, m/s²; about −9.81 at rest. [m/s²]"""
+    def __init__(self, forward_mps2: float = ..., right_mps2: float = ..., down_mps2: float = ...) -> None: ...
+
+class HeroAngularRate(_Struct):
+    """Angular rate about the body's axes."""
+    forward_radps: float
+    """About the forward axis, rad/s. [rad/s]"""
+    right_radps: float
+    """About the right axis, rad/s. [rad/s]"""
+    down_radps: float
+    """About the down axis, rad/s. [rad/s]"""
+    def __init__(self, forward_radps: float = ..., right_radps: float = ..., down_radps: float = ...) -> None: ...
+
+class HeroServos(_Struct):
+    """Five servo channels, −1 … 1 at the ends of the travel."""
+    collective: float
+    """Collective pitch."""
+    roll: float
+    """Lateral cyclic."""
+    pitch: float
+    """Longitudinal cyclic."""
+    tail: float
+    """Tail rotor."""
+    throttle: float
+    """Throttle."""
+    def __init__(self, collective: float = ..., roll: float = ..., pitch: float = ..., tail: float = ..., throttle: float = ...) -> None: ...
+
+class HeroSupply(_Struct):
+    """Battery, fuel, switch."""
+    battery_v: float
+    """Battery, volts. [V]"""
+    fuel_fraction: float
+    """Fuel, 0 … 1."""
+    auto_switch: int
+    """0 manual, 1 auto."""
+    def __init__(self, battery_v: float = ..., fuel_fraction: float = ..., auto_switch: int = ...) -> None: ...
+
+class HeroReferences(_Struct):
+    """References of the DSP's controllers."""
+    north_mps: float
+    """Velocity to the north, m/s. [m/s]"""
+    east_mps: float
+    """Velocity to the east, m/s. [m/s]"""
+    altitude_m: float
+    """Altitude, m. [m]"""
+    roll_rad: float
+    """Roll, rad. [rad]"""
+    pitch_rad: float
+    """Pitch, rad. [rad]"""
+    yaw_rad: float
+    """Yaw, rad. [rad]"""
+    def __init__(self, north_mps: float = ..., east_mps: float = ..., altitude_m: float = ..., roll_rad: float = ..., pitch_rad: float = ..., yaw_rad: float = ...) -> None: ...
+
+class HeroEstimate(_Struct):
+    """Output of the estimator of status. The values mean something when `valid` is 1; else all are zero."""
+    altitude_m: float
+    """Altitude, m, same zero as the GPS altitude. [m]"""
+    altitude_variance_m2: float
+    """Variance of `altitude_m`, m². [m²]"""
+    vertical_speed_mps: float
+    """Climb speed, m/s, up positive. [m/s]"""
+    inputs: int
+    """Sensors that contributed to this sample: bit 0 GPS, bit 1 barometer, bit 2 sonar."""
+    valid: int
+    """1 when the values mean something."""
+    def __init__(self, altitude_m: float = ..., altitude_variance_m2: float = ..., vertical_speed_mps: float = ..., inputs: int = ..., valid: int = ...) -> None: ...
+
+class HeroTelemetry(_Struct):
+    """The state of the helicopter in SI units, angles in radians, axes named. Service `hero_telemetry`, written by
+    status.
+    
+    A group's values mean something only when its bit is set in `valid_groups`, which has the bits of the DSP's
+    status mask; the others are zero."""
+    sequence: int
+    """Counts the samples of this publisher from 1; a gap is a loss."""
+    epoch_ns: int
+    """When the publishing process began, host monotonic ns. [ns]"""
+    source_sequence: int
+    """`sequence` of the DspTelemetry that this was made of."""
+    source_epoch_ns: int
+    """`epoch_ns` of the DspTelemetry that this was made of. [ns]"""
+    received_ns: int
+    """When the bridge read the message's last byte, host monotonic ns. [ns]"""
+    published_ns: int
+    """When status published this, host monotonic ns. [ns]"""
+    dsp_time_s: float
+    """Time since the DSP's boot, s (group 0). [s]"""
+    valid_groups: int
+    """Bit *k* is set when group *k* of the status mask is valid."""
+    flying: int
+    """1 when the helicopter is in the air, else 0."""
+    dsp_boots: int
+    """How often the DSP was seen to boot since `source_epoch_ns`."""
+    dsp_errors: int
+    """DSP errors received since `source_epoch_ns`."""
+    last_dsp_error_code: int
+    """Code of the last DSP error as the DSP sent it, 0 … 65535; means something when `dsp_errors` is not 0."""
+    gps_quality: int
+    """NMEA fix quality, 0 … 8 (group 4)."""
+    geodetic: HeroGeodetic
+    """WGS 84 position (group 1)."""
+    local: HeroLocal
+    """Position in the local east-north plane (group 2)."""
+    velocity: HeroVelocity
+    """Velocity over ground (group 3)."""
+    attitude: HeroAttitude
+    """Attitude of the body (forward, right, down) against north, east, down (group 5)."""
+    acceleration: HeroAcceleration
+    """Specific force along the body's axes (group 6)."""
+    angular_rate: HeroAngularRate
+    """Angular rate about the body's axes (group 7)."""
+    pilot: HeroServos
+    """Pilot's sticks, −1 … 1 at the ends of the servo's travel (group 8)."""
+    actuation: HeroServos
+    """Actuation of the servos, −1 … 1 at the ends of the servo's travel (group 14)."""
+    sonar_height_m: float
+    """Height over ground by sonar, m (group 9). [m]"""
+    barometer_altitude_m: float
+    """Barometric altitude, m (group 13). [m]"""
+    supply: HeroSupply
+    """Battery, fuel, switch (group 10)."""
+    pan_rad: float
+    """Camera's pan, rad, right positive (group 11). [rad]"""
+    tilt_rad: float
+    """Camera's tilt, rad, up positive (group 11). [rad]"""
+    rotor_radps: float
+    """Main rotor, rad/s (group 12). [rad/s]"""
+    references: HeroReferences
+    """Controller references (group 15)."""
+    estimate: HeroEstimate
+    """What the estimator of status makes of several sensors; it is off by default."""
+    def __init__(self, sequence: int = ..., epoch_ns: int = ..., source_sequence: int = ..., source_epoch_ns: int = ..., received_ns: int = ..., published_ns: int = ..., dsp_time_s: float = ..., valid_groups: int = ..., flying: int = ..., dsp_boots: int = ..., dsp_errors: int = ..., last_dsp_error_code: int = ..., gps_quality: int = ..., geodetic: HeroGeodetic = ..., local: HeroLocal = ..., velocity: HeroVelocity = ..., attitude: HeroAttitude = ..., acceleration: HeroAcceleration = ..., angular_rate: HeroAngularRate = ..., pilot: HeroServos = ..., actuation: HeroServos = ..., sonar_height_m: float = ..., barometer_altitude_m: float = ..., supply: HeroSupply = ..., pan_rad: float = ..., tilt_rad: float = ..., rotor_radps: float = ..., references: HeroReferences = ..., estimate: HeroEstimate = ...) -> None: ...
+
+class MovementState(_Struct):
+    """Progress of a movement."""
+    request_id: int
+    """Request that began or closed it."""
+    path_id: int
+    """Its path, 0 for take-off and landing."""
+    kind: int
+    """A MovementKind, 0 before the first movement."""
+    waypoints_total: int
+    """Waypoints of the path."""
+    waypoints_sent: int
+    """Waypoints sent to the DSP."""
+    waypoints_reached: int
+    """Waypoints that the helicopter was seen to reach, in order."""
+    distance_to_go_m: float
+    """Horizontal distance to the last waypoint, m; meaningful when `distance_valid` is 1. [m]"""
+    distance_valid: int
+    """1 when `distance_to_go_m` is known."""
+    def __init__(self, request_id: int = ..., path_id: int = ..., kind: int = ..., waypoints_total: int = ..., waypoints_sent: int = ..., waypoints_reached: int = ..., distance_to_go_m: float = ..., distance_valid: int = ...) -> None: ...
+
+class LinkHealth(_Struct):
+    """The line to the DSP."""
+    last_message_ns: int
+    """When the last valid message came. [ns]"""
+    last_telemetry_ns: int
+    """When the last status message was published. [ns]"""
+    state_since_ns: int
+    """Since when `state` holds. [ns]"""
+    bytes_received: int
+    """Bytes received."""
+    messages_received: int
+    """Valid messages received."""
+    state: int
+    """A LinkState."""
+    port_openings: int
+    """How often the port was opened."""
+    dsp_boots: int
+    """How often the DSP was seen to boot."""
+    commands_acknowledged: int
+    """Commands acknowledged."""
+    commands_repeated: int
+    """Commands sent again after a timeout."""
+    commands_failed: int
+    """Commands given up after the last attempt."""
+    acks_unmatched: int
+    """Acknowledgements that matched no outstanding command."""
+    waypoints_sent: int
+    """Waypoints sent."""
+    waypoints_repeated: int
+    """Waypoints sent again because the DSP had not taken them."""
+    delivery_verified: int
+    """1 when the DSP counts the waypoints that it takes, 0 when it does not or has not been asked yet."""
+    telemetry_published: int
+    """Telemetry samples published."""
+    telemetry_incoherent: int
+    """Status samples that coherence in time dropped."""
+    dsp_path: int
+    """What the DSP's path buffer may hold, a DspPathState."""
+    pc_timeout_supported: int
+    """1 when the DSP stops by itself when the bridge is gone (`pc_timeout_ms`), 0 when it does not or was not asked yet."""
+    def __init__(self, last_message_ns: int = ..., last_telemetry_ns: int = ..., state_since_ns: int = ..., bytes_received: int = ..., messages_received: int = ..., state: int = ..., port_openings: int = ..., dsp_boots: int = ..., commands_acknowledged: int = ..., commands_repeated: int = ..., commands_failed: int = ..., acks_unmatched: int = ..., waypoints_sent: int = ..., waypoints_repeated: int = ..., delivery_verified: int = ..., telemetry_published: int = ..., telemetry_incoherent: int = ..., dsp_path: int = ..., pc_timeout_supported: int = ...) -> None: ...
+
+class RefusedCounters(_Struct):
+    """Bytes and values that were discarded, by reason."""
+    stray: int
+    """Runs of bytes without a header."""
+    unknown_header: int
+    """Unknown headers."""
+    truncated: int
+    """Messages cut short by the next header."""
+    checksum: int
+    """Wrong checksums."""
+    padding: int
+    """Unused bits that were not zero."""
+    value: int
+    """Impossible field values."""
+    implausible_groups: int
+    """Groups whose validity was withdrawn because a value was implausible."""
+    implausible_mask: int
+    """The groups withdrawn so far, as bits of the status mask."""
+    requests: int
+    """Requests refused."""
+    transmit_overflows: int
+    """Bytes for the DSP that the line did not take in time."""
+    other_profile: int
+    """Headers of the other profile: both ends must be configured alike."""
+    missed_messages: int
+    """Messages of the DSP that were missed, by its sequence numbers; extended profile only."""
+    def __init__(self, stray: int = ..., unknown_header: int = ..., truncated: int = ..., checksum: int = ..., padding: int = ..., value: int = ..., implausible_groups: int = ..., implausible_mask: int = ..., requests: int = ..., transmit_overflows: int = ..., other_profile: int = ..., missed_messages: int = ...) -> None: ...
+
+class DspErrorCounters(_Struct):
+    """DSP errors received since the bridge began."""
+    total: int
+    """All errors."""
+    unknown: int
+    """Errors with a code that the documentation does not have."""
+    last_code: int
+    """Code of the last error as the DSP sent it, 0 … 65535; means something when `total` is not 0."""
+    escalated: int
+    """Errors that ended the functionality."""
+    known: _Array[int]
+    """By documented code, ascending: 1 … 15, 18, 20, 21, 22, 30, 40, 45, 46, 100, 102, 300."""
+    def __init__(self, total: int = ..., unknown: int = ..., last_code: int = ..., escalated: int = ..., known: Any = ...) -> None: ...
+
+class SafetyState(_Struct):
+    """The safety rules of the bridge as they stand now."""
+    amount: float
+    """By how much the limit of `rule` is exceeded, in the unit of the rule
+    (SafetyRule); means something when `rule` is not 0."""
+    rule: int
+    """The most severe rule that is violated now, a SafetyRule; 0 when none is."""
+    action: int
+    """What the bridge does about it, a SafetyAction; 0 when no rule is violated."""
+    pilot_switch: int
+    """The pilot's switch, a PilotSwitch."""
+    fence_areas: int
+    """Areas of the geofence in force."""
+    interventions: int
+    """Movements refused or ended by a safety rule since `epoch_ns`."""
+    reserved: int
+    """1 when all that is published of this robot is a recorded flight that `ril replay` plays; zero from a bridge. It was
+    spare before, so its name and the layout stay."""
+    def __init__(self, amount: float = ..., rule: int = ..., action: int = ..., pilot_switch: int = ..., fence_areas: int = ..., interventions: int = ..., reserved: int = ...) -> None: ...
+
+class LastMinute(_Struct):
+    """Figures of the line to the DSP over the last 60 to 70 seconds, or since the bridge began."""
+    duration_s: int
+    """Seconds that these figures are of. [s]"""
+    messages: int
+    """Valid messages received."""
+    rejected: int
+    """Pieces and messages rejected or missed, without the two that each opening of the port and each boot of the DSP may cut."""
+    commands_repeated: int
+    """Commands sent again after a timeout."""
+    commands_failed: int
+    """Commands given up after the last attempt."""
+    def __init__(self, duration_s: int = ..., messages: int = ..., rejected: int = ..., commands_repeated: int = ..., commands_failed: int = ...) -> None: ...
+
+class ModuleState(_Struct):
+    """State of a module. Service `module_state`, written by the bridge at every change and at least once a second.
+    
+    Times are host monotonic nanoseconds; 0 stands for 'never', which the counter beside it says as well."""
+    sequence: int
+    """Counts the samples of this publisher from 1."""
+    epoch_ns: int
+    """When the publishing process began. [ns]"""
+    published_ns: int
+    """When this was published. [ns]"""
+    module_id: int
+    """A ModuleId."""
+    status: int
+    """A ModuleStatus."""
+    imi_error: int
+    """IMI error code: general 0–99, UAV 100–200, DSP 201–500."""
+    blocked: int
+    """1 when no movement is taken until the next start."""
+    functionality: int
+    """A Functionality."""
+    unable_to_abort: int
+    """1 when the movement under way cannot be aborted (`unable2abort`)."""
+    movement: MovementState
+    """The movement under way, or the last one; all zero before the first."""
+    link: LinkHealth
+    """The line to the DSP."""
+    refused: RefusedCounters
+    """What was discarded and why."""
+    dsp_errors: DspErrorCounters
+    """DSP errors by code."""
+    safety: SafetyState
+    """The rules of flight safety that the bridge enforces."""
+    ground_altitude_m: float
+    """Telemetry altitude of the ground on which the helicopter stood last, m; meaningful when `ground_valid` is 1. [m]"""
+    ground_valid: int
+    """1 when the bridge has seen the helicopter on the ground."""
+    last_minute: LastMinute
+    """How the line was of late."""
+    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., module_id: int = ..., status: int = ..., imi_error: int = ..., blocked: int = ..., functionality: int = ..., unable_to_abort: int = ..., movement: MovementState = ..., link: LinkHealth = ..., refused: RefusedCounters = ..., dsp_errors: DspErrorCounters = ..., safety: SafetyState = ..., ground_altitude_m: float = ..., ground_valid: int = ..., last_minute: LastMinute = ...) -> None: ...
+
+class ModuleControl(_Struct):
+    """Start or stop the module (`ModuleControl`). Service `module_control`."""
+    request_id: int
+    """Chosen by the sender, not 0, never used before by any sender; every report repeats it."""
+    issued_ns: int
+    """When the order was issued, the robot's monotonic clock: not later than it truly was. 0 lets the client's port write
+    the moment of sending. [ns]"""
+    begin_by_ns: int
+    """Until when it may begin, same clock; 0 takes the bridge's default. [ns]"""
+    command: int
+    """A ControlCommand."""
+    issued_within_ns: int
+    """By how much later than `issued_ns` it may have been issued, ns; 0 from a program on the robot, whose clock is the same. [ns]"""
+    origin: int
+    """By which clock it was issued: 0 for the robot's own; the relay gives each station a number of its own."""
+    reserved: int
+    """Always zero; keeps the size a multiple of eight."""
+    def __init__(self, request_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., command: int = ..., issued_within_ns: int = ..., origin: int = ..., reserved: int = ...) -> None: ...
+
+class MovementData(_Struct):
+    """A movement (`MovementData`). Service `movement`.
+    
+    A path is framed by the pair (`first`, `last`): (1,1) is a single waypoint, (1,0) opens a path, (0,0) continues
+    it, (0,1) closes it. Nothing of a path goes to the DSP until it is closed."""
+    request_id: int
+    """Chosen by the sender, not 0, never used before by any sender; every report repeats it."""
+    path_id: int
+    """Chosen by the sender, the same in all waypoints of one path and in every report about it; 0 for take-off
+    and landing."""
+    issued_ns: int
+    """When the order was issued, the robot's monotonic clock: not later than it truly was. 0 lets the client's port write
+    the moment of sending. All waypoints of a path carry the moment of the path. [ns]"""
+    begin_by_ns: int
+    """Until when it may begin, same clock; 0 takes the bridge's default. [ns]"""
+    latitude_deg: float
+    """Latitude of the waypoint, degrees, north positive. Go-to only. [deg]"""
+    longitude_deg: float
+    """Longitude of the waypoint, degrees, east positive. Go-to only. [deg]"""
+    altitude_m: float
+    """Go-to: altitude of the waypoint, m, same zero as telemetry. Take-off: height over the point of take-off, m. [m]"""
+    kind: int
+    """A MovementKind (`type_of_request`)."""
+    first: int
+    """1 when this waypoint opens a path (`first_waypoint_data`). Go-to only."""
+    last: int
+    """1 when this waypoint closes the path (`last_waypoint_data`). Go-to only."""
+    issued_within_ns: int
+    """By how much later than `issued_ns` it may have been issued, ns; 0 from a program on the robot, whose clock is the same. [ns]"""
+    origin: int
+    """By which clock it was issued: 0 for the robot's own; the relay gives each station a number of its own."""
+    repeat: int
+    """1 when this is sent again because the outcome is unknown: it is then never executed twice, not even by
+    another bridge than the one that was asked first."""
+    preempt: int
+    """1 when this may replace a path that is under way, which then ends as `replaced`; 0 refuses it as `busy`.
+    In a path the flag of the closing waypoint counts."""
+    reserved: int
+    """Always zero; keeps the size a multiple of eight."""
+    def __init__(self, request_id: int = ..., path_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., latitude_deg: float = ..., longitude_deg: float = ..., altitude_m: float = ..., kind: int = ..., first: int = ..., last: int = ..., issued_within_ns: int = ..., origin: int = ..., repeat: int = ..., preempt: int = ..., reserved: int = ...) -> None: ...
+
+class ParameterRequest(_Struct):
+    """Reads, writes or lists the DSP's virtual ports (`docs/protocol.md` section 6). Service `parameters`."""
+    request_id: int
+    """Chosen by the sender, not 0, never used before by any sender; every report repeats it."""
+    issued_ns: int
+    """When the order was issued, the robot's monotonic clock: not later than it truly was. 0 lets the client's port write
+    the moment of sending. [ns]"""
+    begin_by_ns: int
+    """Until when it may begin, same clock; 0 takes the bridge's default. [ns]"""
+    value: float
+    """Write: the value. A 16-bit port takes whole numbers only."""
+    port: int
+    """Read, write: number of the port. List: which port of the list, counted from 0."""
+    operation: int
+    """A ParameterOperation."""
+    issued_within_ns: int
+    """By how much later than `issued_ns` it may have been issued, ns; 0 from a program on the robot, whose clock is the same. [ns]"""
+    origin: int
+    """By which clock it was issued: 0 for the robot's own; the relay gives each station a number of its own."""
+    def __init__(self, request_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., value: float = ..., port: int = ..., operation: int = ..., issued_within_ns: int = ..., origin: int = ...) -> None: ...
+
+class PortInfo(_Struct):
+    """A virtual port of the DSP."""
+    min: float
+    """Least value that may be written."""
+    max: float
+    """Greatest value that may be written."""
+    number: int
+    """Number of the port."""
+    kind: int
+    """A PortKind."""
+    access: int
+    """Bit 0: may be written by request; bit 1: also while the helicopter flies."""
+    count: int
+    """Ports of the list."""
+    name: _Array[int]
+    """Name in ASCII with its unit, filled up with zeros."""
+    def __init__(self, min: float = ..., max: float = ..., number: int = ..., kind: int = ..., access: int = ..., count: int = ..., name: Any = ...) -> None: ...
+
+class RequestReport(_Struct):
+    """One answer in the response stream of a request."""
+    request_id: int
+    """The request's id."""
+    path_id: int
+    """The request's path, 0 when it has none."""
+    reported_ns: int
+    """When this was said, host monotonic ns. [ns]"""
+    stage: int
+    """A Stage."""
+    reason: int
+    """A Reason."""
+    imi_error: int
+    """IMI error code, 0 when there is none."""
+    waypoints_total: int
+    """Waypoints of the path so far."""
+    waypoints_sent: int
+    """Waypoints sent to the DSP."""
+    waypoints_reached: int
+    """Waypoints that the helicopter was seen to reach, in order."""
+    rule: int
+    """The safety rule that was broken, a SafetyRule; 0 when none was."""
+    waypoint: int
+    """The waypoint, or the leg that leads to it, that the reason is about, counted from 1; 0 when there is none."""
+    dsp_error_code: int
+    """The DSP error that the reason is about, as the DSP sent it; means something when `dsp_error_valid` is 1."""
+    dsp_error_valid: int
+    """1 when `dsp_error_code` is given."""
+    value_valid: int
+    """1 when `value` is given."""
+    value: float
+    """Rule broken: by how much, in the rule's unit. Take-off done: the height that was reached over the point of
+    take-off, m. Parameter read or written: the value that the port has."""
+    port: PortInfo
+    """The port that a parameter request is about; all zero in other reports."""
+    def __init__(self, request_id: int = ..., path_id: int = ..., reported_ns: int = ..., stage: int = ..., reason: int = ..., imi_error: int = ..., waypoints_total: int = ..., waypoints_sent: int = ..., waypoints_reached: int = ..., rule: int = ..., waypoint: int = ..., dsp_error_code: int = ..., dsp_error_valid: int = ..., value_valid: int = ..., value: float = ..., port: PortInfo = ...) -> None: ...
+
+class RelayLink(_Struct):
+    """The link between this machine and a robot on another machine. Topic `relay/link`, published on the station's machine by
+    the relay that provides the robot's services there; at every change and at least once a second.
+    
+    Times are host monotonic nanoseconds of this machine; 0 stands for 'never'. Counts begin with the relay's process."""
+    sequence: int
+    """Counts the samples of this publisher from 1."""
+    epoch_ns: int
+    """When the publishing process began. [ns]"""
+    published_ns: int
+    """When this was published. [ns]"""
+    since_ns: int
+    """Since when `state` holds. [ns]"""
+    last_heard_ns: int
+    """When the last message of the robot came, 0 before the first. [ns]"""
+    clock_offset_ns: int
+    """The robot's monotonic clock minus this machine's; means something when `clock_valid` is 1. [ns]"""
+    clock_uncertainty_s: float
+    """How far `clock_offset_ns` may be from the truth, to either side, s; means something when `clock_valid` is 1. [s]"""
+    round_trip_s: float
+    """Of the quickest exchange among the recent ones, from this machine to the robot and back, s; means something when
+    `clock_valid` is 1. [s]"""
+    samples_received: int
+    """Samples that came from the robot."""
+    samples_lost_on_air: int
+    """Samples that the robot's relay sent and that did not come."""
+    samples_lost_in_relay: int
+    """Samples that the robot's processes published and that the robot's relay did not read in time."""
+    samples_left_out: int
+    """Samples that were left out on purpose: by the rate of their topic, or because a newer one was there."""
+    bytes_received: int
+    """Bytes received from the robot, without those of the network's own headers."""
+    bytes_sent: int
+    """Bytes sent to the robot, without those of the network's own headers."""
+    orders_sent: int
+    """Requests sent to the robot."""
+    orders_repeated: int
+    """Messages about requests that were sent again because no answer came in time."""
+    orders_unknown: int
+    """Requests whose outcome the relay had to report as unknown."""
+    state: int
+    """A RelayLinkState."""
+    robot: int
+    """The robot's number on its own machine."""
+    clock_drift_ppb: int
+    """By how much the robot's clock is faster than this machine's, parts per billion; means something when `clock_valid`
+    is 1. [ppb]"""
+    clock_valid: int
+    """1 when offset, uncertainty, round trip and drift of the clock are known; they are not before the first exchange."""
+    clock_resets: int
+    """How often the robot's clock was seen to jump: a reboot, a suspend, a step. The offset was then measured anew."""
+    outages: int
+    """How often the link went from up to down."""
+    orders_open: int
+    """Requests that were sent and have no final report yet."""
+    refusal: int
+    """Why the robot's relay takes no requests from this station: a Reason, relay-not-permitted or
+    relay-too-many-stations; 0 when it takes them, when this station is configured to send none, and before the first answer."""
+    link: _Array[int]
+    """The endpoint of the link such as `tcp/10.0.0.2:7447`, several divided by spaces; ASCII, filled up with zeros."""
+    station: _Array[int]
+    """The name of this station, ASCII, filled up with zeros."""
+    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., since_ns: int = ..., last_heard_ns: int = ..., clock_offset_ns: int = ..., clock_uncertainty_s: float = ..., round_trip_s: float = ..., samples_received: int = ..., samples_lost_on_air: int = ..., samples_lost_in_relay: int = ..., samples_left_out: int = ..., bytes_received: int = ..., bytes_sent: int = ..., orders_sent: int = ..., orders_repeated: int = ..., orders_unknown: int = ..., state: int = ..., robot: int = ..., clock_drift_ppb: int = ..., clock_valid: int = ..., clock_resets: int = ..., outages: int = ..., orders_open: int = ..., refusal: int = ..., link: Any = ..., station: Any = ...) -> None: ...
+
+class RelayStation(_Struct):
+    """A station as the robot's relay knows it. Counts are of this life of the station."""
+    name: _Array[int]
+    """The station's name, ASCII, filled up with zeros."""
+    last_heard_ns: int
+    """When the last message of the station came. [ns]"""
+    since_ns: int
+    """Since when `is_up` holds. [ns]"""
+    orders_executed: int
+    """Requests of the station that were handed to the robot's processes."""
+    orders_refused: int
+    """Requests of the station that the relay refused."""
+    samples_sent: int
+    """Samples sent to the station."""
+    may_command: int
+    """1 when the robot's configuration lets the station send requests."""
+    is_up: int
+    """1 when messages of the station come, 0 when none has come for the configured time."""
+    orders_open: int
+    """Requests of the station that have no final report yet."""
+    refusal: int
+    """Why the relay takes no requests from the station: a Reason, relay-not-permitted or relay-too-many-stations;
+    0 when it takes them."""
+    def __init__(self, name: Any = ..., last_heard_ns: int = ..., since_ns: int = ..., orders_executed: int = ..., orders_refused: int = ..., samples_sent: int = ..., may_command: int = ..., is_up: int = ..., orders_open: int = ..., refusal: int = ...) -> None: ...
+
+class RelayStations(_Struct):
+    """The stations that a robot is relayed to. Topic `relay/stations`, published on the robot's machine by its relay; at every
+    change and at least once a second.
+    
+    Times are host monotonic nanoseconds; 0 stands for 'never'."""
+    sequence: int
+    """Counts the samples of this publisher from 1."""
+    epoch_ns: int
+    """When the publishing process began. [ns]"""
+    published_ns: int
+    """When this was published. [ns]"""
+    stations: _Array[RelayStation]
+    """The stations, the first `count` of which mean something; the others are all zero."""
+    count: int
+    """How many stations there are, 0 … 16."""
+    reserved: int
+    """Always zero; keeps the size a multiple of eight."""
+    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., stations: Any = ..., count: int = ..., reserved: int = ...) -> None: ...
+
+class BridgeJournal(_Struct):
+    """A piece of the bridge's input journal. Topic `bridge/journal`, published while there is a subscriber: when the piece is
+    full, and at most a quarter of a second after its first byte.
+    
+    The bytes of all pieces one after the other are the journal. A piece that is missing shows in `sequence`; the journal can
+    be read again from the next piece with `begins`."""
+    sequence: int
+    """Counts the samples of this publisher from 1."""
+    epoch_ns: int
+    """When the publishing process began. [ns]"""
+    published_ns: int
+    """When this was published. [ns]"""
+    begins: int
+    """1 when the first byte of `data` begins a record that is a snapshot: reading can begin here."""
+    length: int
+    """Bytes of `data` that mean something, 0 ... 4056."""
+    beginnings: int
+    """How often the journal was begun by this publisher: for the first subscriber, and after each loss."""
+    reserved: int
+    """Always zero; keeps the size a multiple of eight."""
+    data: _Array[int]
+    """The bytes, filled up with zeros."""
+    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., begins: int = ..., length: int = ..., beginnings: int = ..., reserved: int = ..., data: Any = ...) -> None: ...
+
+class StatusJournal(_Struct):
+    """A piece of status' input journal. Topic `status/journal`; else as `BridgeJournal`."""
+    sequence: int
+    """Counts the samples of this publisher from 1."""
+    epoch_ns: int
+    """When the publishing process began. [ns]"""
+    published_ns: int
+    """When this was published. [ns]"""
+    begins: int
+    """1 when the first byte of `data` begins a record that is a snapshot: reading can begin here."""
+    length: int
+    """Bytes of `data` that mean something, 0 ... 984."""
+    beginnings: int
+    """How often the journal was begun by this publisher: for the first subscriber, and after each loss."""
+    reserved: int
+    """Always zero; keeps the size a multiple of eight."""
+    data: _Array[int]
+    """The bytes, filled up with zeros."""
+    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., begins: int = ..., length: int = ..., beginnings: int = ..., reserved: int = ..., data: Any = ...) -> None: ...

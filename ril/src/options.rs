@@ -1,0 +1,384 @@
+//! Options that several verbs take, and how their values are read: times; telemetry altitudes such as `20`, `20m` and `60ft`, heights
+//! above take-off such as `+20m`, and waypoints. What only one verb takes is beside it.
+
+use std::ffi::OsString;
+use std::time::Duration;
+
+use clap::Args;
+use runtime::args::CommonArgs;
+use runtime::duration::{self, Shown};
+
+use crate::config::{MAX_DEADLINE_MS, MAX_TIMEOUT_S, MIN_TIMEOUT_S};
+
+/// What each exit code means, for the end of the help.
+pub const EXIT_CODES: &str = "\
+Exit codes:
+   0  done
+   1  internal error
+   2  usage error
+   3  the process that should answer does not run
+   4  no answer in time, or the DSP did not acknowledge
+   5  refused, or ended early; the reason is printed
+   6  the link to the DSP, or the relay's link to the robot, is down
+   7  the outcome cannot be known
+   8  something is not in order; the findings are printed
+  78  the configuration is wrong";
+
+/// What every command takes that asks the bridge for something.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct AskArgs {
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// How long to wait for the bridge's first answer, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
+    pub timeout: Option<Duration>,
+
+    /// Until how long after its issue the order may begin, such as 500ms; 0s leaves it to the bridge
+    #[arg(long, value_name = "DURATION", env = "RIL_DEADLINE", value_parser = deadline_ms)]
+    pub deadline: Option<u32>,
+
+    /// Print each report as a JSON object on a line
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What every command takes whose request goes on for a while.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct RequestArgs {
+    /// What every request takes.
+    #[command(flatten)]
+    pub ask: AskArgs,
+
+    /// Return once the request was accepted, instead of following it to its end
+    #[arg(long)]
+    pub no_wait: bool,
+}
+
+/// Whether JSON is asked for, which holds for an error of the command line as well.
+pub fn wants_json(args: &[OsString]) -> bool {
+    let mut options = args.iter().take_while(|arg| *arg != "--");
+    options.any(|arg| arg == "--json")
+}
+
+/// Reads a finite number of at most `limit`, either way.
+pub(crate) fn number(what: &str, text: &str, limit: f64) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if !number.is_finite() => Err(format!("the {what} `{text}` is not finite")),
+        Ok(number) if number.abs() > limit => Err(format!(
+            "the {what} {text} is out of range: it must be from -{limit} to {limit}"
+        )),
+        Ok(number) => Ok(number),
+        Err(_) => Err(format!("the {what} `{text}` is not a number")),
+    }
+}
+
+/// Reads how long something may take or is to go on, such as `5s` or `1m30s`.
+pub(crate) fn duration(text: &str) -> Result<Duration, String> {
+    let bounds = [MIN_TIMEOUT_S, MAX_TIMEOUT_S].map(Duration::from_secs_f64);
+    within(duration::parse(text)?, bounds)
+}
+
+/// Reads until how long after its issue an order may begin, in whole ms; `0s` leaves it to the bridge.
+pub(crate) fn deadline_ms(text: &str) -> Result<u32, String> {
+    let longest = Duration::from_millis(MAX_DEADLINE_MS.into());
+    let deadline = within(duration::parse(text)?, [Duration::ZERO, longest])?;
+    match u32::try_from(deadline.as_millis()) {
+        Ok(ms) if Duration::from_millis(ms.into()) == deadline => Ok(ms),
+        _ => Err("a deadline is a whole number of milliseconds".to_owned()),
+    }
+}
+
+/// `duration`, if it is from the first to the second bound.
+fn within(duration: Duration, [least, most]: [Duration; 2]) -> Result<Duration, String> {
+    match (least..=most).contains(&duration) {
+        true => Ok(duration),
+        false => Err(format!(
+            "{} is out of range: it must be from {} to {}",
+            Shown(duration),
+            Shown(least),
+            Shown(most)
+        )),
+    }
+}
+
+/// Metres in a foot, exactly.
+const FOOT_M: f64 = 0.3048;
+
+/// An altitude as the operator gives it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Height {
+    /// Telemetry altitude, m.
+    Telemetry(f64),
+    /// Height above take-off, m, from a plus sign in front.
+    AboveTakeOff(f64),
+}
+
+impl Height {
+    /// The telemetry altitude, m, when that of the ground of the take-off is `ground_m`.
+    pub fn from(self, ground_m: f64) -> f64 {
+        match self {
+            Height::Telemetry(metres) => metres,
+            Height::AboveTakeOff(metres) => ground_m + metres,
+        }
+    }
+}
+
+/// A waypoint of `ril goto`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Target {
+    /// Degrees to the north.
+    pub latitude_deg: f64,
+    /// Degrees to the east.
+    pub longitude_deg: f64,
+    /// How high.
+    pub altitude: Height,
+}
+
+/// Reads a length in metres: a number, and `m` or `ft` behind it, without a space.
+fn metres(what: &str, text: &str) -> Result<f64, String> {
+    let (digits, unit_m) = match (text.strip_suffix("ft"), text.strip_suffix('m')) {
+        (Some(digits), _) => (digits, FOOT_M),
+        (None, Some(digits)) => (digits, 1.0),
+        (None, None) => (text, 1.0),
+    };
+    number(what, digits.trim_end(), f64::MAX).map(|value| value * unit_m)
+}
+
+/// Reads a telemetry altitude such as `20`, `20m` or `60ft`, or a height above take-off such as `+20m`.
+pub(crate) fn height(text: &str) -> Result<Height, String> {
+    match text.trim().strip_prefix('+') {
+        Some(rest) if rest.starts_with(['+', '-']) => {
+            Err(format!("the altitude `{text}` has two signs"))
+        }
+        Some(rest) => metres("altitude", rest).map(Height::AboveTakeOff),
+        None => metres("altitude", text.trim()).map(Height::Telemetry),
+    }
+}
+
+/// Reads the height of a take-off, which is above take-off with and without a plus sign. Its upper limit is the DSP's, which the
+/// bridge knows.
+pub(crate) fn take_off_height(text: &str) -> Result<f64, String> {
+    match height(text)?.from(0.0) {
+        metres if metres > 0.0 => Ok(metres),
+        _ => Err("the height of a take-off is greater than 0".to_owned()),
+    }
+}
+
+/// What a waypoint looks like.
+const EXPECTED: &str = "a waypoint is LAT,LON,ALT, such as 37.41,-6.01,20m";
+
+/// The numbers of a text, apart by commas, spaces or both; a unit may stand behind a space.
+fn numbers(text: &str) -> Result<Vec<String>, String> {
+    let mut numbers: Vec<String> = Vec::new();
+    for part in text.trim_end().trim_end_matches(',').split(',') {
+        if part.trim().is_empty() {
+            return Err(format!("a number is missing in `{text}`: {EXPECTED}"));
+        }
+        for word in part.split_whitespace() {
+            match (word, numbers.last_mut()) {
+                ("m" | "ft", Some(number)) => number.push_str(word),
+                _ => numbers.push(word.to_owned()),
+            }
+        }
+    }
+    Ok(numbers)
+}
+
+/// Reads the three numbers of a waypoint.
+fn target(numbers: &[String]) -> Result<Target, String> {
+    let [latitude, longitude, altitude] = numbers else {
+        return Err(not_in_threes(numbers.len()));
+    };
+    let swapped = || {
+        let north = number("longitude", latitude, 180.0);
+        let east = number("latitude", longitude, 90.0);
+        match north.and(east) {
+            Ok(_) => "; are latitude and longitude swapped?",
+            Err(_) => "",
+        }
+    };
+    Ok(Target {
+        latitude_deg: number("latitude", latitude, 90.0).map_err(|reason| reason + swapped())?,
+        longitude_deg: number("longitude", longitude, 180.0)?,
+        altitude: height(altitude)?,
+    })
+}
+
+/// The waypoints of the words of a command line: three numbers each. None without words: they come from a file.
+pub(crate) fn targets(words: &[String]) -> Result<Vec<Target>, String> {
+    if words.is_empty() {
+        return Ok(Vec::new());
+    }
+    let numbers = numbers(&words.join(" "))?;
+    match numbers.len() % 3 {
+        0 => numbers.chunks(3).map(target).collect(),
+        _ => Err(not_in_threes(numbers.len())),
+    }
+}
+
+fn not_in_threes(count: usize) -> String {
+    format!("{count} numbers, each waypoint needs three: {EXPECTED}")
+}
+
+/// Reads the waypoints of a file: one `LAT,LON,ALT` a line, `#` begins a comment.
+///
+/// # Errors
+///
+/// The first line that is wrong, with its number and the reason; also when there is no waypoint at all.
+pub fn waypoints(text: &str) -> Result<Vec<Target>, String> {
+    let mut waypoints = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        if !line.is_empty() {
+            let read = numbers(line).and_then(|numbers| target(&numbers));
+            let read = read.map_err(|reason| format!("line {}: {reason}", index + 1));
+            waypoints.push(read?);
+        }
+    }
+    match waypoints.is_empty() {
+        true => Err("there is no waypoint".to_owned()),
+        false => Ok(waypoints),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_have_units_and_bounds() {
+        assert_eq!(duration("1m30s"), Ok(Duration::from_secs(90)));
+        assert_eq!(duration("10ms"), Ok(Duration::from_millis(10)));
+        for (text, expected) in [
+            ("5", "`5` has no unit: write 5s"),
+            ("9ms", "9ms is out of range: it must be from 10ms to 24h"),
+            ("24h1s", "24h1s is out of range"),
+        ] {
+            let error = duration(text).unwrap_err();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+        assert_eq!(deadline_ms("0s"), Ok(0));
+        assert_eq!(deadline_ms("1.5s"), Ok(1_500));
+        for (text, expected) in [
+            ("50", "write 50s or 50ms"),
+            ("0.5ms", "whole number of milliseconds"),
+            ("25h", "from 0s to 24h"),
+        ] {
+            let error = deadline_ms(text).unwrap_err();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn altitudes_have_units_and_may_be_relative() {
+        for (text, expected) in [
+            ("20", Height::Telemetry(20.0)),
+            ("20m", Height::Telemetry(20.0)),
+            ("20 m", Height::Telemetry(20.0)),
+            ("100ft", Height::Telemetry(30.48)),
+            ("-5m", Height::Telemetry(-5.0)),
+            ("+20m", Height::AboveTakeOff(20.0)),
+            ("+100ft", Height::AboveTakeOff(30.48)),
+        ] {
+            assert_eq!(height(text), Ok(expected), "{text}");
+        }
+        for (text, expected) in [
+            ("", "`` is not a number"),
+            ("m", "`` is not a number"),
+            ("20km", "`20k` is not a number"),
+            ("20mm", "`20m` is not a number"),
+            ("+-20m", "two signs"),
+            ("++2", "two signs"),
+            ("infm", "not finite"),
+        ] {
+            let error = height(text).unwrap_err();
+            assert!(error.contains(expected), "{text}: {error}");
+        }
+        assert_eq!(Height::AboveTakeOff(20.0).from(12.5), 32.5);
+        assert_eq!(Height::Telemetry(20.0).from(12.5), 20.0);
+        assert!(take_off_height("0ft").is_err());
+    }
+
+    #[test]
+    fn waypoints_are_three_numbers_each_apart_by_commas_or_spaces() {
+        let parse = |words: &[&str]| {
+            let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
+            targets(&words)
+        };
+        let first = Target {
+            latitude_deg: -37.5,
+            longitude_deg: -6.25,
+            altitude: Height::AboveTakeOff(3.0),
+        };
+        let second = Target {
+            altitude: Height::Telemetry(20.0),
+            ..first
+        };
+        for words in [
+            &["-37.5", "-6.25", "+3m"][..],
+            &["-37.5,-6.25,+3m"],
+            &["-37.5,", "-6.25,", "+3m"],
+            &["-37.5, -6.25, +3 m"],
+            &["-37.5,", "-6.25,", "+3", "m,"],
+        ] {
+            assert_eq!(parse(words), Ok(vec![first]), "{words:?}");
+        }
+        for words in [
+            &["-37.5,-6.25,+3m", "-37.5,-6.25,20"][..],
+            &["-37.5", "-6.25", "+3", "-37.5", "-6.25", "20"],
+            &["-37.5,", "-6.25,", "+3,", "-37.5,", "-6.25,", "20"],
+        ] {
+            assert_eq!(parse(words), Ok(vec![first, second]), "{words:?}");
+        }
+        assert_eq!(parse(&[]), Ok(vec![]), "they come from a file");
+        for (words, expected) in [
+            (&["37", "-6"][..], "2 numbers, each waypoint needs three"),
+            (
+                &["37", "-6", "20", "37"],
+                "4 numbers, each waypoint needs three",
+            ),
+            (&["37,,20"], "a number is missing in `37,,20`"),
+            (&[""], "a number is missing"),
+            (&["37m", "-6", "20"], "the latitude `37m` is not a number"),
+            (&["97", "-96", "20"], "from -90 to 90"),
+            (
+                &["-106.5", "37.2", "20"],
+                "from -90 to 90; are latitude and longitude swapped?",
+            ),
+            (&["37", "-186", "20"], "the longitude -186 is out of range"),
+            (&["north", "-6", "20"], "the latitude `north` is not"),
+        ] {
+            let error = parse(words).unwrap_err();
+            assert!(error.contains(expected), "{words:?}: {error}");
+        }
+        assert!(!parse(&["97", "-96", "20"]).unwrap_err().contains("swapped"));
+    }
+
+    #[test]
+    fn a_file_has_a_waypoint_a_line_and_comments() {
+        let text = "# a square\n37,-6,20\n\n  -37.5 , .5,+1e1 # the corner\n";
+        let read = waypoints(text).unwrap();
+        let altitudes: Vec<Height> = read.iter().map(|waypoint| waypoint.altitude).collect();
+        assert_eq!(
+            altitudes,
+            [Height::Telemetry(20.0), Height::AboveTakeOff(10.0)]
+        );
+        for (text, expected) in [
+            (
+                "37,-6,20\n\n91,0,0\n",
+                "line 3: the latitude 91 is out of range",
+            ),
+            ("37,-6\n", "line 1: 2 numbers, each waypoint"),
+            ("37,-6,20 38,-6,20\n", "line 1: 6 numbers, each waypoint"),
+            ("# nothing\n", "there is no waypoint"),
+            ("", "there is no waypoint"),
+        ] {
+            let error = waypoints(text).unwrap_err();
+            assert!(error.contains(expected), "{text:?}: {error}");
+        }
+    }
+}

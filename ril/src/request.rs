@@ -1,0 +1,498 @@
+//! Sends the requests of a command to the bridge and follows them: [`Exchange`], a pure value, says what to send when, what to wait for
+//! and when it is over.
+//!
+//! A path is one exchange of several requests: each waypoint goes out when the one before it has been accepted, and the first that is
+//! refused ends the exchange, because the bridge then discards the whole path.
+//!
+//! A waypoint before the last is `done` when the bridge has taken the next one. So at most two requests of a path are open,
+//! and when a path is broken, the newest open waypoint is answered with the reason.
+
+#[cfg(test)]
+mod tests;
+
+use std::io::{self, Write};
+use std::time::Duration;
+
+use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
+use ipc_types::{Client, MonotonicNs, Request, SendError, Source, fresh_request_id};
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use crate::render::json_line;
+use crate::render::messages::object::ReportObject;
+use crate::render::messages::{self, FinalReport, Verb};
+use crate::session::{Session, absent};
+
+/// When the exchange is over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Until {
+    /// With the final report.
+    Final,
+    /// As soon as the last request was accepted.
+    Accepted,
+}
+
+/// What to do next.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Next {
+    /// Send the request of this index.
+    Send(usize),
+    /// Wait for a report, at most until then.
+    Wait(Option<MonotonicNs>),
+    /// Nothing; it is over.
+    Over(Outcome),
+}
+
+/// How the exchange ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// The last request was accepted, which was all that was asked for.
+    Accepted,
+    /// The final report.
+    Final(FinalReport),
+    /// The bridge did not answer the request of this index in time.
+    NoAnswer(usize),
+}
+
+/// How far the exchange is, for a command that must end early.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Progress {
+    /// The bridge has not taken all requests, and without their sender it never will.
+    Incomplete,
+    /// The bridge has taken them and goes on with them.
+    Taken,
+}
+
+/// The requests of one command; see the module's documentation.
+#[derive(Debug)]
+pub struct Exchange {
+    requests: Vec<RequestState>,
+    sent: usize,
+    until: Until,
+    timeout: Duration,
+    /// Until when the awaited report must have come.
+    due: MonotonicNs,
+}
+
+/// What has been reported about a request.
+#[derive(Clone, Copy, Debug)]
+struct RequestState {
+    request_id: u64,
+    is_answered: bool,
+    end: Option<FinalReport>,
+}
+
+impl RequestState {
+    fn failed(&self) -> Option<FinalReport> {
+        self.end.filter(|end| end.stage != Stage::Done)
+    }
+}
+
+impl Exchange {
+    /// The exchange about the requests with these ids, in this order. `timeout` bounds the first answer to each.
+    pub fn new(
+        request_ids: impl IntoIterator<Item = u64>,
+        until: Until,
+        timeout: Duration,
+    ) -> Exchange {
+        let state = |request_id| RequestState {
+            request_id,
+            is_answered: false,
+            end: None,
+        };
+        Exchange {
+            requests: request_ids.into_iter().map(state).collect(),
+            sent: 0,
+            until,
+            timeout,
+            due: MonotonicNs(u64::MAX),
+        }
+    }
+
+    /// The request that [`Next::Send`] named has been sent.
+    pub fn sent(&mut self, now: MonotonicNs) {
+        self.sent += 1;
+        self.due = now + self.timeout;
+    }
+
+    /// Takes a report and gives the index of the request that it answers; `None` if it is none of these.
+    pub fn take(&mut self, report: &RequestReport, now: MonotonicNs) -> Option<usize> {
+        let index = self
+            .requests
+            .iter()
+            .position(|request| request.request_id == report.request_id)?;
+        let had_failed = self
+            .requests
+            .iter()
+            .any(|request| request.failed().is_some());
+        let request = &mut self.requests[index];
+        request.is_answered = true;
+        request.end = request.end.or(FinalReport::of(report));
+        if !had_failed && request.failed().is_some() {
+            // The final reports about the other waypoints of a broken path come together with the first one.
+            self.due = now + self.timeout;
+        }
+        Some(index)
+    }
+
+    /// What to do at `now`.
+    pub fn next(&self, now: MonotonicNs) -> Next {
+        let (sent, unsent) = self.requests.split_at(self.sent.min(self.requests.len()));
+        if let Some(culprit) = culprit(sent) {
+            let all_answered = sent.iter().all(|request| request.end.is_some());
+            return if all_answered || now >= self.due {
+                Next::Over(Outcome::Final(culprit))
+            } else {
+                Next::Wait(Some(self.due))
+            };
+        }
+        match (sent.last(), unsent.is_empty()) {
+            (Some(last), _) if !last.is_answered => {
+                if now >= self.due {
+                    Next::Over(Outcome::NoAnswer(sent.len() - 1))
+                } else {
+                    Next::Wait(Some(self.due))
+                }
+            }
+            (_, false) => Next::Send(sent.len()),
+            (Some(last), true) => match last.end {
+                Some(end) => Next::Over(Outcome::Final(end)),
+                None if self.until == Until::Accepted => Next::Over(Outcome::Accepted),
+                None => Next::Wait(None),
+            },
+            (None, true) => Next::Over(Outcome::Accepted),
+        }
+    }
+
+    /// How far it is.
+    pub fn progress(&self) -> Progress {
+        match self.requests.last() {
+            Some(last) if !last.is_answered => Progress::Incomplete,
+            _ => Progress::Taken,
+        }
+    }
+}
+
+/// The failure that says most: the newest that is not the mere consequence of another one, else the newest.
+fn culprit(sent: &[RequestState]) -> Option<FinalReport> {
+    let failures = || sent.iter().rev().filter_map(RequestState::failed);
+    let is_cause =
+        |end: &FinalReport| !matches!(end.reason, Reason::PathBroken | Reason::PathWithoutHead);
+    failures().find(is_cause).or_else(|| failures().next())
+}
+
+/// Whether a report ends its request otherwise than done.
+fn is_failure(report: &RequestReport) -> bool {
+    FinalReport::of(report).is_some_and(|end| end.exit_code() != ExitCode::Ok)
+}
+
+/// How reports are printed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Format {
+    /// Not at all: the command needs the answer itself.
+    Silent,
+    /// As lines for people.
+    Text,
+    /// As JSON objects, one a line.
+    Json,
+}
+
+impl Format {
+    pub fn of(json: bool) -> Format {
+        match json {
+            true => Format::Json,
+            false => Format::Text,
+        }
+    }
+}
+
+/// A start, a stop or a reload, to be begun within `deadline_ms` of now.
+pub(crate) fn control_request(command: ControlCommand, deadline_ms: u32) -> ModuleControl {
+    let control = ModuleControl::new(fresh_request_id(), command);
+    ModuleControl {
+        begin_by_ns: begin_by_ns(control.issued_ns, deadline_ms),
+        ..control
+    }
+}
+
+/// Until when an order may begin that was issued at `issued_ns`; 0 leaves it to the bridge, as a deadline of 0 does.
+pub(crate) fn begin_by_ns(issued_ns: u64, deadline_ms: u32) -> u64 {
+    match deadline_ms {
+        0 => 0,
+        ms => (MonotonicNs(issued_ns) + Duration::from_millis(ms.into())).0,
+    }
+}
+
+/// `request` to be begun within `deadline_ms` of its issue; says also whether it replaces a path that is under way.
+pub(crate) fn complete(request: MovementData, preempt: bool, deadline_ms: u32) -> MovementData {
+    MovementData {
+        begin_by_ns: begin_by_ns(request.issued_ns, deadline_ms),
+        preempt: u16::from(preempt),
+        ..request
+    }
+}
+
+/// Something that a command looks at while it follows a request.
+pub(crate) trait Companion {
+    /// What wakes it.
+    fn source(&mut self) -> &mut dyn Source;
+
+    /// Takes what is there.
+    ///
+    /// # Errors
+    ///
+    /// What ends the command.
+    fn look(&mut self) -> Result<(), Failure>;
+}
+
+/// A command's conversations with the bridge over one service.
+pub(crate) struct Conversation<'a, R: Request> {
+    verb: Verb,
+    timeout: Duration,
+    key: &'static str,
+    session: &'a Session,
+    client: Client<R>,
+    inbox: Vec<RequestReport>,
+    previous_value: Option<f64>,
+    holds_on_exit: bool,
+    /// Not what is sent because a signal came.
+    is_interruptible: bool,
+}
+
+impl<'a, R: Request> Conversation<'a, R> {
+    /// Opens the service. `timeout` bounds the bridge's first answer to each request.
+    pub fn open(
+        session: &'a Session,
+        verb: Verb,
+        timeout: Duration,
+    ) -> Result<Conversation<'a, R>, Failure> {
+        Conversation::open_at(session, R::KEY, verb, timeout)
+    }
+
+    /// The same over the service `key`, which carries `R` too.
+    pub fn open_at(
+        session: &'a Session,
+        key: &'static str,
+        verb: Verb,
+        timeout: Duration,
+    ) -> Result<Conversation<'a, R>, Failure> {
+        Ok(Conversation {
+            verb,
+            timeout,
+            key,
+            session,
+            client: session.ipc.client_of(key).or_fail(ExitCode::Internal)?,
+            inbox: Vec::new(),
+            previous_value: None,
+            holds_on_exit: false,
+            is_interruptible: true,
+        })
+    }
+
+    /// Whether a hold is sent when the command ends before its requests do.
+    pub fn hold_on_exit(mut self, holds_on_exit: bool) -> Self {
+        self.holds_on_exit = holds_on_exit;
+        self
+    }
+
+    /// From here on final reports about a parameter show the value that it had before, if that is known.
+    pub fn show_previous(&mut self, value: Option<f64>) {
+        self.previous_value = value;
+    }
+
+    /// Sends `requests`, prints the reports about them and returns the final one; `None` if the last request was
+    /// accepted and that was enough.
+    ///
+    /// # Errors
+    ///
+    /// When the final report is not `done`, with the exit code that goes with it; when there is no bridge, when it does not
+    /// answer in time, and when a signal or a closed output ends the command early.
+    pub fn follow(
+        &mut self,
+        requests: &[R],
+        until: Until,
+        format: Format,
+    ) -> Result<Option<RequestReport>, Failure> {
+        self.follow_beside(requests, until, format, None)
+    }
+
+    /// The same, beside a companion, which looks whenever the command wakes, and once before the end.
+    ///
+    /// # Errors
+    ///
+    /// As [`Conversation::follow`], and what the companion fails with.
+    pub fn follow_beside(
+        &mut self,
+        requests: &[R],
+        until: Until,
+        format: Format,
+        mut companion: Option<&mut dyn Companion>,
+    ) -> Result<Option<RequestReport>, Failure> {
+        let ids = requests.iter().map(Request::request_id);
+        let mut exchange = Exchange::new(ids, until, self.timeout);
+        loop {
+            let now = MonotonicNs::now();
+            let printed = self.receive(&mut exchange, requests.len(), format, now);
+            if let Some(companion) = &mut companion {
+                companion.look()?;
+            }
+            match exchange.next(now) {
+                // When the reader of the output has gone, the outcome is known all the same.
+                Next::Over(outcome) => return self.judge(outcome, requests.len()),
+                _ if printed.is_err() => {
+                    let why = "standard output was closed";
+                    return Err(self.leave(why, exchange.progress(), requests.len()));
+                }
+                _ if self.is_interruptible && self.session.termination.requested() => {
+                    return Err(self.leave("interrupted", exchange.progress(), requests.len()));
+                }
+                Next::Send(index) => {
+                    self.send(&requests[index])?;
+                    exchange.sent(now);
+                }
+                Next::Wait(until) => {
+                    let client: &mut dyn Source = &mut self.client;
+                    let beside = companion.as_mut().map(|companion| companion.source());
+                    self.session
+                        .wait([client].into_iter().chain(beside), until)?;
+                }
+            }
+        }
+    }
+
+    /// Takes every report that is there, and prints it as long as that is possible.
+    fn receive(
+        &mut self,
+        exchange: &mut Exchange,
+        total: usize,
+        format: Format,
+        now: MonotonicNs,
+    ) -> Result<(), Failure> {
+        self.client.drain(|report| self.inbox.push(*report));
+        let mut printed = Ok(());
+        for report in std::mem::take(&mut self.inbox) {
+            if let Some(index) = exchange.take(&report, now) {
+                printed = printed.and_then(|()| self.print(index, total, &report, format));
+            }
+        }
+        printed
+    }
+
+    fn print(
+        &self,
+        index: usize,
+        total: usize,
+        report: &RequestReport,
+        format: Format,
+    ) -> Result<(), Failure> {
+        let mut out = io::stdout().lock();
+        match format {
+            Format::Silent => Ok(()),
+            Format::Json => {
+                let object = ReportObject::new(self.verb, report);
+                json_line(&mut out, &object.with_previous(report, self.previous_value))
+            }
+            // It is the error that the command ends with, and is printed as that.
+            Format::Text if is_failure(report) => Ok(()),
+            Format::Text => match messages::line(self.verb, index, total, report) {
+                None => Ok(()),
+                Some(line) => {
+                    let was = messages::previous(report, self.previous_value);
+                    writeln!(out, "{line}{was}").map_err(Failure::output)
+                }
+            },
+        }
+    }
+
+    fn send(&mut self, request: &R) -> Result<(), Failure> {
+        match self.client.send(request) {
+            Ok(_) => Ok(()),
+            Err(SendError::NoServer { .. }) => Err(absent(self.key, self.session.ipc.robot())),
+            Err(error @ SendError::ServerFull) => Err(Failure::new(ExitCode::Timeout, error)),
+            Err(
+                error @ (SendError::TooManyOutstanding
+                | SendError::NoPlace(_)
+                | SendError::Failed(_)),
+            ) => Err(Failure::internal(error)),
+        }
+    }
+
+    /// What the command ends with.
+    fn judge(&self, outcome: Outcome, total: usize) -> Result<Option<RequestReport>, Failure> {
+        match outcome {
+            Outcome::Accepted => Ok(None),
+            Outcome::Final(end) => self.judge_final(&end),
+            Outcome::NoAnswer(index) => {
+                let robot = self.session.ipc.robot();
+                let which = match total {
+                    1 => self.verb.name().to_owned(),
+                    total => format!("waypoint {} of {total}", index + 1),
+                };
+                let (process, look) = match self.key.split_once('/') {
+                    None => ("the bridge", "ril status".to_owned()),
+                    Some((module, _)) => (module, format!("ril topic echo {module}/state")),
+                };
+                let text = format!(
+                    "{process} of robot {robot} did not answer to {which} in time: it may hang. The request was withdrawn"
+                );
+                let next_step =
+                    format!("`{look} --robot {robot}` shows whether it took effect all the same");
+                Err(Failure::new(ExitCode::Timeout, text).with_next_step(next_step))
+            }
+        }
+    }
+
+    fn judge_final(&self, end: &FinalReport) -> Result<Option<RequestReport>, Failure> {
+        match end.exit_code() {
+            ExitCode::Ok => Ok(Some(end.report)),
+            code => {
+                let (text, next_step) = messages::ending_parts(self.verb, end);
+                let failure = Failure::new(code, text);
+                Err(match next_step {
+                    Some(next_step) => failure.with_next_step(next_step),
+                    None => failure,
+                })
+            }
+        }
+    }
+
+    /// The command ends before the final report.
+    fn leave(&self, why: &str, progress: Progress, total: usize) -> Failure {
+        let what = match progress {
+            Progress::Incomplete if total > 1 => {
+                "the path was not complete, so nothing of it is flown".to_owned()
+            }
+            _ if self.holds_on_exit => self.send_hold(),
+            Progress::Taken => self.verb.goes_on().to_owned(),
+            Progress::Incomplete => {
+                "it was withdrawn before the bridge answered; `ril status` shows whether it took effect".to_owned()
+            }
+        };
+        let name = self.verb.name();
+        let text = format!("{why} before the final report about {name}: {what}");
+        Failure::new(ExitCode::OutcomeUnknown, text)
+    }
+
+    /// Lets the helicopter hover where it is. Says how that went.
+    fn send_hold(&self) -> String {
+        let hold = MovementData {
+            preempt: 1,
+            ..MovementData::hold(fresh_request_id())
+        };
+        let sent = Conversation::open(self.session, Verb::Hold, self.timeout).and_then(|bridge| {
+            let mut bridge = Conversation {
+                is_interruptible: false,
+                ..bridge
+            };
+            bridge.follow(&[hold], Until::Accepted, Format::Silent)
+        });
+        match sent {
+            Ok(_) => "a hold was sent and accepted; the helicopter stops and hovers".to_owned(),
+            Err(failure) => format!(
+                "the hold that was sent failed ({}); {}",
+                failure.chain().join(": "),
+                self.verb.goes_on()
+            ),
+        }
+    }
+}

@@ -1,0 +1,187 @@
+//! `ril topic generate`: a message definition as a struct for Rust, for C and C++, and for Python.
+
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Read, Write};
+use std::iter;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use ipc_types::Schema;
+use ipc_types::payload::{Layout, export};
+use ipc_types::schema::generate;
+use runtime::exit::{ExitCode, Failure, OrFail};
+use serde::Serialize;
+
+use crate::options::EXIT_CODES;
+use crate::render::json_line;
+
+/// `ril topic generate`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct TopicGenerateArgs {
+    /// Message definition of ROS 2 with the comment `# Layout: <package>.<Struct>.v<version>`; nested structs stand in the same file
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+
+    /// Folder for the four files, `<struct>.rs`, `.h`, `.py` and `.pyi`, which are replaced if this command made them
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    pub output: PathBuf,
+
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What every file begins with after its comment sign. A file that begins otherwise is nobody's to replace.
+const MARK: &str = "Made by `ril topic generate`";
+
+/// Where the mark stands in a file: within its first bytes.
+const MARKED_BYTES: u64 = 128;
+
+/// Longest definition.
+const MAX_FILE_BYTES: u64 = 1 << 20;
+
+/// `ril topic generate`
+///
+/// # Errors
+///
+/// Code 2 for a definition that is none, 1 for a file that cannot be read or written, or that another program made.
+pub fn generate(args: &TopicGenerateArgs) -> Result<(), Failure> {
+    let file = args.file.display();
+    let mut text = String::new();
+    File::open(&args.file)
+        .and_then(|file| file.take(MAX_FILE_BYTES + 1).read_to_string(&mut text))
+        .or_fail_with(ExitCode::Internal, format!("{file} cannot be read"))?;
+    if text.len() as u64 > MAX_FILE_BYTES {
+        return Err(Failure::usage(format!(
+            "{file} is longer than {MAX_FILE_BYTES} bytes, which no message definition needs"
+        )));
+    }
+    if !text.ends_with('\n') {
+        text.push('\n');
+    }
+    let schema = Schema::parse(&text)
+        .or_fail_with(ExitCode::Usage, format!("{file} is no message definition"))?;
+    let name = args.file.file_name().unwrap_or_default().to_string_lossy();
+    let layout = generate::layout_of(&schema);
+    let stem = export::upper_snake(layout.name).to_lowercase();
+    let made = format!("{MARK} from {name}: do not edit.");
+    let files = [
+        ("rs", rust(layout, &made)),
+        ("h", c_header(layout, &text, &made)),
+        ("py", python(layout, &text, &made)),
+        ("pyi", python_stub(layout, &made)),
+    ];
+    let files: Vec<(PathBuf, String)> = files
+        .into_iter()
+        .map(|(ending, text)| (args.output.join(format!("{stem}.{ending}")), text))
+        .collect();
+    for (path, _) in &files {
+        check(path)?;
+    }
+    let mut names = Vec::new();
+    for (path, text) in &files {
+        let name = path.display().to_string();
+        fs::write(path, text)
+            .or_fail_with(ExitCode::Internal, format!("{name} cannot be written"))?;
+        names.push(name);
+    }
+    let mut out = io::stdout().lock();
+    if args.json {
+        let object = GeneratedObject {
+            schema: "ril.Generated.v1",
+            type_name: schema.type_name(),
+            bytes: schema.size(),
+            layout_hash: format!("{:016x}", schema.layout_hash()),
+            files: names,
+        };
+        return json_line(&mut out, &object);
+    }
+    writeln!(out, "{}", names.join("\n")).map_err(Failure::output)
+}
+
+/// What was made, as one JSON object.
+#[derive(Serialize)]
+struct GeneratedObject<'a> {
+    schema: &'static str,
+    #[serde(rename = "type")]
+    type_name: &'a str,
+    bytes: usize,
+    layout_hash: String,
+    files: Vec<String>,
+}
+
+/// Whether the file may be replaced: it is not there, or this command made it.
+fn check(path: &Path) -> Result<(), Failure> {
+    let mut begin = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(MARKED_BYTES).read_to_end(&mut begin));
+    let is_ours = || String::from_utf8_lossy(&begin).contains(MARK);
+    match read {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Ok(_) if is_ours() => Ok(()),
+        _ => Err(Failure::internal(format!(
+            "{} exists already, and `ril topic generate` did not make it: use --output with another folder",
+            path.display()
+        ))),
+    }
+}
+
+fn rust(layout: &'static Layout, made: &str) -> String {
+    format!("// {made}\n{}", generate::rust_module(&[layout]))
+}
+
+/// The header has the definition too, for `hero_ril_topic` and `hero_ril_service`.
+fn c_header(layout: &'static Layout, definition: &str, made: &str) -> String {
+    let (package, name) = (layout.package(), export::upper_snake(layout.name));
+    let guard = format!("{package}_{name}").to_uppercase();
+    let mut schema = format!("#define {guard}_SCHEMA");
+    for line in definition.lines() {
+        let line = line.replace('\\', "\\\\").replace('"', "\\\"");
+        // Writing to a string cannot fail.
+        let _ = write!(schema, " \\\n    \"{line}\\n\"");
+    }
+    let header = export::c_header(&format!("{guard}_H"), &[layout]);
+    let end = header.rfind("\n#endif\n").unwrap_or(header.len());
+    format!("/* {made} */\n{}\n{schema}\n\n#endif\n", &header[..end])
+}
+
+/// The definition goes along, so that a topic has the comments and units.
+fn python(layout: &'static Layout, definition: &str, made: &str) -> String {
+    let definition = definition.replace('\\', "\\\\").replace("\"\"\"", "'''");
+    let module = export::python_module(&[layout]);
+    let name = layout.name;
+    format!("# {made}\n{module}\n\n{name}.SCHEMA = \"\"\"\\\n{definition}\"\"\"\n")
+}
+
+fn python_stub(layout: &'static Layout, made: &str) -> String {
+    let structs = layout.with_nested().into_iter().map(generate::python_stub);
+    iter::once(format!("# {made}\n{}", generate::PYTHON_STUB_HEAD))
+        .chain(structs)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_this_command_made_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pack.rs");
+        assert!(check(&path).is_ok(), "it is not there");
+        for (content, is_ours) in [
+            (
+                format!("// {MARK} from Pack.msg: do not edit.\n").into_bytes(),
+                true,
+            ),
+            (b"fn main() {}\n".to_vec(), false),
+            (b"\xff\xfe no text".to_vec(), false),
+            (Vec::new(), false),
+        ] {
+            fs::write(&path, content).unwrap();
+            assert_eq!(check(&path).is_ok(), is_ours);
+        }
+        assert!(check(folder.path()).is_err(), "a folder");
+    }
+}

@@ -1,0 +1,678 @@
+//! [`Meter`]: what `ril hz`, `ril delay` and `ril bw` measure, a pure value. It is given samples with the moment at which each came, and
+//! reports one quantity at any time.
+//!
+//! * The rate is measured twice, because the two differ when samples are lost: the observed rate counts what came, the published one
+//!   goes by sequence numbers and the publisher's own times. A sample of another publisher begins anew; the pause between two publishers
+//!   is the rate of neither.
+//! * The age of a sample is measured three times, as far as it has the times. The first two compare host times, which all processes of a
+//!   machine share. The DSP's clock began at its boot and cannot be compared with the host's; but the quickest samples show how the two
+//!   stand to each other, and how much later than those a sample came can be said: what the line, the DSP's own queue and this machine
+//!   added.
+//! * Bytes are those that would have to be carried over a tunnel to another machine, or written into a log: in shared memory a consumer
+//!   reads where the publisher wrote.
+//!
+//! Losses are not guessed from times: they are those that the subscriber counted by sequence numbers.
+
+use std::time::Duration;
+
+use ipc_types::{Losses, MonotonicNs};
+use serde::Serialize;
+use serde::ser::{SerializeMap, Serializer};
+use serde_json::Value;
+
+use super::histogram::{Detail, Distribution, Histogram, Unit, rounded};
+use crate::render::stamps::{DspClock, Stamps};
+use crate::render::words::count;
+
+/// For how long the DSP's clock is compared with the quickest sample. Two quartzes drift apart by up to 1 ms in this time,
+/// which is the step of the DSP's clock; a longer time would show the drift and not the delay.
+const WINDOW: Duration = Duration::from_secs(10);
+
+/// Most samples that are compared: 400 a second in the time of the window. When more come the window ends earlier.
+const MAX_WINDOW_SAMPLES: usize = 4096;
+
+/// The length of a second, ns.
+const SECOND_NS: u64 = 1_000_000_000;
+
+/// What is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// `ril hz`: how often samples come here, and how often they are published.
+    Rate,
+    /// `ril delay`: how old they are when they come.
+    Age,
+    /// `ril bw`: how many bytes they make.
+    Bandwidth,
+}
+
+impl Quantity {
+    /// Name of the JSON object's layout.
+    pub const fn schema(self) -> &'static str {
+        match self {
+            Quantity::Rate => "ril.Rate.v1",
+            Quantity::Age => "ril.Delay.v2",
+            Quantity::Bandwidth => "ril.Bandwidth.v1",
+        }
+    }
+}
+
+/// Whose samples are measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Of<'a> {
+    /// Robot id.
+    pub robot: u32,
+    /// Key of the service, such as `hero_telemetry`.
+    pub service: &'a str,
+    /// How true times of another machine are; `None` if the samples are of this machine.
+    pub relayed: Option<RelayedTimes>,
+}
+
+/// How true the times in samples are that come from another machine: the relay translated them to this machine's clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RelayedTimes {
+    /// How far they may be from the truth, to either side, s; `None` if the relay does not know it.
+    pub uncertainty_s: Option<f64>,
+}
+
+/// See the module's documentation. Whatever it reports, it measures all: pages of histograms that are not used take no memory.
+#[derive(Clone, Debug)]
+pub struct Meter {
+    quantity: Quantity,
+    payload_bytes: u64,
+    samples: u64,
+    first: Option<MonotonicNs>,
+    last: Option<(Stamps, MonotonicNs)>,
+    /// Steps of the sequence, and the time that they took by the publisher's clock.
+    published: u64,
+    published_ns: u64,
+    intervals: Histogram,
+    published_intervals: Histogram,
+    since_received: Histogram,
+    since_published: Histogram,
+    window: ClockWindow,
+    behind_quickest: Histogram,
+    /// The second under way: when it began, and the bytes in it so far.
+    second: Option<(MonotonicNs, u64)>,
+    seconds: Histogram,
+}
+
+/// The samples that are being compared by the DSP's clock.
+#[derive(Clone, Debug, Default)]
+struct ClockWindow {
+    began: MonotonicNs,
+    clock: Option<DspClock>,
+    /// Of each sample, when it came minus what the DSP's clock said: the same for all that took the same time.
+    offsets_ns: Vec<i128>,
+}
+
+impl ClockWindow {
+    /// Whether a sample that came at `now` with `clock` has to be compared with others.
+    fn is_over(&self, clock: DspClock, now: MonotonicNs) -> bool {
+        self.offsets_ns.len() == MAX_WINDOW_SAMPLES
+            || now.since(self.began) >= WINDOW
+            || self.clock.is_some_and(|last| {
+                clock.boots != last.boots || clock.since_boot_ns < last.since_boot_ns
+            })
+    }
+
+    /// Adds each sample's lag behind the quickest to `histogram`.
+    fn compare(&self, histogram: &mut Histogram) {
+        let Some(quickest) = self.offsets_ns.iter().min() else {
+            return;
+        };
+        for offset in &self.offsets_ns {
+            histogram.record(u64::try_from(offset - quickest).unwrap_or(u64::MAX));
+        }
+    }
+
+    /// Takes a sample; one that cannot be compared with those before ends their comparison, which goes into `histogram`.
+    fn take(&mut self, clock: DspClock, now: MonotonicNs, histogram: &mut Histogram) {
+        if self.offsets_ns.is_empty() {
+            self.began = now;
+        } else if self.is_over(clock, now) {
+            self.compare(histogram);
+            self.offsets_ns.clear();
+            self.began = now;
+        }
+        self.clock = Some(clock);
+        let offset_ns = i128::from(now.0) - i128::from(clock.since_boot_ns);
+        self.offsets_ns.push(offset_ns);
+    }
+}
+
+impl Meter {
+    /// Begins to measure samples of so many bytes.
+    pub fn new(quantity: Quantity, payload_bytes: usize) -> Meter {
+        let times = || Histogram::new(Unit::Milliseconds);
+        Meter {
+            quantity,
+            payload_bytes: payload_bytes as u64,
+            samples: 0,
+            first: None,
+            last: None,
+            published: 0,
+            published_ns: 0,
+            intervals: times(),
+            published_intervals: times(),
+            since_received: times(),
+            since_published: times(),
+            window: ClockWindow {
+                offsets_ns: Vec::with_capacity(MAX_WINDOW_SAMPLES),
+                ..ClockWindow::default()
+            },
+            behind_quickest: times(),
+            second: None,
+            seconds: Histogram::new(Unit::Bytes),
+        }
+    }
+
+    /// Takes a sample that came at `now`.
+    pub fn take(&mut self, stamps: &Stamps, now: MonotonicNs) {
+        self.samples += 1;
+        self.first.get_or_insert(now);
+        if let Some((last, came)) = self.last.replace((*stamps, now)) {
+            self.intervals.record(now.0.saturating_sub(came.0));
+            if stamps.epoch_ns == last.epoch_ns {
+                let steps = stamps.sequence.saturating_sub(last.sequence);
+                let took_ns = stamps.sent.0.saturating_sub(last.sent.0);
+                self.published = self.published.saturating_add(steps);
+                self.published_ns = self.published_ns.saturating_add(took_ns);
+                if steps == 1 {
+                    self.published_intervals.record(took_ns);
+                }
+            }
+        }
+        for (time, histogram) in [
+            (stamps.received, &mut self.since_received),
+            (stamps.published, &mut self.since_published),
+        ] {
+            if let Some(time) = time {
+                histogram.record(now.0.saturating_sub(time.0));
+            }
+        }
+        if let Some(clock) = stamps.dsp {
+            self.window.take(clock, now, &mut self.behind_quickest);
+        }
+        self.count(now);
+    }
+
+    /// Counts a sample into its second. Seconds in which nothing came count as well.
+    fn count(&mut self, now: MonotonicNs) {
+        let (began, bytes) = self.second.get_or_insert((now, 0));
+        let over = now.0.saturating_sub(began.0) / SECOND_NS;
+        if over > 0 {
+            self.seconds.record(*bytes);
+            self.seconds.record_n(0, over - 1);
+            *began = MonotonicNs(began.0 + over * SECOND_NS);
+            *bytes = 0;
+        }
+        *bytes += self.payload_bytes;
+    }
+
+    /// From the first sample to the last, s.
+    fn seconds(&self) -> f64 {
+        match (self.first, self.last) {
+            (Some(first), Some((_, last))) => last.since(first).as_secs_f64(),
+            _ => 0.0,
+        }
+    }
+
+    /// Samples that came here and that were published, per second; `None` before the second.
+    fn rates(&self) -> [Option<f64>; 2] {
+        let per_second =
+            |count: u64, seconds: f64| (count > 0 && seconds > 0.0).then(|| count as f64 / seconds);
+        [
+            per_second(self.samples.saturating_sub(1), self.seconds()),
+            per_second(self.published, self.published_ns as f64 / 1e9),
+        ]
+    }
+
+    /// What was measured so far.
+    pub fn report(&self, of: Of, losses: Losses) -> MeterReport {
+        let mut report = MeterReport::default();
+        let seconds = rounded(self.seconds(), 6);
+        let due = losses.received.saturating_add(losses.lost);
+        let percent = rounded(100.0 * losses.lost as f64 / due.max(1) as f64, 4);
+        report.line(format!(
+            "{} of robot {}: {} in {seconds:.3} s",
+            of.service,
+            of.robot,
+            count(self.samples, "sample")
+        ));
+        report.line(format!(
+            "{} lost ({percent:.2} %), {}",
+            losses.lost,
+            count(losses.publisher_restarts, "publisher restart")
+        ));
+        report.add("schema", self.quantity.schema());
+        report.add("robot", of.robot);
+        report.add("service", of.service);
+        report.add("samples", self.samples);
+        report.add("seconds", seconds);
+        report.add("lost", losses.lost);
+        report.add("lost_percent", percent);
+        report.add("repeated", losses.repeated);
+        report.add("publisher_restarts", losses.publisher_restarts);
+        match self.quantity {
+            Quantity::Rate => self.report_rate(&mut report),
+            Quantity::Age => self.report_age(of.relayed, &mut report),
+            Quantity::Bandwidth => self.report_bandwidth(&mut report),
+        }
+        report
+    }
+
+    fn report_rate(&self, report: &mut MeterReport) {
+        let [observed, published] = self.rates().map(|rate| rate.map(|hz| rounded(hz, 3)));
+        let shown = |rate| or_dash(rate, |hz: f64| format!("{hz:.2} Hz"));
+        report.line(format!(
+            "observed {}, published {}",
+            shown(observed),
+            shown(published)
+        ));
+        report.add("observed_hz", observed);
+        report.add("published_hz", published);
+        report.spread("interval_ms", "interval here", &self.intervals);
+        let title = "interval at the publisher";
+        report.spread("published_interval_ms", title, &self.published_intervals);
+    }
+
+    fn report_age(&self, relayed: Option<RelayedTimes>, report: &mut MeterReport) {
+        let uncertainty_ms = relayed
+            .and_then(|times| times.uncertainty_s)
+            .map(|seconds| rounded(seconds * 1e3, 6));
+        let truth = match uncertainty_ms {
+            Some(ms) => format!("ages are true within ±{ms:.3} ms"),
+            None => "how true the ages are is not known".to_owned(),
+        };
+        if relayed.is_some() {
+            report.line(format!("relayed from another machine: {truth}"));
+        }
+        let mut behind_quickest = self.behind_quickest.clone();
+        self.window.compare(&mut behind_quickest);
+        let title = "bridge's last byte to here";
+        report.spread("since_received_ms", title, &self.since_received);
+        report.spread(
+            "since_published_ms",
+            "publisher to here",
+            &self.since_published,
+        );
+        let title = "DSP's clock to here, behind the quickest";
+        report.spread("behind_quickest_ms", title, &behind_quickest);
+        report.add("relayed", relayed.is_some());
+        report.add("age_uncertainty_ms", uncertainty_ms);
+    }
+
+    fn report_bandwidth(&self, report: &mut MeterReport) {
+        let (size, bytes) = (self.payload_bytes, self.samples * self.payload_bytes);
+        let per_second = |rate: f64| rounded(rate * size as f64, 1);
+        let [observed, published] = self.rates().map(|rate| rate.map(per_second));
+        let shown = |rate| or_dash(rate, |bytes: f64| format!("{:.2} kB/s", bytes / 1e3));
+        report.line(format!(
+            "observed {}, published {}",
+            shown(observed),
+            shown(published)
+        ));
+        report.line(format!("{size} B a sample, {bytes} B in all"));
+        report.add("payload_bytes", size);
+        report.add("bytes", bytes);
+        report.add("observed_bytes_per_s", observed);
+        report.add("published_bytes_per_s", published);
+        report.spread("bytes_in_a_second", "in each second", &self.seconds);
+    }
+}
+
+fn or_dash(number: Option<f64>, shown: impl FnOnce(f64) -> String) -> String {
+    number.map_or_else(|| "-".to_owned(), shown)
+}
+
+/// A measurement: as text for people, as JSON for programs.
+#[derive(Clone, Debug, Default)]
+pub struct MeterReport {
+    /// What people read above the histograms.
+    lines: String,
+    fields: Vec<(&'static str, Figure)>,
+}
+
+/// A value of a report.
+#[derive(Clone, Debug)]
+enum Figure {
+    Plain(Value),
+    /// A quantity with its title for people; `None` if nothing was measured.
+    Spread(&'static str, Option<Distribution>),
+}
+
+impl MeterReport {
+    fn line(&mut self, line: String) {
+        self.lines += &line;
+        self.lines.push('\n');
+    }
+
+    fn add(&mut self, name: &'static str, value: impl Into<Value>) {
+        self.fields.push((name, Figure::Plain(value.into())));
+    }
+
+    fn spread(&mut self, name: &'static str, title: &'static str, histogram: &Histogram) {
+        let figure = Figure::Spread(title, histogram.summary());
+        self.fields.push((name, figure));
+    }
+
+    /// Lines of at most 80 characters.
+    pub fn text(&self, detail: Detail) -> String {
+        let mut text = self.lines.clone();
+        for (_, figure) in &self.fields {
+            if let Figure::Spread(title, Some(summary)) = figure {
+                summary.write(title, detail, &mut text);
+            }
+        }
+        text
+    }
+}
+
+impl Serialize for MeterReport {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.fields.len()))?;
+        for (name, figure) in &self.fields {
+            match figure {
+                Figure::Plain(value) => map.serialize_entry(name, value)?,
+                Figure::Spread(_, summary) => map.serialize_entry(name, summary)?,
+            }
+        }
+        map.end()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OF: Of = Of {
+        robot: 1,
+        service: "hero_telemetry",
+        relayed: None,
+    };
+
+    /// Sample `sequence` of publisher `epoch_ns`, sent at so many ms.
+    fn sample(epoch_ns: u64, sequence: u64, sent_ms: u64) -> Stamps {
+        Stamps {
+            epoch_ns,
+            sequence,
+            sent: at(sent_ms),
+            received: None,
+            published: None,
+            dsp: None,
+        }
+    }
+
+    fn at(ms: u64) -> MonotonicNs {
+        MonotonicNs(ms * 1_000_000)
+    }
+
+    /// Text for people and object for programs.
+    fn shown(report: &MeterReport) -> (String, Value) {
+        let text = report.text(Detail::Figures);
+        (text, serde_json::to_value(report).unwrap())
+    }
+
+    fn measured(
+        quantity: Quantity,
+        samples: impl IntoIterator<Item = (Stamps, u64)>,
+    ) -> (String, Value) {
+        let mut meter = Meter::new(quantity, 272);
+        for (stamps, came_ms) in samples {
+            meter.take(&stamps, at(came_ms));
+        }
+        assert!(meter.window.offsets_ns.capacity() <= MAX_WINDOW_SAMPLES);
+        shown(&meter.report(OF, Losses::default()))
+    }
+
+    fn rate(samples: &[(Stamps, u64)]) -> (String, Value) {
+        measured(Quantity::Rate, samples.iter().copied())
+    }
+
+    #[test]
+    fn one_sample_is_no_rate() {
+        let (text, json) = rate(&[(sample(1, 1, 0), 5)]);
+        assert_eq!(json["samples"], 1);
+        assert!(json["observed_hz"].is_null() && json["published_hz"].is_null());
+        assert!(text.contains("observed -, published -"), "{text}");
+    }
+
+    #[test]
+    fn losses_lower_the_observed_rate_and_not_the_published_one() {
+        let every_other: Vec<_> = (0..=50)
+            .map(|n| (sample(1, 1 + 2 * n, 40 * n), 3 + 40 * n))
+            .collect();
+        let (_, json) = rate(&every_other);
+        assert_eq!(json["observed_hz"], 25.0);
+        assert_eq!(json["published_hz"], 50.0);
+        let without_a_gap = &json["published_interval_ms"];
+        assert!(without_a_gap.is_null(), "{without_a_gap}");
+        assert_eq!(json["interval_ms"]["count"], 50);
+    }
+
+    #[test]
+    fn samples_that_come_together_are_published_evenly_all_the_same() {
+        let (_, json) = rate(&[
+            (sample(1, 1, 0), 0),
+            (sample(1, 2, 20), 60),
+            (sample(1, 3, 40), 60),
+            (sample(1, 4, 60), 60),
+        ]);
+        assert_eq!(json["observed_hz"], 50.0);
+        assert_eq!(json["published_hz"], 50.0);
+        assert_eq!(json["interval_ms"]["min"], 0.0);
+        let longest = &json["published_interval_ms"]["max"];
+        assert!((longest.as_f64().unwrap() - 20.0).abs() < 0.02);
+    }
+
+    #[test]
+    fn the_pause_between_two_publishers_is_not_in_the_published_rate() {
+        let (_, json) = rate(&[
+            (sample(1, 7, 0), 0),
+            (sample(1, 8, 20), 20),
+            (sample(2, 1, 1000), 1000),
+            (sample(2, 2, 1020), 1020),
+        ]);
+        assert_eq!(json["published_hz"], 50.0);
+        assert_eq!(json["published_interval_ms"]["count"], 2);
+    }
+
+    #[test]
+    fn programs_get_one_object() {
+        let losses = Losses {
+            received: 3,
+            lost: 1,
+            ..Losses::default()
+        };
+        let mut meter = Meter::new(Quantity::Rate, 0);
+        meter.take(&sample(1, 1, 0), at(0));
+        meter.take(&sample(1, 2, 20), at(20));
+        let (_, json) = shown(&meter.report(OF, losses));
+        assert_eq!(json["schema"], "ril.Rate.v1");
+        assert_eq!(json["service"], "hero_telemetry");
+        assert_eq!(
+            (&json["lost"], &json["lost_percent"]),
+            (&1.into(), &25.0.into())
+        );
+        assert_eq!(json["observed_hz"], 50.0);
+        assert_eq!(json["interval_ms"]["count"], 1);
+        assert_eq!(json["interval_ms"]["histogram"][0]["count"], 1);
+        assert_eq!(json["seconds"], 0.02);
+    }
+
+    #[test]
+    fn absurd_stamps_do_not_overflow() {
+        let (_, json) = rate(&[
+            (sample(1, u64::MAX, 10), 10),
+            (sample(1, 0, 0), 0),
+            (sample(1, u64::MAX, 10), 10),
+            (sample(1, 0, 0), 0),
+            (sample(1, u64::MAX, 10), 10),
+        ]);
+        assert!(json["published_hz"].is_number());
+    }
+
+    /// A sample of the DSP's time `dsp_ms` after the boot number `boots`.
+    fn timed(boots: u32, dsp_ms: u64) -> Stamps {
+        Stamps {
+            dsp: Some(DspClock {
+                since_boot_ns: dsp_ms * 1_000_000,
+                boots,
+            }),
+            ..sample(1, 1, 0)
+        }
+    }
+
+    fn age(samples: impl IntoIterator<Item = (Stamps, u64)>) -> Value {
+        measured(Quantity::Age, samples).1
+    }
+
+    /// Whether `value` is right within the thousandth that a histogram keeps.
+    fn about(value: &Value, expected: f64) -> bool {
+        (value.as_f64().unwrap() - expected).abs() <= expected * 1e-3
+    }
+
+    #[test]
+    fn each_age_is_from_its_own_time_and_missing_ones_are_nothing() {
+        let both = Stamps {
+            received: Some(at(100)),
+            published: Some(at(103)),
+            ..sample(1, 1, 0)
+        };
+        let report = age([(both, 104)]);
+        assert!(about(&report["since_received_ms"]["p50"], 4.0));
+        assert!(about(&report["since_published_ms"]["p50"], 1.0));
+        assert!(report["behind_quickest_ms"].is_null());
+        let report = age([(timed(0, 0), 1)]);
+        assert!(report["since_received_ms"].is_null());
+        assert!(report["since_published_ms"].is_null());
+    }
+
+    #[test]
+    fn the_quickest_sample_is_the_measure_wherever_it_comes() {
+        let lags = [5, 7, 0, 2, 9];
+        let samples = (0..)
+            .zip(lags)
+            .map(|(n, lag)| (timed(0, 20 * n), 777 + 20 * n + lag));
+        let summary = &age(samples)["behind_quickest_ms"];
+        assert_eq!(
+            (&summary["count"], &summary["min"]),
+            (&5.into(), &0.0.into())
+        );
+        assert!(
+            about(&summary["p50"], 5.0) && about(&summary["max"], 9.0),
+            "{summary:?}"
+        );
+    }
+
+    #[test]
+    fn a_dsp_that_boots_has_another_clock() {
+        let rebooted = [(timed(0, 5000), 5000), (timed(1, 10), 6000)];
+        // Boots that were not counted show in the clock itself.
+        let unseen = [(timed(0, 5000), 5000), (timed(0, 10), 6000)];
+        for samples in [rebooted, unseen] {
+            let summary = &age(samples)["behind_quickest_ms"];
+            assert_eq!(
+                (&summary["count"], &summary["max"]),
+                (&2.into(), &0.0.into())
+            );
+        }
+    }
+
+    #[test]
+    fn clocks_that_drift_apart_are_compared_for_ten_seconds_only() {
+        // A hundred seconds, in which the DSP's clock loses 100 ms.
+        let samples = (0..1000).map(|n| (timed(0, n * 100 - n / 10), n * 100));
+        let summary = &age(samples)["behind_quickest_ms"];
+        assert_eq!(summary["count"], 1000);
+        assert!(summary["max"].as_f64().unwrap() <= 10.1, "{summary:?}");
+    }
+
+    #[test]
+    fn a_flood_is_compared_in_shorter_parts() {
+        let count = 3 * MAX_WINDOW_SAMPLES as u64 + 1;
+        let report = age((0..count).map(|n| (timed(0, n / 10), n / 10)));
+        assert_eq!(report["behind_quickest_ms"]["count"], count);
+    }
+
+    #[test]
+    fn times_to_come_and_absurd_ones_do_no_harm() {
+        let odd = Stamps {
+            received: Some(MonotonicNs(u64::MAX)),
+            published: Some(MonotonicNs(0)),
+            dsp: Some(DspClock {
+                since_boot_ns: u64::MAX,
+                boots: u32::MAX,
+            }),
+            ..sample(1, 1, 0)
+        };
+        let report = age([(odd, 1), (timed(u32::MAX, 0), 2), (odd, 3)]);
+        assert_eq!(report["since_received_ms"]["max"], 0.0);
+        assert!(report["behind_quickest_ms"].is_object());
+    }
+
+    #[test]
+    fn ages_of_another_machine_are_as_true_as_the_comparison_of_clocks() {
+        let report = |relayed| {
+            let of = Of { relayed, ..OF };
+            shown(&Meter::new(Quantity::Age, 0).report(of, Losses::default()))
+        };
+        let relayed = |uncertainty_s| report(Some(RelayedTimes { uncertainty_s }));
+        let (text, json) = relayed(Some(0.0025));
+        assert_eq!(json["relayed"], true);
+        assert_eq!(json["age_uncertainty_ms"], 2.5);
+        assert!(text.contains("ages are true within ±2.500 ms\n"), "{text}");
+        let (text, json) = relayed(None);
+        assert_eq!(json["relayed"], true);
+        assert!(json["age_uncertainty_ms"].is_null());
+        let unknown = "how true the ages are is not known";
+        assert!(text.contains(unknown), "{text}");
+        let (text, json) = report(None);
+        assert_eq!(json["relayed"], false);
+        assert!(json["age_uncertainty_ms"].is_null());
+        assert!(!text.contains("relayed"), "{text}");
+    }
+
+    #[test]
+    fn text_and_json_say_the_same() {
+        let samples = [(timed(0, 0), 0), (timed(0, 20), 23)];
+        let (text, json) = measured(Quantity::Age, samples);
+        assert!(text.contains("DSP's clock to here"), "{text}");
+        assert_eq!(json["schema"], "ril.Delay.v2");
+        assert!(json["since_received_ms"].is_null());
+        assert_eq!(json["behind_quickest_ms"]["count"], 2);
+    }
+
+    fn bandwidth(came_ms: impl IntoIterator<Item = u64>) -> (String, Value) {
+        let samples = (1..).zip(came_ms);
+        measured(
+            Quantity::Bandwidth,
+            samples.map(|(index, ms)| (sample(1, index, ms), ms)),
+        )
+    }
+
+    #[test]
+    fn bytes_are_samples_times_their_size() {
+        let (text, json) = bandwidth((0..=100).map(|n| 20 * n));
+        assert_eq!(json["payload_bytes"], 272);
+        assert_eq!(json["bytes"], 101 * 272);
+        assert_eq!(json["observed_bytes_per_s"], 50.0 * 272.0);
+        assert_eq!(json["published_bytes_per_s"], 50.0 * 272.0);
+        assert!(text.contains("13.60 kB/s"), "{text}");
+    }
+
+    #[test]
+    fn only_whole_seconds_are_counted_and_the_empty_ones_too() {
+        let (_, json) = bandwidth([0, 500, 999]);
+        assert!(json["bytes_in_a_second"].is_null());
+        let (_, json) = bandwidth([0, 500, 999, 4000, 4500, 5000]);
+        let seconds = &json["bytes_in_a_second"];
+        // Three samples, nothing for three seconds, two samples; the sixth second has just begun.
+        assert_eq!(seconds["count"], 5);
+        assert_eq!(
+            (&seconds["min"], &seconds["max"]),
+            (&0.0.into(), &816.0.into())
+        );
+        assert_eq!(seconds["p50"], 0.0);
+    }
+}
