@@ -164,47 +164,40 @@ impl<'a> Loop<'a> {
         }
     }
 
-    /// What of the domain was not there before the kills, and was last changed before the last successor started.
-    fn left_of_the_killed(&self, mut things: Vec<PathBuf>) -> Vec<PathBuf> {
-        things.retain(|path| {
-            let metadata = path.symlink_metadata();
-            let modified = metadata.and_then(|metadata| metadata.modified());
-            !self.before.contains(path) && modified.is_ok_and(|then| then < self.last_start)
-        });
-        things
-    }
-
     /// Waits until what was left is removed, ends all processes and says what came of it.
     fn finish(mut self) -> Outcome {
         // A process that was killed while it made its node leaves three files that belong to nobody.
         let may_be_left = (3 * self.in_start_up as usize).min(MAX_LEFTOVERS);
-        let most = self.before.len() + may_be_left;
         let domain = &self.site.domain;
         let witness = &mut self.witness;
+        let mut left = Vec::new();
         let took = self.survivors.wait_until_flat(
             // The next sample is the occasion.
             || _ = witness.receive_after(MonotonicNs::now()),
-            || domain.residue().len() <= most,
+            || {
+                left = left_of_the_killed(domain.residue(), &self.before, self.last_start);
+                left.len() <= may_be_left
+            },
         );
-        let after = domain.residue();
-        let count = after.len();
         let mut outcome = Outcome::default();
         outcome.cell("killed", self.victim.name());
         outcome.cell("kills", self.kills);
         outcome.cell("of them while it started", self.in_start_up);
         outcome.cell("ready again", &self.ready);
         outcome.cell("telemetry again", &self.again);
-        let (before, took_s) = (self.before.len(), took.as_secs_f64());
+        let (before, left_count, took_s) = (self.before.len(), left.len(), took.as_secs_f64());
         outcome.cell(
             "files and segments",
-            format!("{before} before, {count} {took_s:.1} s after"),
+            format!("{before} before, {left_count} left {took_s:.1} s after"),
         );
         self.survivors.report(&mut outcome);
         let now = Holdings::of(std::process::id()).descriptors;
         let own = format!("{} → {now}", self.own_descriptors);
         outcome.cell("descriptors of this process", own);
-        let left = self.left_of_the_killed(after);
-        outcome.require(count <= most, format!("left of the killed: {left:?}"));
+        outcome.require(
+            left_count <= may_be_left,
+            format!("left of the killed: {left:?}"),
+        );
         outcome.require(
             self.survivors.are_flat(),
             "a survivor holds more descriptors",
@@ -219,4 +212,19 @@ impl<'a> Loop<'a> {
         self.site.end(others, false);
         outcome
     }
+}
+
+/// Which of `things` were not there before the kills, and were last changed before the last successor started. What this one and its
+/// partners make is not counted: they may still be at it.
+fn left_of_the_killed(
+    mut things: Vec<PathBuf>,
+    before: &[PathBuf],
+    last_start: SystemTime,
+) -> Vec<PathBuf> {
+    things.retain(|path| {
+        let metadata = path.symlink_metadata();
+        let modified = metadata.and_then(|metadata| metadata.modified());
+        !before.contains(path) && modified.is_ok_and(|then| then < last_start)
+    });
+    things
 }

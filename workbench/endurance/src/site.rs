@@ -214,7 +214,7 @@ impl Survivors {
     pub fn wait_until_flat(
         &self,
         mut occasion: impl FnMut(),
-        is_clean: impl Fn() -> bool,
+        mut is_clean: impl FnMut() -> bool,
     ) -> Duration {
         let begun = Instant::now();
         while !(self.are_flat() && is_clean()) && begun.elapsed() < CLEAN_UP_LIMIT {
