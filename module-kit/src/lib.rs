@@ -22,6 +22,7 @@ mod manager;
 pub mod process;
 pub mod requests;
 pub mod rules;
+mod schedule;
 mod work;
 
 pub use manager::Manager;
@@ -29,7 +30,8 @@ pub use process::{SetUp, Sources};
 pub use requests::Requests;
 pub use rules::OnStop;
 pub use runtime::{self, ranged};
-pub use work::{STATE_PERIOD, Work, main, options, run, run_with};
+pub use schedule::{STATE_PERIOD, StateSchedule};
+pub use work::{Work, main, options, run, run_with};
 
 /// The configuration of a module that has none: an empty file.
 #[derive(Clone, Copy, Debug, Default, serde::Deserialize)]

@@ -2,7 +2,6 @@
 
 use std::ffi::OsString;
 use std::fmt::Debug;
-use std::time::Duration;
 
 use clap::{Args, Command, FromArgMatches};
 use ipc_types::code::{ControlCommand, Reason, Stage};
@@ -20,9 +19,7 @@ use serde::de::DeserializeOwned;
 use crate::manager::Manager;
 use crate::process::{self, Process, SetUp, Sources};
 use crate::requests::Requests;
-
-/// How often the state is published though it has not changed: consumers see by it that the module works.
-pub const STATE_PERIOD: Duration = Duration::from_secs(1);
+use crate::schedule::StateSchedule;
 
 /// The work of a module: its ports, and what it does with what comes through them.
 ///
@@ -154,7 +151,7 @@ struct Running<W: Work> {
     manager: Manager,
     state: Publisher<StateOf<W>>,
     control: Requests<ControlOf<W>>,
-    next_state: MonotonicNs,
+    schedule: StateSchedule,
 }
 
 impl<W: Work> Running<W> {
@@ -167,26 +164,14 @@ impl<W: Work> Running<W> {
             state: ipc.publisher()?,
             work: W::open(config, ipc)?,
             manager: Manager::new(now),
-            next_state: now,
+            schedule: StateSchedule::new(now),
         })
     }
 
     fn publish_state(&mut self, now: MonotonicNs) {
-        let is_changed = self.manager.take_changed();
-        if !is_changed && now < self.next_state {
+        let Some(state) = self.schedule.due(&mut self.manager, W::ID, now) else {
             return;
-        }
-        self.next_state = now + STATE_PERIOD;
-        let mut state = self.manager.state(W::ID);
-        state.published_ns = now.0;
-        if is_changed {
-            tracing::info!(
-                status = %self.manager.standing().status(),
-                error = state.error,
-                doing = state.doing().unwrap_or_default(),
-                "state"
-            );
-        }
+        };
         if let Err(error) = self.state.publish(|sample| *sample = StateOf::new(state)) {
             tracing::warn!(%error, "the state was not published");
         }
@@ -226,8 +211,9 @@ impl<W: Work> Process for Running<W> {
     }
 
     fn deadline(&self) -> Option<MonotonicNs> {
-        let work = self.work.deadline().unwrap_or(self.next_state);
-        Some(work.min(self.next_state))
+        let next_state = self.schedule.next();
+        let work = self.work.deadline();
+        Some(work.map_or(next_state, |work| work.min(next_state)))
     }
 }
 

@@ -2,13 +2,20 @@
 //! above take-off such as `+20m`, and waypoints. What only one verb takes is beside it.
 
 use std::ffi::OsString;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
 use std::time::Duration;
 
 use clap::Args;
 use runtime::args::CommonArgs;
 use runtime::duration::{self, Shown};
+use runtime::exit::Failure;
 
 use crate::config::{MAX_DEADLINE_MS, MAX_TIMEOUT_S, MIN_TIMEOUT_S};
+
+/// Longest file of waypoints or of a message definition: more than twenty times the longest path that the bridge takes.
+const MAX_TEXT_BYTES: u64 = 1 << 20;
 
 /// What each exit code means, for the end of the help.
 pub const EXIT_CODES: &str = "\
@@ -62,6 +69,33 @@ pub struct RequestArgs {
 pub fn wants_json(args: &[OsString]) -> bool {
     let mut options = args.iter().take_while(|arg| *arg != "--");
     options.any(|arg| arg == "--json")
+}
+
+/// The text of a file that a person writes; `-` is standard input.
+///
+/// # Errors
+///
+/// Code 2 when it cannot be read, is no text, or is longer than [`MAX_TEXT_BYTES`].
+pub(crate) fn read_text(path: &Path) -> Result<String, Failure> {
+    let name = path.display();
+    let mut text = String::new();
+    let read = if path == Path::new("-") {
+        bounded(io::stdin().lock()).read_to_string(&mut text)
+    } else {
+        File::open(path).and_then(|file| bounded(file).read_to_string(&mut text))
+    };
+    read.map_err(|error| Failure::usage(format!("{name}: cannot be read: {error}")))?;
+    match text.len() as u64 > MAX_TEXT_BYTES {
+        true => Err(Failure::usage(format!(
+            "{name}: longer than {MAX_TEXT_BYTES} bytes"
+        ))),
+        false => Ok(text),
+    }
+}
+
+/// One byte more than allowed shows that there are too many.
+fn bounded<R: Read>(source: R) -> io::Take<R> {
+    source.take(MAX_TEXT_BYTES + 1)
 }
 
 /// Reads a finite number of at most `limit`, either way.

@@ -11,7 +11,7 @@ use ipc_types::{
     Descriptor, DynamicPublisher, Ipc, MonotonicNs, Source, Ticket, Waiter, Wake, schema,
 };
 use module_kit::process::ROUND_PERIOD;
-use module_kit::{Manager, STATE_PERIOD};
+use module_kit::{Manager, StateSchedule};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
@@ -45,8 +45,7 @@ pub struct OwnModule {
     manager: Manager,
     control: Serving,
     state: DynamicPublisher,
-    /// When the state is published though it has not changed.
-    state_due: MonotonicNs,
+    schedule: StateSchedule,
     /// The request of the last event, which is done when the program waits again.
     carried_out: Option<Ticket>,
     termination: Option<Termination>,
@@ -97,7 +96,7 @@ impl OwnModule {
             manager: Manager::new(now),
             control,
             state,
-            state_due: now,
+            schedule: StateSchedule::new(now),
             carried_out: None,
             termination,
             watchdog: watchdog.map(|period| period.min(ROUND_PERIOD)),
@@ -111,11 +110,6 @@ impl OwnModule {
     /// The rules: whether the module may work, and what it reports when work begins and ends.
     pub fn manager(&mut self) -> &mut Manager {
         &mut self.manager
-    }
-
-    /// What is published of it next.
-    pub fn state(&self) -> State {
-        self.manager.state(self.id)
     }
 
     /// Sleeps until one of `sources` may have something, an event of the module comes, or `timeout` has passed. The first call tells the
@@ -205,18 +199,9 @@ impl OwnModule {
             self.watchdog_due = now + period;
             self.supervisor.watchdog();
         }
-        let is_changed = self.manager.take_changed();
-        if !is_changed && now < self.state_due {
+        let Some(state) = self.schedule.due(&mut self.manager, self.id, now) else {
             return;
-        }
-        self.state_due = now + STATE_PERIOD;
-        let mut state = self.state();
-        state.published_ns = now.0;
-        if is_changed {
-            let status = self.manager.standing().status();
-            let doing = state.doing().unwrap_or_default();
-            tracing::info!(%status, error = state.error, doing, "state");
-        }
+        };
         let fill = |sample: &mut [u8]| sample.copy_from_slice(state.bytes());
         if let Err(error) = self.state.publish(fill) {
             tracing::warn!(%error, "the state was not published");
@@ -229,7 +214,7 @@ impl OwnModule {
         sources: &mut [&mut dyn Source],
         deadline: MonotonicNs,
     ) -> Result<Wake<bool>, Error> {
-        let mut until = deadline.min(self.state_due);
+        let mut until = deadline.min(self.schedule.next());
         if self.watchdog.is_some() {
             until = until.min(self.watchdog_due);
         }

@@ -220,43 +220,38 @@ impl Serving {
         let Some(client) = once.note(ticket, report)? else {
             return Ok(Reported::Sent);
         };
-        let sent = self.send(client, report)?;
-        if sent == Reported::Gone
-            && let Some(once) = &mut self.once
-        {
-            once.answers.vanished(client);
-            return Ok(Reported::Sent);
+        match self.send(client, report)? {
+            Reported::Gone => Ok(Reported::Sent),
+            sent => Ok(sent),
         }
-        Ok(sent)
     }
 
     /// Answers a request that is not handed on. What cannot be sent to its client concerns nobody else.
     fn tell(&mut self, ticket: Ticket, report: &RequestReport) {
-        match self.send(ticket, report) {
-            Ok(Reported::Gone) => {
-                if let Some(once) = &mut self.once {
-                    once.answers.vanished(ticket);
-                }
-            }
-            Ok(_) => {}
-            Err(error) => tracing::debug!(%error, "a report was not sent"),
+        if let Err(error) = self.send(ticket, report) {
+            tracing::debug!(%error, "a report was not sent");
         }
     }
 
     fn send(&mut self, ticket: Ticket, report: &RequestReport) -> Result<Reported, Error> {
-        match self.server.report(ticket, report) {
-            Ok(()) => Ok(Reported::Sent),
-            Err(ReportError::BufferFull) => Ok(Reported::Dropped),
-            Err(ReportError::Vanished) => Ok(Reported::Gone),
+        let sent = match self.server.report(ticket, report) {
+            Ok(()) => Reported::Sent,
+            Err(ReportError::BufferFull) => Reported::Dropped,
+            Err(ReportError::Vanished) => Reported::Gone,
             // Closed by a look that the caller was not told of yet: now it is.
-            Err(ReportError::NotOpen) => match self.gone.iter().position(|of| *of == ticket) {
-                Some(place) => {
-                    self.gone.remove(place);
-                    Ok(Reported::Gone)
-                }
-                None => Err(ReportError::NotOpen.into()),
-            },
-            Err(error) => Err(error.into()),
+            Err(ReportError::NotOpen) => {
+                let place = self.gone.iter().position(|of| *of == ticket);
+                let place = place.ok_or(ReportError::NotOpen)?;
+                self.gone.remove(place);
+                Reported::Gone
+            }
+            Err(error) => return Err(error.into()),
+        };
+        if sent == Reported::Gone
+            && let Some(once) = &mut self.once
+        {
+            once.answers.vanished(ticket);
         }
+        Ok(sent)
     }
 }

@@ -1,6 +1,8 @@
 //! Whether the DSP is there, and what is done when it is not, or is not the one it was. Its path buffer is emptied until it is known to
 //! be empty, and what it holds is kept while the PC is there.
 
+use std::time::Duration;
+
 use dsp_protocol::{Command, Status, StatusMask, port};
 use ipc_types::MonotonicNs;
 
@@ -160,13 +162,18 @@ impl Link {
         } else {
             self.enter(State::Connecting(StartUp::FIRST), now);
         }
-        self.queue_step(Step::FIRST);
+        self.queue_step(Step::FIRST, None);
     }
 
-    fn queue_step(&mut self, step: Step) {
+    /// Asks for a step: repeated as usual, or sent `once` and waiting that long.
+    fn queue_step(&mut self, step: Step, once: Option<Duration>) {
         let command = step.command(&self.config, &self.parameters);
+        let purpose = Purpose::StartUp(step);
         // The queue was emptied when the start-up began, and has one command of it at a time.
-        let queued = self.commands.push(command, Purpose::StartUp(step));
+        let queued = match once {
+            None => self.commands.push(command, purpose),
+            Some(timeout) => self.commands.push_once(command, purpose, timeout),
+        };
         debug_assert_eq!(queued, Ok(()));
     }
 
@@ -200,7 +207,7 @@ impl Link {
         match step.next(&self.config, &self.parameters) {
             Some(next) => {
                 start_up.step = next;
-                self.queue_step(next);
+                self.queue_step(next, None);
             }
             None => {
                 let start_up = *start_up;
@@ -227,12 +234,8 @@ impl Link {
         self.abandon();
         self.failed_start_ups = self.failed_start_ups.saturating_add(1);
         self.state = State::Connecting(StartUp::FIRST);
-        let command = Step::FIRST.command(&self.config, &self.parameters);
         let timeout = self.config.link.start_up_timeout(self.failed_start_ups);
-        let queued = self
-            .commands
-            .push_once(command, Purpose::StartUp(Step::FIRST), timeout);
-        debug_assert_eq!(queued, Ok(()));
+        self.queue_step(Step::FIRST, Some(timeout));
     }
 
     /// Gives up every command and all bytes that have not left.

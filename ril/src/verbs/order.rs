@@ -2,8 +2,6 @@
 //!
 //! A conversation sends and follows them, and [`messages`](crate::render::messages) has the texts and exit codes.
 
-use std::fs::File;
-use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -16,7 +14,7 @@ use runtime::args::CommonArgs;
 use runtime::exit::Failure;
 
 use crate::config::Config;
-use crate::options::{Height, RequestArgs, Target, take_off_height, targets, waypoints};
+use crate::options::{Height, RequestArgs, Target, read_text, take_off_height, targets, waypoints};
 use crate::render::messages::Verb;
 use crate::request::{Conversation, Format, Until, complete, control_request};
 use crate::robot::position::ground_altitude_m;
@@ -133,9 +131,6 @@ fn module_name(text: &str) -> Result<String, String> {
         false => Err("a module's name is one word in lower snake case".to_owned()),
     }
 }
-
-/// Longest file of waypoints: more than twenty times the bytes of the longest path that the bridge takes.
-const MAX_FILE_BYTES: u64 = 1024 * 1024;
 
 /// What a start of the bridge looks at first; it fails only when the robot's shared memory does.
 pub(crate) type BeforeStart = fn(&Session, &CommonArgs, &Config) -> Result<(), Failure>;
@@ -266,24 +261,8 @@ fn absolute(targets: &[Target], asked: &Asked) -> Result<Vec<WaypointPosition>, 
 
 /// Reads a file of waypoints; `-` is standard input.
 fn read_waypoints(path: &Path) -> Result<Vec<Target>, Failure> {
-    let name = path.display();
-    let mut text = String::new();
-    // One byte more than allowed shows that a file is too long.
-    let read = match path == Path::new("-") {
-        true => io::stdin()
-            .lock()
-            .take(MAX_FILE_BYTES + 1)
-            .read_to_string(&mut text),
-        false => File::open(path)
-            .and_then(|file| file.take(MAX_FILE_BYTES + 1).read_to_string(&mut text)),
-    };
-    match read {
-        Err(error) => Err(Failure::usage(format!("{name}: cannot be read: {error}"))),
-        Ok(_) if text.len() as u64 > MAX_FILE_BYTES => Err(Failure::usage(format!(
-            "{name}: longer than {MAX_FILE_BYTES} bytes, which no path needs"
-        ))),
-        Ok(_) => waypoints(&text).map_err(|reason| Failure::usage(format!("{name}: {reason}"))),
-    }
+    let text = read_text(path)?;
+    waypoints(&text).map_err(|reason| Failure::usage(format!("{}: {reason}", path.display())))
 }
 
 /// A start or a stop of the bridge, or of the module that `args` name; `before` comes first.

@@ -13,7 +13,7 @@ use ipc_types::schema::generate;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
 
-use crate::options::EXIT_CODES;
+use crate::options::{EXIT_CODES, read_text};
 use crate::render::json_line;
 
 /// `ril topic generate`
@@ -39,32 +39,39 @@ const MARK: &str = "Made by `ril topic generate`";
 /// Where the mark stands in a file: within its first bytes.
 const MARKED_BYTES: u64 = 128;
 
-/// Longest definition.
-const MAX_FILE_BYTES: u64 = 1 << 20;
+/// The words of Rust, C, C++ and Python that a field or a struct of a definition could have as its name, and none of them can.
+const WORDS: &str = "\
+    False None Self True abstract alignas alignof and as asm assert async auto await become bool box break case catch char class \
+    compl concept const consteval constexpr constinit continue crate decltype def default del delete do double dyn elif else enum \
+    except explicit export extern false final finally float fn for friend from gen global goto if impl import in inline int is \
+    lambda let long loop macro match mod move mut mutable namespace new noexcept nonlocal not nullptr operator or override pass \
+    priv private protected pub public raise ref register reinterpret_cast requires restrict return self short signed sizeof \
+    static struct super switch template this throw trait true try type typedef typename typeof union unsafe unsigned unsized use \
+    using virtual void volatile where while with xor yield";
 
 /// `ril topic generate`
 ///
 /// # Errors
 ///
-/// Code 2 for a definition that is none, 1 for a file that cannot be read or written, or that another program made.
+/// Code 2 for a definition that is none or cannot be read, 1 for a file that cannot be written, or that another program made.
 pub fn generate(args: &TopicGenerateArgs) -> Result<(), Failure> {
     let file = args.file.display();
-    let mut text = String::new();
-    File::open(&args.file)
-        .and_then(|file| file.take(MAX_FILE_BYTES + 1).read_to_string(&mut text))
-        .or_fail_with(ExitCode::Internal, format!("{file} cannot be read"))?;
-    if text.len() as u64 > MAX_FILE_BYTES {
-        return Err(Failure::usage(format!(
-            "{file} is longer than {MAX_FILE_BYTES} bytes, which no message definition needs"
-        )));
-    }
+    let mut text = read_text(&args.file)?;
     if !text.ends_with('\n') {
         text.push('\n');
     }
     let schema = Schema::parse(&text)
         .or_fail_with(ExitCode::Usage, format!("{file} is no message definition"))?;
-    let name = args.file.file_name().unwrap_or_default().to_string_lossy();
     let layout = generate::layout_of(&schema);
+    if let Some(word) = reserved(layout) {
+        return Err(Failure::usage(format!(
+            "{file}: `{word}` is a word of Rust, C, C++ or Python and can't be a name: choose another"
+        )));
+    }
+    let name = args.file.file_name().unwrap_or_default().to_string_lossy();
+    // It stands in a comment.
+    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "._-".contains(letter);
+    let name = name.replace(|letter| !is_plain(letter), "_");
     let stem = export::upper_snake(layout.name).to_lowercase();
     let made = format!("{MARK} from {name}: do not edit.");
     let files = [
@@ -99,6 +106,16 @@ pub fn generate(args: &TopicGenerateArgs) -> Result<(), Failure> {
         return json_line(&mut out, &object);
     }
     writeln!(out, "{}", names.join("\n")).map_err(Failure::output)
+}
+
+/// The first name in a definition that is a word of a language.
+fn reserved(layout: &'static Layout) -> Option<&'static str> {
+    let names = |layout: &'static Layout| {
+        let fields = layout.fields.iter().map(|field| field.name);
+        iter::once(layout.name).chain(fields)
+    };
+    let mut names = layout.with_nested().into_iter().flat_map(names);
+    names.find(|name| WORDS.split_whitespace().any(|word| word == *name))
 }
 
 /// What was made, as one JSON object.
@@ -164,6 +181,22 @@ fn python_stub(layout: &'static Layout, made: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_word_of_a_language_is_no_name() {
+        let of = |field: &str, nested: &str| {
+            let text = format!(
+                "# Layout: pack.Pack.v1\nCell[2] cells\nfloat64 {field}\n{}\nMSG: pack_msgs/Cell\nfloat64 {nested}\n",
+                "=".repeat(80)
+            );
+            reserved(generate::layout_of(&Schema::parse(&text).unwrap()))
+        };
+        assert_eq!(of("charge", "voltage_v"), None);
+        for word in ["type", "from", "class", "struct"] {
+            assert_eq!(of(word, "voltage_v"), Some(word));
+            assert_eq!(of("charge", word), Some(word));
+        }
+    }
 
     #[test]
     fn only_what_this_command_made_is_replaced() {
