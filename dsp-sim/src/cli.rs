@@ -25,7 +25,7 @@ use crate::simulator::{Setup, Simulator};
 /// Prints the path of the port when it is open. With --faults, things go wrong on purpose.
 #[derive(Clone, Debug, clap::Parser)]
 #[command(name = "dsp-sim", version)]
-pub struct Args {
+pub struct SimArgs {
     /// What every process takes.
     #[command(flatten)]
     pub common: CommonArgs,
@@ -70,7 +70,7 @@ pub struct Args {
     pub faults: Option<PathBuf>,
 }
 
-impl Args {
+impl SimArgs {
     /// Where the link will be.
     pub fn link(&self) -> PathBuf {
         let default = || format!("/tmp/hero-dsp-{}", self.common.robot()).into();
@@ -83,7 +83,7 @@ impl Args {
 /// # Errors
 ///
 /// Exit code 78 when the configuration or the script is wrong.
-pub fn check_config(args: &Args) -> Result<Resulting, Failure> {
+pub fn check_config(args: &SimArgs) -> Result<Resulting, Failure> {
     let (file, default) = (args.common.config.as_deref(), Path::new(DEFAULT_FILE));
     let mut resulting = Resulting::load::<Config>(file, default, include_str!("../dsp-sim.toml"))?;
     if let Some(faults) = &args.faults {
@@ -105,7 +105,7 @@ pub fn check_config(args: &Args) -> Result<Resulting, Failure> {
 /// # Errors
 /// The configuration or the script of faults is wrong (exit code 78), the link cannot be made (2), or there is no
 /// pseudo-terminal (1); the failure names the next step.
-pub fn run(args: Args) -> Result<(), Failure> {
+pub fn run(args: SimArgs) -> Result<(), Failure> {
     if args.common.check_config {
         return check_config(&args)?.print();
     }
@@ -190,7 +190,7 @@ fn load_faults(file: &Path) -> Result<Script, Failure> {
 }
 
 /// Opens the serial port or the pseudo-terminal, and returns the path by which the operator knows it.
-fn open_port(args: &Args, baud_rate: u32) -> Result<(PathBuf, Box<dyn Port>), Failure> {
+fn open_port(args: &SimArgs, baud_rate: u32) -> Result<(PathBuf, Box<dyn Port>), Failure> {
     if let Some(path) = &args.port {
         if baud_rate == 0 {
             return Err(Failure::usage(
@@ -229,7 +229,7 @@ mod tests {
 
     #[test]
     fn two_robots_have_two_links_unless_reported_otherwise() {
-        let args = |args: &[&str]| Args::try_parse_from([&["dsp-sim"], args].concat()).unwrap();
+        let args = |args: &[&str]| SimArgs::try_parse_from([&["dsp-sim"], args].concat()).unwrap();
         assert_eq!(args(&["--robot", "7"]).link(), Path::new("/tmp/hero-dsp-7"));
         assert_eq!(args(&["--link", "port"]).link(), Path::new("port"));
         assert_eq!(args(&["--speed", "20"]).speed, 20.0);
@@ -239,7 +239,7 @@ mod tests {
     fn a_profile_is_named() {
         let profile = |name: &str| {
             let argument = format!("--profile={name}");
-            Args::try_parse_from(["dsp-sim", &argument]).map(|args| args.profile)
+            SimArgs::try_parse_from(["dsp-sim", &argument]).map(|args| args.profile)
         };
         assert_eq!(profile("extended").unwrap(), Some(Profile::Extended));
         assert_eq!(profile("classic").unwrap(), Some(Profile::Classic));
@@ -250,7 +250,7 @@ mod tests {
     fn the_help_names_every_kind_of_fault() {
         use crate::faults::Kind;
         use clap::CommandFactory;
-        let help = Args::command().render_long_help().to_string();
+        let help = SimArgs::command().render_long_help().to_string();
         for &kind in Kind::ALL {
             assert!(
                 help.contains(kind.name()),
@@ -264,10 +264,10 @@ mod tests {
     fn a_real_port_has_neither_link_nor_another_clock_and_needs_a_speed() {
         for arguments in [["--link", "dsp"], ["--speed", "2"]] {
             let arguments = [&["dsp-sim", "--port", "/dev/ttyS0"], &arguments[..]].concat();
-            let error = Args::try_parse_from(arguments).unwrap_err();
+            let error = SimArgs::try_parse_from(arguments).unwrap_err();
             assert_eq!(error.exit_code(), 2);
         }
-        let args = Args::try_parse_from(["dsp-sim", "--port", "/dev/null"]).unwrap();
+        let args = SimArgs::try_parse_from(["dsp-sim", "--port", "/dev/null"]).unwrap();
         for baud_rate in [0, 9_600] {
             let failure = open_port(&args, baud_rate).err().unwrap();
             assert_eq!(failure.code(), ExitCode::Usage);
@@ -286,7 +286,7 @@ mod tests {
     fn a_speed_that_makes_no_sense_is_a_usage_error() {
         for speed in ["0", "-1", "nan", "inf", "fast", "101"] {
             let argument = format!("--speed={speed}");
-            let error = Args::try_parse_from(["dsp-sim", &argument]).unwrap_err();
+            let error = SimArgs::try_parse_from(["dsp-sim", &argument]).unwrap_err();
             assert_eq!(error.exit_code(), 2, "{speed}");
         }
     }

@@ -3,6 +3,6 @@
 use clap::Parser;
 
 fn main() -> std::process::ExitCode {
-    let args = dsp_sim::cli::Args::parse();
+    let args = dsp_sim::cli::SimArgs::parse();
     runtime::exit::main_with(|| dsp_sim::cli::run(args))
 }

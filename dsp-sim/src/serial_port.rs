@@ -26,7 +26,7 @@ const RETRY_PAUSE: Duration = Duration::from_millis(100);
 
 /// The port cannot be opened.
 #[derive(Debug, thiserror::Error)]
-pub enum OpenError {
+pub enum PtyError {
     /// Another process holds it.
     #[error("{} is in use: another process holds it (`fuser {}` names it)", .0.display(), .0.display())]
     Busy(PathBuf),
@@ -58,8 +58,8 @@ impl SerialPort {
     /// Opens the port.
     ///
     /// # Errors
-    /// See [`OpenError`].
-    pub fn open(path: &Path, baud_rate: u32) -> Result<SerialPort, OpenError> {
+    /// See [`PtyError`].
+    pub fn open(path: &Path, baud_rate: u32) -> Result<SerialPort, PtyError> {
         Ok(SerialPort {
             path: path.to_owned(),
             baud_rate,
@@ -113,11 +113,11 @@ struct OpenPort {
 }
 
 impl OpenPort {
-    fn open(path: &Path, baud_rate: u32) -> Result<OpenPort, OpenError> {
+    fn open(path: &Path, baud_rate: u32) -> Result<OpenPort, PtyError> {
         let failed = |error: io::Error| match Errno::from_io_error(&error) {
-            Some(Errno::BUSY | Errno::WOULDBLOCK) => OpenError::Busy(path.to_owned()),
-            Some(Errno::NOTTY | Errno::ISDIR) => OpenError::NotATerminal(path.to_owned()),
-            _ => OpenError::System {
+            Some(Errno::BUSY | Errno::WOULDBLOCK) => PtyError::Busy(path.to_owned()),
+            Some(Errno::NOTTY | Errno::ISDIR) => PtyError::NotATerminal(path.to_owned()),
+            _ => PtyError::System {
                 port: path.to_owned(),
                 baud_rate,
                 source: error,
@@ -201,14 +201,14 @@ mod tests {
         let error = |path: &Path| SerialPort::open(path, 115_200).unwrap_err();
         for path in ["/dev/null", "/tmp"] {
             let error = error(Path::new(path));
-            assert!(matches!(error, OpenError::NotATerminal(_)), "{error}");
+            assert!(matches!(error, PtyError::NotATerminal(_)), "{error}");
         }
         let missing = error(Path::new("/dev/no-such-port"));
-        assert!(matches!(missing, OpenError::System { .. }), "{missing}");
+        assert!(matches!(missing, PtyError::System { .. }), "{missing}");
         let (_master, path) = cable();
         let first = SerialPort::open(&path, 115_200).unwrap();
         let busy = error(&path);
-        assert!(matches!(busy, OpenError::Busy(_)), "{busy}");
+        assert!(matches!(busy, PtyError::Busy(_)), "{busy}");
         drop(first);
         SerialPort::open(&path, 115_200).expect("free again");
     }

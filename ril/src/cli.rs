@@ -169,13 +169,13 @@ fn is_negative_coordinate(text: &str) -> bool {
 #[derive(Clone, Debug, Subcommand)]
 pub enum Command {
     /// Fly a whole simulated mission, with nothing else running, and check it
-    Demo(demo::Args),
+    Demo(demo::DemoArgs),
     /// Run a process of the RIL in the foreground: bridge, status or sim
     Run(RunArgs),
     /// Run the bridge: short for `ril run bridge`
     Bridge(ProcessArgs<bridge::cli::Args>),
     /// Run the simulator: short for `ril run sim`
-    Sim(ProcessArgs<dsp_sim::cli::Args>),
+    Sim(ProcessArgs<dsp_sim::cli::SimArgs>),
     /// Bring a robot to other machines, or show the links of the relay that does so (`ril relay status`)
     Relay(RelayArgs),
     /// Start the bridge's module, so that it takes movements; or another module
@@ -268,7 +268,7 @@ pub enum RunCommand {
     /// Run the process that turns raw telemetry into SI units and writes logs, in the foreground
     Status(ProcessArgs<status::cli::Args>),
     /// Run the simulator of DSP and helicopter, in the foreground
-    Sim(ProcessArgs<dsp_sim::cli::Args>),
+    Sim(ProcessArgs<dsp_sim::cli::SimArgs>),
 }
 
 /// `ril completions`

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ipc_types::{Domain, Ipc, MonotonicNs, RobotId};
-use recording::play::{Flight, PROCESS, Player, Section, Services};
+use recording::play::{Flight, PROCESS, PlayedServices, Player, Section};
 
 /// In the place of a whole robot: its topics with what was recorded, in the same order. Requests are refused whenever
 /// something is played.
@@ -26,7 +26,7 @@ use recording::play::{Flight, PROCESS, Player, Section, Services};
 /// ```
 pub struct Replay {
     player: Player,
-    services: Services,
+    services: PlayedServices,
     /// How far it was played, since the first message.
     position: Duration,
 }
@@ -54,7 +54,7 @@ impl Replay {
             Err(error) => panic!("{} cannot be played: {error}", file.display()),
         };
         let ipc = Ipc::join(domain, robot, PROCESS).expect("join the test's domain");
-        let services = Services::open(&flight, &ipc).expect("services that can be provided");
+        let services = PlayedServices::open(&flight, &ipc).expect("services that can be provided");
         let player = Player::new(flight, Section::default(), MonotonicNs::now());
         let mut player = player.expect("a flight with messages");
         // Only the test lets time pass.

@@ -2,7 +2,7 @@
 //! compares every sample, state, report and byte sent with what was recorded, bit for bit.
 //!
 //! * [`Verifier`]: takes the samples of the topics `bridge/journal` and `status/journal` in the order of a recording, and gives a
-//!   [`Verdict`];
+//!   [`Comparison`];
 //! * [`Difference`]: when, which topic, which field, and both values.
 //!
 //! A journal in which pieces are missing is verified up to each loss, and again from the next snapshot.
@@ -19,5 +19,5 @@ mod verdict;
 mod verifier;
 
 pub use difference::Difference;
-pub use verdict::{BreakAt, JournalVerdict, MAX_LISTED, Span, Verdict};
+pub use verdict::{BreakAt, Comparison, JournalSpan, JournalVerdict, MAX_LISTED};
 pub use verifier::Verifier;

@@ -4,14 +4,14 @@ use ipc_types::MonotonicNs;
 use module_kit::journal::Break;
 
 use crate::difference::{Difference, Values, of_bytes};
-use crate::verdict::{BreakAt, JournalVerdict, MAX_LISTED, Span};
+use crate::verdict::{BreakAt, JournalSpan, JournalVerdict, MAX_LISTED};
 
 /// The verdict as far as it is known.
 #[derive(Debug, Default)]
 pub struct Tally {
     pub verdict: JournalVerdict,
     /// The span under way.
-    span: Option<Span>,
+    span: Option<JournalSpan>,
     last: Option<MonotonicNs>,
 }
 
@@ -19,7 +19,7 @@ impl Tally {
     /// A core was restored at `at`: a span begins, unless one goes on.
     fn begin(&mut self, at: MonotonicNs) {
         self.last = Some(at);
-        self.span.get_or_insert(Span { from: at, to: at });
+        self.span.get_or_insert(JournalSpan { from: at, to: at });
     }
 
     /// The core was driven up to `at`.

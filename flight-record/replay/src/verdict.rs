@@ -1,4 +1,4 @@
-//! [`Verdict`]: what came of a verification.
+//! [`Comparison`]: what came of a verification.
 
 use ipc_types::MonotonicNs;
 use module_kit::journal::Break;
@@ -10,7 +10,7 @@ pub const MAX_LISTED: usize = 256;
 
 /// What came of a verification.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Verdict {
+pub struct Comparison {
     /// Of the bridge.
     pub bridge: JournalVerdict,
     /// Of status.
@@ -39,7 +39,7 @@ pub struct JournalVerdict {
     /// Bytes to the DSP that are the same.
     pub bytes_sent: u64,
     /// From when to when the core was driven without a break, in order; the first [`MAX_LISTED`].
-    pub spans: Vec<Span>,
+    pub spans: Vec<JournalSpan>,
     /// Where the journal does not go on, in order; the first [`MAX_LISTED`].
     pub breaks: Vec<BreakAt>,
     /// How many there are.
@@ -56,7 +56,7 @@ pub struct JournalVerdict {
 
 /// From when to when, host monotonic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Span {
+pub struct JournalSpan {
     /// The snapshot with which it begins.
     pub from: MonotonicNs,
     /// Its last record.
@@ -92,7 +92,7 @@ impl JournalVerdict {
     }
 }
 
-impl Verdict {
+impl Comparison {
     /// Whether each journal that is there is verified, and one is there.
     pub fn is_verified(&self) -> bool {
         let journals = [&self.bridge, &self.status];

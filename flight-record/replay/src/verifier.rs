@@ -8,7 +8,7 @@ use status::journal::Snapshot;
 
 use crate::bridge_core::BridgeCore;
 use crate::track::Track;
-use crate::verdict::Verdict;
+use crate::verdict::Comparison;
 
 /// Drives the cores of one robot from its journals, and compares what they say with what was recorded.
 ///
@@ -63,8 +63,8 @@ impl Verifier {
     }
 
     /// What came of it.
-    pub fn finish(self) -> Verdict {
-        Verdict {
+    pub fn finish(self) -> Comparison {
+        Comparison {
             bridge: self.bridge.finish(),
             status: self.status.finish(),
         }

@@ -8,11 +8,11 @@ use runtime::manual::{self, ManualArgs};
 #[command(name = "ril-relay", version)]
 struct Cli {
     #[command(subcommand)]
-    command: Command,
+    command: Program,
 }
 
 #[derive(Subcommand)]
-enum Command {
+enum Program {
     #[command(flatten)]
     Relay(relay::cli::Command),
     /// Write the pages of the manual, for packages
@@ -23,7 +23,7 @@ enum Command {
 fn main() -> std::process::ExitCode {
     let cli = Cli::parse();
     runtime::exit::main_with(|| match cli.command {
-        Command::Relay(command) => relay::cli::run(command),
-        Command::Man(args) => manual::write(Cli::command(), &args),
+        Program::Relay(command) => relay::cli::run(command),
+        Program::Man(args) => manual::write(Cli::command(), &args),
     })
 }

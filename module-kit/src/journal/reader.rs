@@ -18,7 +18,7 @@ pub enum Break {
 
 /// Where a piece stands in its journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Place {
+struct PieceIndex {
     epoch_ns: u64,
     sequence: u64,
     beginnings: u32,
@@ -29,7 +29,7 @@ struct Place {
 /// It keeps at most one record that is not complete: [`MAX_RECORD`] bytes.
 #[derive(Clone, Debug, Default)]
 pub struct Reader {
-    last: Option<Place>,
+    last: Option<PieceIndex>,
     /// `None` if no record can be read: before the first piece that begins, after a loss, after damage.
     unread: Option<Unread>,
     codec: Codec,
@@ -53,7 +53,7 @@ impl Reader {
     /// Takes the next piece; afterwards call [`Reader::next`] until there is nothing. A piece that was there before is ignored.
     /// Says when the records before it do not go on.
     pub fn take<P: JournalPiece>(&mut self, piece: &P) -> Option<Break> {
-        let place = Place {
+        let place = PieceIndex {
             epoch_ns: piece.epoch_ns(),
             sequence: piece.sequence(),
             beginnings: piece.beginnings(),

@@ -19,15 +19,15 @@ pub fn check(
     endurance: &Endurance,
     findings: &mut Findings,
 ) {
-    Limits { bridge, endurance }.check(flight, findings);
+    PlanLimits { bridge, endurance }.check(flight, findings);
 }
 
-struct Limits<'a> {
+struct PlanLimits<'a> {
     bridge: &'a BridgeConfig,
     endurance: &'a Endurance,
 }
 
-impl Limits<'_> {
+impl PlanLimits<'_> {
     fn check(&self, flight: &Flight, findings: &mut Findings) {
         for step in &flight.steps {
             match step {

@@ -12,7 +12,7 @@ use runtime::exit::Failure;
 
 use crate::render::fields::Tree;
 use crate::render::words::count;
-use crate::robot::sample_age::{Sample, age_ms, named};
+use crate::robot::sample_age::{SampleAge, age_ms, named};
 use crate::session::{Latest, Session, Topics, is_relayed};
 
 /// A sample of the relay older than this says nothing of the present: the relay publishes once a second, so this is three of them.
@@ -31,9 +31,9 @@ impl LinkReport {
         LinkReport { link: *link, now }
     }
 
-    fn sample(&self) -> Sample {
+    fn sample(&self) -> SampleAge {
         let link = &self.link;
-        Sample::with_limit(link.sequence, link.published(), self.now, STALE_AFTER)
+        SampleAge::with_limit(link.sequence, link.published(), self.now, STALE_AFTER)
     }
 
     /// Whether the relay has said this too long ago to say how the link is now.

@@ -12,17 +12,17 @@ pub const STALE_AFTER: Duration = Duration::from_secs(1);
 
 /// A sample by its age.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
+pub struct SampleAge {
     sequence: u64,
     /// `None` if it is dated in the future: it counts as stale, because its age is unknown.
     age_ms: Option<u64>,
     stale: bool,
 }
 
-impl Sample {
+impl SampleAge {
     /// The sample `sequence` whose content was so at `time`.
-    pub fn new(sequence: u64, time: MonotonicNs, now: MonotonicNs) -> Sample {
-        Sample::with_limit(sequence, time, now, STALE_AFTER)
+    pub fn new(sequence: u64, time: MonotonicNs, now: MonotonicNs) -> SampleAge {
+        SampleAge::with_limit(sequence, time, now, STALE_AFTER)
     }
 
     /// The same of a sample that is stale when it is older than `limit`.
@@ -31,8 +31,8 @@ impl Sample {
         time: MonotonicNs,
         now: MonotonicNs,
         limit: Duration,
-    ) -> Sample {
-        Sample {
+    ) -> SampleAge {
+        SampleAge {
             sequence,
             age_ms: age_ms(time, now),
             stale: is_stale(time, now, limit),
@@ -59,7 +59,7 @@ impl Sample {
     }
 }
 
-impl fmt::Display for Sample {
+impl fmt::Display for SampleAge {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.age_ms {
             Some(age) => write!(f, "sample {}, {age} ms old", self.sequence)?,

@@ -131,27 +131,27 @@ const STATES: usize = 5;
 
 type Observation = [f64; STATES];
 
-/// Number of [`Source`]s.
-const SOURCES: usize = 4;
+/// Number of [`Quantity`]s.
+const QUANTITIES: usize = 4;
 
 /// The four numbers of a sample that say something about the altitude.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Source {
+enum Quantity {
     GpsAltitude,
     GpsClimb,
     Barometer,
     Sonar,
 }
 
-impl Source {
+impl Quantity {
     /// The weight of each state in the number.
     fn observation(self) -> Observation {
         let mut weights = [0.0; STATES];
         match self {
-            Source::GpsAltitude => (weights[ALTITUDE], weights[GPS_OFFSET]) = (1.0, 1.0),
-            Source::GpsClimb => weights[CLIMB] = 1.0,
-            Source::Barometer => (weights[ALTITUDE], weights[BAROMETER_OFFSET]) = (1.0, 1.0),
-            Source::Sonar => (weights[ALTITUDE], weights[GROUND]) = (1.0, -1.0),
+            Quantity::GpsAltitude => (weights[ALTITUDE], weights[GPS_OFFSET]) = (1.0, 1.0),
+            Quantity::GpsClimb => weights[CLIMB] = 1.0,
+            Quantity::Barometer => (weights[ALTITUDE], weights[BAROMETER_OFFSET]) = (1.0, 1.0),
+            Quantity::Sonar => (weights[ALTITUDE], weights[GROUND]) = (1.0, -1.0),
         }
         weights
     }
@@ -159,20 +159,20 @@ impl Source {
     /// The state that is learned anew when the number has jumped.
     fn slow_error(self) -> usize {
         match self {
-            Source::GpsAltitude => GPS_OFFSET,
-            Source::GpsClimb => CLIMB,
-            Source::Barometer => BAROMETER_OFFSET,
-            Source::Sonar => GROUND,
+            Quantity::GpsAltitude => GPS_OFFSET,
+            Quantity::GpsClimb => CLIMB,
+            Quantity::Barometer => BAROMETER_OFFSET,
+            Quantity::Sonar => GROUND,
         }
     }
 
     /// Its bit of `HeroEstimate::inputs`.
     fn input(self) -> u32 {
         match self {
-            Source::GpsAltitude => INPUT_GPS,
-            Source::GpsClimb => 0,
-            Source::Barometer => INPUT_BAROMETER,
-            Source::Sonar => INPUT_SONAR,
+            Quantity::GpsAltitude => INPUT_GPS,
+            Quantity::GpsClimb => 0,
+            Quantity::Barometer => INPUT_BAROMETER,
+            Quantity::Sonar => INPUT_SONAR,
         }
     }
 }
@@ -180,7 +180,7 @@ impl Source {
 /// A number of a sample, with the standard deviation of its noise.
 #[derive(Clone, Copy, Debug)]
 struct Reading {
-    source: Source,
+    source: Quantity,
     measured: f64,
     deviation: f64,
 }
@@ -196,7 +196,7 @@ pub struct AltitudeEstimator {
     /// Deviation of the last GPS fix, m.
     gps_deviation_m: Option<f64>,
     /// For how long each source has been left out, s.
-    rejected_s: [f64; SOURCES],
+    rejected_s: [f64; QUANTITIES],
     /// For how long a GPS with a fix has differed from the other inputs, s.
     disagreement_s: f64,
 }
@@ -214,7 +214,7 @@ impl AltitudeEstimator {
             state: Gaussian::independent([0.0; STATES], variances),
             previous: None,
             gps_deviation_m: None,
-            rejected_s: [0.0; SOURCES],
+            rejected_s: [0.0; QUANTITIES],
             disagreement_s: 0.0,
         }
     }
@@ -264,7 +264,7 @@ impl AltitudeEstimator {
     }
 
     /// What the sample says about the altitude. A sensor at the end of its range says nothing, nor does a GPS without fix.
-    fn readings(&self, raw: &DspTelemetry, hero: &HeroTelemetry) -> [Option<Reading>; SOURCES] {
+    fn readings(&self, raw: &DspTelemetry, hero: &HeroTelemetry) -> [Option<Reading>; QUANTITIES] {
         let config = &self.config;
         let reading = |source, measured, deviation| Reading {
             source,
@@ -273,23 +273,24 @@ impl AltitudeEstimator {
         };
         let fix = self.gps_deviation(hero);
         let gps_altitude = fix.filter(|_| hero.valid(Group::Geographic));
-        let gps_altitude = gps_altitude
-            .map(|deviation_m| reading(Source::GpsAltitude, hero.geodetic.altitude_m, deviation_m));
+        let gps_altitude = gps_altitude.map(|deviation_m| {
+            reading(Quantity::GpsAltitude, hero.geodetic.altitude_m, deviation_m)
+        });
         let gps_climb = fix.filter(|_| hero.valid(Group::GpsVelocity));
         let climb_mps = hero.velocity.up_mps.into();
         let gps_climb =
-            gps_climb.map(|_| reading(Source::GpsClimb, climb_mps, config.gps_climb_mps));
+            gps_climb.map(|_| reading(Quantity::GpsClimb, climb_mps, config.gps_climb_mps));
         let is_measured = |group, adc| hero.valid(group) && !ADC_ENDS.contains(&adc);
         let altitude_m = hero.barometer_altitude_m.into();
         let barometer = is_measured(Group::Barometer, raw.barometer_adc).then_some(reading(
-            Source::Barometer,
+            Quantity::Barometer,
             altitude_m,
             config.barometer_m,
         ));
         let height_m = hero.sonar_height_m.into();
         let in_range = (0.0..=config.sonar_range_m).contains(&height_m);
         let sonar = (is_measured(Group::Sonar, raw.sonar_adc) && in_range).then_some(reading(
-            Source::Sonar,
+            Quantity::Sonar,
             height_m,
             config.sonar_m,
         ));

@@ -22,7 +22,7 @@ runtime::ranged! {
 
 /// What a log may take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
+pub struct LogLimits {
     /// No file becomes longer, bytes.
     pub max_file_bytes: u64,
     /// All files of the log together take no more, bytes.
@@ -31,7 +31,7 @@ pub struct Limits {
     pub min_free_bytes: u64,
 }
 
-impl Limits {
+impl LogLimits {
     /// How much must be free so that something is written, bytes. To go on after a pause takes an eighth more, so that other
     /// programs that use and free room at the limit do not make the log pause again and again.
     pub const fn needed_bytes(&self, is_pausing: bool) -> u64 {
@@ -85,8 +85,8 @@ pub struct LogConfig {
 
 impl LogConfig {
     /// The limits in bytes.
-    pub fn limits(&self) -> Limits {
-        Limits {
+    pub fn limits(&self) -> LogLimits {
+        LogLimits {
             max_file_bytes: self.max_file_mib * MIB,
             max_total_bytes: self.max_total_mib * MIB,
             min_free_bytes: self.min_free_mib * MIB,

@@ -27,7 +27,7 @@ pub struct Retention {
 
 /// What became of old files.
 #[derive(Debug, Default)]
-pub struct Room {
+pub struct Removal {
     /// Files that were removed, with their lengths in bytes.
     pub removed: Vec<(PathBuf, u64)>,
     /// Why there is still too much.
@@ -77,14 +77,14 @@ impl Retention {
         directory: &Path,
         next_bytes: u64,
         max_total_bytes: u64,
-    ) -> Room {
-        let mut room = Room::default();
+    ) -> Removal {
+        let mut removal = Removal::default();
         let own = |name: &str| self.series.stamp(name).is_some();
         let mut files = match store.list(directory, &own) {
             Ok(files) => files,
             Err(error) => {
-                room.error = Some(error);
-                return room;
+                removal.error = Some(error);
+                return removal;
             }
         };
         let names: BTreeSet<_> = files.iter().map(|(name, _)| name.as_str()).collect();
@@ -104,15 +104,15 @@ impl Retention {
                 Ok(()) => {
                     total -= on_disk(bytes);
                     count -= 1;
-                    room.removed.push((file, bytes));
+                    removal.removed.push((file, bytes));
                 }
-                Err(error) => room.error = Some(error),
+                Err(error) => removal.error = Some(error),
             }
         }
         if total <= u128::from(max_total_bytes) && count <= MAX_FILES {
-            room.error = None;
+            removal.error = None;
         }
-        room
+        removal
     }
 
     /// Orders files by age: those of earlier processes by their names, then this one's as they came.

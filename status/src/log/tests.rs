@@ -8,7 +8,7 @@ use std::time::Duration;
 use ipc_types::{MonotonicNs, RobotId, TelemetryGroup as Group};
 
 use super::Logs;
-use super::config::{Limits, LogConfig};
+use super::config::{LogConfig, LogLimits};
 use super::event::{LogEvent, LogSummary, WriterEnd, Written};
 use super::queue::QueueReader;
 use super::tsv::Table;
@@ -22,7 +22,7 @@ const START: MonotonicNs = MonotonicNs(1_000_000_000);
 /// Between two samples.
 const SAMPLE_PERIOD: Duration = Duration::from_millis(20);
 
-const UNLIMITED: Limits = Limits {
+const UNLIMITED: LogLimits = LogLimits {
     max_file_bytes: 1 << 40,
     max_total_bytes: 1 << 42,
     min_free_bytes: 0,
@@ -51,20 +51,20 @@ struct Harness {
 
 impl Harness {
     /// A log of everything on `disk`.
-    fn begin(disk: MemoryStore, limits: Limits) -> Harness {
+    fn begin(disk: MemoryStore, limits: LogLimits) -> Harness {
         Harness::of(&Group::ALL, disk, limits)
     }
 
     /// A log with short rows on `disk`, for tests with many of them.
-    fn short(disk: MemoryStore, limits: Limits) -> Harness {
+    fn short(disk: MemoryStore, limits: LogLimits) -> Harness {
         Harness::of(&[Group::Time], disk, limits)
     }
 
-    fn of(groups: &[Group], disk: MemoryStore, limits: Limits) -> Harness {
+    fn of(groups: &[Group], disk: MemoryStore, limits: LogLimits) -> Harness {
         Harness::with(&config("", groups), disk, limits)
     }
 
-    fn with(config: &LogConfig, disk: MemoryStore, limits: Limits) -> Harness {
+    fn with(config: &LogConfig, disk: MemoryStore, limits: LogLimits) -> Harness {
         let mut logs = Logs::default();
         let reader = logs.add("log".to_owned());
         let log = LogWriter::new(config, limits, RobotId::DEFAULT, disk.clone());

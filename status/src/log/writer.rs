@@ -23,7 +23,7 @@ use std::time::Duration;
 use ipc_types::payload::DspTelemetry;
 use ipc_types::{MonotonicNs, RobotId};
 
-use super::config::{Limits, LogConfig};
+use super::config::{LogConfig, LogLimits};
 use super::event::{LogEvent, Written};
 use super::file_name::Series;
 use super::groups::LogGroups;
@@ -48,7 +48,7 @@ pub struct LogWriter<S: Store> {
     label: String,
     directory: PathBuf,
     groups: LogGroups,
-    limits: Limits,
+    limits: LogLimits,
     table: Table,
     store: S,
     retention: Retention,
@@ -84,7 +84,7 @@ type Attempt<T> = Result<T, LogEvent>;
 impl<S: Store> LogWriter<S> {
     /// The log of `config`, with `limits` in the place of its own, of `robot` in `store`. Nothing is created before
     /// [`start`](Self::start).
-    pub fn new(config: &LogConfig, limits: Limits, robot: RobotId, store: S) -> LogWriter<S> {
+    pub fn new(config: &LogConfig, limits: LogLimits, robot: RobotId, store: S) -> LogWriter<S> {
         let series = Series::new(robot, config);
         LogWriter {
             label: series.label(&config.directory),
@@ -285,7 +285,7 @@ impl<S: Store> LogWriter<S> {
 
     /// The next file, with its first line.
     fn create(&mut self) -> Attempt<OpenFile<S::File>> {
-        let Limits {
+        let LogLimits {
             max_file_bytes,
             max_total_bytes,
             ..

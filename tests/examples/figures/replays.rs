@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use ipc_types::Topic;
 use ipc_types::payload::SharedStruct;
-use replay::{Verdict, Verifier};
+use replay::{Comparison, Verifier};
 
 use crate::missions::config::WorldConfig;
 use crate::missions::operator::{Step, fly, triangle};
@@ -38,7 +38,7 @@ pub fn measure(seconds: u64) -> bool {
     of_bridge.is_verified() && of_status.is_verified()
 }
 
-fn verify<P: Topic + SharedStruct>(name: &str, pieces: &[P], flown: f64) -> Verdict {
+fn verify<P: Topic + SharedStruct>(name: &str, pieces: &[P], flown: f64) -> Comparison {
     let begin = Instant::now();
     let mut verifier = Verifier::new();
     for piece in pieces {

@@ -20,7 +20,7 @@ use ipc_types::{JournalPiece, MonotonicNs, RobotId};
 use recording::play::key_of;
 use recording::read::messages;
 use recording::{Anchor, Channel, ChannelId, FlightInfo, Recorder, Settings};
-use replay::{Verdict, Verifier};
+use replay::{Comparison, Verifier};
 
 use crate::missions::config::WorldConfig;
 use crate::missions::operator::{Step, bring_home, fly_through_trouble, point};
@@ -153,7 +153,7 @@ fn channel<P: JournalPiece>(recorder: &mut Recorder) -> ChannelId {
 }
 
 /// Drives the cores with the journals in a file.
-fn verify(verifier: Verifier, file: &[u8]) -> Verdict {
+fn verify(verifier: Verifier, file: &[u8]) -> Comparison {
     let mut verifier = verifier;
     for message in messages(file) {
         let message = message.expect("a whole file");

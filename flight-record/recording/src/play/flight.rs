@@ -10,7 +10,7 @@ use ipc_types::{MonotonicNs, RobotId, Schema, ServiceId};
 use super::timeline::FlightNs;
 use crate::notes::FILE_METADATA;
 use crate::read::store::room_for;
-use crate::read::{Message, ReadError, RecordFile, Source, messages, summary_of};
+use crate::read::{ReadError, RecordFile, RecordedMessage, Source, messages, summary_of};
 use crate::settings::Anchor;
 
 /// Type of the messages that say which requests came, and what became of them. They are no samples.
@@ -237,7 +237,7 @@ impl Reader {
         })
     }
 
-    fn take(&mut self, message: &Message) {
+    fn take(&mut self, message: &RecordedMessage) {
         if message.schema_name() == REQUEST_EVENT {
             // Without an anchor, and before the first sample, its moment is not known.
             if let Some(anchor) = self.anchor {
@@ -281,7 +281,7 @@ impl Reader {
     }
 
     /// The index of the message's topic; `None` if it is not played.
-    fn topic(&mut self, message: &Message) -> Option<u16> {
+    fn topic(&mut self, message: &RecordedMessage) -> Option<u16> {
         if let Some((index, text)) = self.known.get(message.topic()) {
             // After a change of its layout, a topic is another one, which a robot cannot have at the same time.
             return index.filter(|_| text == message.schema_text());
@@ -292,7 +292,7 @@ impl Reader {
         index
     }
 
-    fn new_topic(&mut self, message: &Message) -> Option<u16> {
+    fn new_topic(&mut self, message: &RecordedMessage) -> Option<u16> {
         let (robot, key) = key_of(message.topic())?;
         if key.ends_with(JOURNAL) {
             return None;

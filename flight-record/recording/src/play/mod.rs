@@ -3,13 +3,13 @@
 //! * [`Flight`]: what a file has to play;
 //! * [`Player`]: which message is due when, with speed, section, loop, pause and steps; a pure value that is given the time;
 //! * [`Timeline`]: moments of the flight as moments of now;
-//! * [`Services`]: the services of the robot in shared memory. Requests to it are refused.
+//! * [`PlayedServices`]: the services of the robot in shared memory. Requests to it are refused.
 //!
 //! The caller owns the clock and the wait:
 //!
-//! 1. it sleeps until [`Player::deadline`], on the [`sources`](Services::sources) too;
-//! 2. it gives what [`Player::next`] returns to [`Services::publish`], until there is nothing more;
-//! 3. it calls [`Services::tend`].
+//! 1. it sleeps until [`Player::deadline`], on the [`sources`](PlayedServices::sources) too;
+//! 2. it gives what [`Player::next`] returns to [`PlayedServices::publish`], until there is nothing more;
+//! 3. it calls [`PlayedServices::tend`].
 
 mod flight;
 mod player;
@@ -20,5 +20,5 @@ pub use flight::{
     Content, Flight, FlightError, LeftOut, PlayedTopic, REQUEST_EVENT, anchor_of, key_of,
 };
 pub use player::{Due, EmptySection, Player, Section};
-pub use services::{PROCESS, Services, ServicesError};
+pub use services::{PROCESS, PlayedServices, ServicesError};
 pub use timeline::{FlightNs, Timeline};

@@ -1,4 +1,4 @@
-//! [`Services`]: the services of a robot that is played.
+//! [`PlayedServices`]: the services of a robot that is played.
 
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ pub enum ServicesError {
 }
 
 /// The services of a robot that is played: every topic of the recording, and the bridge's request services, which refuse all.
-pub struct Services {
+pub struct PlayedServices {
     flight: Arc<Flight>,
     /// At the places of the flight's topics; `None` for those that are left out.
     topics: Vec<Option<Topic>>,
@@ -43,19 +43,19 @@ struct Topic {
     replayed: Option<usize>,
 }
 
-impl Services {
-    /// Provides all services. A topic that this version of the RIL cannot publish is [left out](Services::left_out).
+impl PlayedServices {
+    /// Provides all services. A topic that this version of the RIL cannot publish is [left out](PlayedServices::left_out).
     ///
     /// # Errors
     /// See [`ServicesError`].
-    pub fn open(flight: &Arc<Flight>, ipc: &Ipc) -> Result<Services, ServicesError> {
+    pub fn open(flight: &Arc<Flight>, ipc: &Ipc) -> Result<PlayedServices, ServicesError> {
         // Requests first: what says that a robot lives is whether its movements are served.
         let (control, movement, parameters) = (
             Refusing::open(ipc)?,
             Refusing::open(ipc)?,
             Refusing::open(ipc)?,
         );
-        let mut services = Services {
+        let mut services = PlayedServices {
             flight: Arc::clone(flight),
             topics: Vec::new(),
             left_out: Vec::new(),
@@ -120,7 +120,7 @@ impl Services {
     }
 
     /// What to wait for: requests, and as many topics as there is room for in a wait beside `others` sources. Subscribers that join
-    /// one of the other topics get its latest sample at the next [`tend`](Services::tend).
+    /// one of the other topics get its latest sample at the next [`tend`](PlayedServices::tend).
     pub fn sources(&mut self, others: usize) -> Vec<&mut dyn Source> {
         let mut sources: Vec<&mut dyn Source> = vec![
             &mut self.control.server,

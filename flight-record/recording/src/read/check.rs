@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 use crate::event::EventKind;
 use crate::event_message;
 
-use super::message::{Message, ReadError};
+use super::message::{ReadError, RecordedMessage};
 use super::record::{self, AttachmentRecord};
 use super::store::Source;
 use super::walk::{Item, Walk};
@@ -131,7 +131,7 @@ impl Check {
         }
     }
 
-    fn message(&mut self, message: &Message, sequence: &mut Option<u32>) {
+    fn message(&mut self, message: &RecordedMessage, sequence: &mut Option<u32>) {
         let time_ns = message.log_time_ns;
         self.first_ns = Some(self.first_ns.map_or(time_ns, |first| first.min(time_ns)));
         self.last_ns = Some(self.last_ns.map_or(time_ns, |last| last.max(time_ns)));
@@ -160,7 +160,7 @@ impl TopicCheck {
         }
     }
 
-    fn message(&mut self, message: &Message, sequence: &mut Option<u32>) {
+    fn message(&mut self, message: &RecordedMessage, sequence: &mut Option<u32>) {
         self.messages += 1;
         self.first_ns = self.first_ns.min(message.log_time_ns);
         self.last_ns = self.last_ns.max(message.log_time_ns);
@@ -182,7 +182,7 @@ impl TopicCheck {
 
 impl RecordedEvent {
     /// The event that a message of a recording's own topic is; `None` for messages of other topics.
-    pub fn of(message: &Message) -> Option<RecordedEvent> {
+    pub fn of(message: &RecordedMessage) -> Option<RecordedEvent> {
         if message.schema_name() != event_message::TYPE_NAME {
             return None;
         }

@@ -1,4 +1,4 @@
-//! What reading gives: a [`Message`], or a [`ReadError`].
+//! What reading gives: a [`RecordedMessage`], or a [`ReadError`].
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use super::record::ChannelFacts;
 
 /// A message of a recording. It shares its chunk, which stays in memory as long as one of its messages.
 #[derive(Clone, Debug)]
-pub struct Message {
+pub struct RecordedMessage {
     /// Unix time by which it lies in the file, ns. It never goes back within a file of ours.
     pub log_time_ns: u64,
     /// Unix time of the time in the message, ns: `log_time_ns`, or earlier when the message reached the recorder late.
@@ -20,7 +20,7 @@ pub struct Message {
     pub(super) place: Range<usize>,
 }
 
-impl Message {
+impl RecordedMessage {
     /// Name of the topic, such as `/robot1/dsp/telemetry`.
     pub fn topic(&self) -> &str {
         &self.channel.topic

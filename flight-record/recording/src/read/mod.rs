@@ -17,7 +17,7 @@ mod summary;
 mod walk;
 
 pub use check::{Check, RecordedEvent, TopicCheck, check};
-pub use message::{Message, ReadError};
+pub use message::{ReadError, RecordedMessage};
 pub use recover::{RECOVERED_METADATA, Recovered, extract, recover};
 pub use store::{RecordFile, Source};
 pub use summary::{Summary, summary_of};

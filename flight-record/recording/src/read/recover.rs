@@ -9,7 +9,7 @@ use mcap::{McapError, Writer};
 use crate::encoder::write_options;
 use crate::sink::Counted;
 
-use super::message::{Message, ReadError};
+use super::message::{ReadError, RecordedMessage};
 use super::record::{self, ChannelFacts};
 use super::store::Source;
 use super::walk::{Item, Walk};
@@ -48,7 +48,7 @@ pub fn recover<'a>(
 pub fn extract<'a>(
     source: impl Into<Source<'a>>,
     to: &mut impl Write,
-    is_kept: impl Fn(&Message) -> bool,
+    is_kept: impl Fn(&RecordedMessage) -> bool,
 ) -> Result<Recovered, ReadError> {
     copy(source.into(), to, is_kept, false)
 }
@@ -56,7 +56,7 @@ pub fn extract<'a>(
 fn copy(
     source: Source<'_>,
     to: &mut impl Write,
-    is_kept: impl Fn(&Message) -> bool,
+    is_kept: impl Fn(&RecordedMessage) -> bool,
     has_note: bool,
 ) -> Result<Recovered, ReadError> {
     let mut writer = write_options().create(Counted::new(to))?;

@@ -1,4 +1,4 @@
-//! [`Source`]: what is read, piece by piece: a file, or bytes in memory. [`Window`] keeps the last piece.
+//! [`Source`]: what is read, piece by piece: a file, or bytes in memory. [`CachedSource`] keeps the last piece.
 
 use std::fs::{self, File};
 use std::io;
@@ -137,16 +137,16 @@ impl Source<'_> {
 
 /// A source with the piece of it that was read last.
 #[derive(Debug)]
-pub(crate) struct Window<'a> {
+pub(crate) struct CachedSource<'a> {
     source: Source<'a>,
     at: u64,
     piece: Vec<u8>,
 }
 
-impl<'a> Window<'a> {
-    pub(crate) fn new(source: Source<'a>) -> Window<'a> {
+impl<'a> CachedSource<'a> {
+    pub(crate) fn new(source: Source<'a>) -> CachedSource<'a> {
         let (at, piece) = (0, Vec::new());
-        Window { source, at, piece }
+        CachedSource { source, at, piece }
     }
 
     pub(crate) fn len(&self) -> u64 {

@@ -11,7 +11,7 @@ use crate::settings::Attachment;
 use super::check::check_with;
 use super::message::ReadError;
 use super::record::{self, AttachmentRecord, Fields, Record, SchemaFacts};
-use super::store::{Source, Window};
+use super::store::{CachedSource, Source};
 use super::walk::summary_place;
 
 /// Length of the head of a record, bytes.
@@ -39,7 +39,7 @@ pub struct Summary {
 /// # Errors
 /// It is no MCAP file, cannot be read, or its summary is damaged.
 pub fn summary_of<'a>(source: impl Into<Source<'a>>) -> Result<Summary, ReadError> {
-    let mut window = Window::new(source.into());
+    let mut window = CachedSource::new(source.into());
     if window.peek(0, mcap::MAGIC.len() as u64)? != Some(mcap::MAGIC) {
         return Err(ReadError::NotMcap);
     }
@@ -62,7 +62,7 @@ pub fn summary_of<'a>(source: impl Into<Source<'a>>) -> Result<Summary, ReadErro
 
 /// The summary section of a finished file.
 struct Section<'a> {
-    window: Window<'a>,
+    window: CachedSource<'a>,
     /// Bytes that may still be read.
     budget: u64,
     summary: Summary,

@@ -8,12 +8,12 @@ use mcap::records::op;
 
 use crate::ending::HEAD_LEN;
 
-use super::message::{Message, ReadError};
+use super::message::{ReadError, RecordedMessage};
 use super::record::{
     self, ChannelFacts, ChunkHead, FOOTER_LEN, MAX_CHUNK_HEAD_LEN, Record, SchemaFacts,
     summary_start,
 };
-use super::store::{Source, Window, room_for};
+use super::store::{CachedSource, Source, room_for};
 
 /// How often the bytes of a file are summed up at most, while chunks are searched. A damaged file needs one; a file that was
 /// made to look like chunks everywhere could take hours.
@@ -52,7 +52,7 @@ impl Messages<'static> {
 }
 
 impl Iterator for Messages<'_> {
-    type Item = Result<Message, ReadError>;
+    type Item = Result<RecordedMessage, ReadError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         self.0.find_map(|item| match item {
@@ -67,7 +67,7 @@ impl Iterator for Messages<'_> {
 #[derive(Debug)]
 pub(super) enum Item {
     /// A message, and the number of its channel.
-    Message(Message, usize),
+    Message(RecordedMessage, usize),
     /// A chunk begins that is whole.
     Chunk,
     Metadata(String, BTreeMap<String, String>),
@@ -87,7 +87,7 @@ struct Chunk {
 
 /// One pass through a file.
 pub(super) struct Walk<'a> {
-    window: Window<'a>,
+    window: CachedSource<'a>,
     /// Where the next record of the file lies.
     position: u64,
     chunk: Option<Chunk>,
@@ -111,7 +111,7 @@ impl<'a> Walk<'a> {
     pub(super) fn new(source: Source<'a>) -> Walk<'a> {
         Walk {
             budget: source.len().saturating_mul(MAX_SUMS),
-            window: Window::new(source),
+            window: CachedSource::new(source),
             position: mcap::MAGIC.len() as u64,
             chunk: None,
             schemas: HashMap::new(),
@@ -203,7 +203,7 @@ impl<'a> Walk<'a> {
     fn message(&self, records: &Arc<Vec<u8>>, from: usize, len: usize) -> Option<Item> {
         let record = record::message(records.get(from..from + len)?)?;
         let number = *self.numbers.get(&record.channel_id)?;
-        let message = Message {
+        let message = RecordedMessage {
             channel: Arc::clone(self.channels.get(number)?),
             log_time_ns: record.log_time_ns,
             publish_time_ns: record.publish_time_ns,
@@ -397,7 +397,8 @@ impl<'a> Walk<'a> {
             return Ok(Some(false));
         }
         // In a window of its own, so that the search goes on in what was read.
-        let records = Window::new(source).take(at + HEAD + head.records_at, head.records_len)?;
+        let records =
+            CachedSource::new(source).take(at + HEAD + head.records_at, head.records_len)?;
         Ok(Some(crc32fast::hash(&records) == head.crc))
     }
 }
@@ -410,7 +411,7 @@ impl Walk<'static> {
         if let Source::File(file) = self.window.source() {
             let file = file.refreshed()?;
             self.budget = file.len().saturating_mul(MAX_SUMS);
-            self.window = Window::new(Source::File(file));
+            self.window = CachedSource::new(Source::File(file));
             // What was an ending may be a chunk now.
             self.position = self.sound.max(mcap::MAGIC.len() as u64);
             self.has_begun &= self.sound > 0;
@@ -424,7 +425,7 @@ impl Walk<'static> {
 const UNKNOWN_CHANNEL: &str = "a message is of a channel that the file does not describe";
 
 /// Where the summary of a finished file begins and ends.
-pub(super) fn summary_place(window: &mut Window<'_>) -> io::Result<Option<(u64, u64)>> {
+pub(super) fn summary_place(window: &mut CachedSource<'_>) -> io::Result<Option<(u64, u64)>> {
     let Some(end) = window.len().checked_sub(FOOTER) else {
         return Ok(None);
     };

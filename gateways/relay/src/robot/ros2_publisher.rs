@@ -1,6 +1,6 @@
 //! [`Ros2Publisher`]: the robot's topics for ROS 2, over the network.
 //!
-//! [`Topics`] decides what there is. Samples go out over a publication as soon as the network has declared it.
+//! [`Publications`] decides what there is. Samples go out over a publication as soon as the network has declared it.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -8,11 +8,11 @@ use ipc_types::{MonotonicNs, RobotId, Schema};
 
 use crate::config::{Priority, Ros2Config};
 use crate::network::{Declaration, Network, Outbox, Token};
-use crate::ros2::{ATTACHMENT_LEN, Publication, Session, Topics, UnixOffset, Way};
+use crate::ros2::{ATTACHMENT_LEN, Publication, Publications, Session, UnixOffset, Way};
 
 /// The robot's topics for ROS 2.
 pub struct Ros2Publisher {
-    topics: Topics<Outbox>,
+    topics: Publications<Outbox>,
     /// Last: it outlives the publications.
     _node: Token,
 }
@@ -24,7 +24,7 @@ impl Ros2Publisher {
             return None;
         }
         let session = Session::new(config.domain_id, &network.id());
-        let topics = Topics::new(session, robot, config.standard_messages);
+        let topics = Publications::new(session, robot, config.standard_messages);
         let node = network.token(topics.node().token().to_owned());
         tracing::info!(
             domain_id = config.domain_id,

@@ -10,7 +10,7 @@
 //! | hash of a type, which is part of the key expression | [`type_hash`] |
 //! | a sample of ours as a message | [`message`], of [`ros_messages`] |
 //! | `sensor_msgs` and `geometry_msgs` made of a `HeroTelemetry` | [`StandardMessage`], of [`ros_messages`] |
-//! | which publications a robot has, and what goes out over them | [`Topics`] |
+//! | which publications a robot has, and what goes out over them | [`Publications`] |
 //! | packages of `.msg` files | [`write_packages`] |
 //!
 //! Requests are not offered to ROS 2: they go through [`orders`](crate::orders) alone.
@@ -37,5 +37,5 @@ mod type_hash;
 pub use graph::{ATTACHMENT_LEN, Gid, Node, Publication, Qos, Reliability, Session, attachment};
 pub use packages::{ConflictingTypes, add_packages, own_schemas, write_packages};
 pub use ros_messages::{StandardMessage, UnixOffset, message};
-pub use topics::{Topics, Way};
+pub use topics::{Publications, Way};
 pub use type_hash::type_hash;

@@ -1,4 +1,4 @@
-//! [`Topics`]: what a robot's relay publishes for ROS 2, a pure value.
+//! [`Publications`]: what a robot's relay publishes for ROS 2, a pure value.
 //!
 //! The relay adds each topic that it carries, and hands on each sample that it sends. Where publications are declared and samples
 //! are put is a [`Way`], which is given from outside.
@@ -25,7 +25,7 @@ pub trait Way {
 ///
 /// There are never more of them than topics that the relay carries, and the four standard messages.
 #[derive(Debug)]
-pub struct Topics<W> {
+pub struct Publications<W> {
     robot: RobotId,
     session: Session,
     node: Node,
@@ -52,10 +52,10 @@ struct Publisher<W> {
     sent: i64,
 }
 
-impl<W: Way> Topics<W> {
+impl<W: Way> Publications<W> {
     /// No topics yet. `has_standard` says whether standard messages are made of `hero_telemetry`.
-    pub fn new(mut session: Session, robot: RobotId, has_standard: bool) -> Topics<W> {
-        Topics {
+    pub fn new(mut session: Session, robot: RobotId, has_standard: bool) -> Publications<W> {
+        Publications {
             node: session.node(robot),
             robot,
             session,
@@ -228,7 +228,7 @@ mod tests {
 
     /// A robot's topics, and what goes out.
     struct Harness {
-        topics: Topics<Recorder>,
+        topics: Publications<Recorder>,
         sent: Sent,
         closed: Rc<RefCell<Vec<String>>>,
         are_open: bool,
@@ -238,7 +238,7 @@ mod tests {
         fn new(has_standard: bool) -> Harness {
             let session = Session::new(0, "a1");
             Harness {
-                topics: Topics::new(session, RobotId::DEFAULT, has_standard),
+                topics: Publications::new(session, RobotId::DEFAULT, has_standard),
                 sent: Sent::default(),
                 closed: Rc::default(),
                 are_open: true,

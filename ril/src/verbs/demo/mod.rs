@@ -37,7 +37,7 @@ use screen::{Kept, Screen, print_result};
 /// Options of `ril demo`.
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
-pub struct Args {
+pub struct DemoArgs {
     /// Which robot to be: an integer greater than 0
     #[arg(long, value_name = "N", env = "RIL_ROBOT", default_value = "1")]
     pub robot: NonZeroU32,
@@ -68,7 +68,7 @@ fn speed(text: &str) -> Result<f64, String> {
 /// # Errors
 /// Exit code 1 when a check failed, a process could not be started or ended by itself; 4 when time ran out. A signal ends it by
 /// itself, once everything is cleaned up.
-pub fn run(args: &Args) -> Result<(), Failure> {
+pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let termination = Termination::install().map_err(Failure::internal)?;
     let folder = folder(args)?;
     let result = demonstrate(args, &folder, &termination);
@@ -89,7 +89,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// Flies, judges and prints, with everything but the folder cleaned up in any case.
-fn demonstrate(args: &Args, folder: &Path, termination: &Termination) -> Result<(), Failure> {
+fn demonstrate(args: &DemoArgs, folder: &Path, termination: &Termination) -> Result<(), Failure> {
     let domain = Domain::isolated();
     let mut screen = Screen::new(args.json);
     let robot = RobotId::from(args.robot);
@@ -128,7 +128,7 @@ fn demonstrate(args: &Args, folder: &Path, termination: &Termination) -> Result<
     }
 }
 
-fn folder(args: &Args) -> Result<PathBuf, Failure> {
+fn folder(args: &DemoArgs) -> Result<PathBuf, Failure> {
     let folder = args
         .folder
         .clone()

@@ -8,7 +8,7 @@ use std::path::Path;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
-use recording::read::{self, Message, Messages, RecordFile, Source};
+use recording::read::{self, Messages, RecordFile, RecordedMessage, Source};
 use status::log::clock::ClockAnchor;
 use status::log::groups::LogGroups;
 pub use status::log::read::{Damage, Entry, ReadError, Row};
@@ -188,7 +188,7 @@ impl McapReader {
 }
 
 /// The sample; `None` if the message is another one.
-fn sample(message: &Message) -> Option<DspTelemetry> {
+fn sample(message: &RecordedMessage) -> Option<DspTelemetry> {
     let is_sample = message.topic().ends_with(TOPIC);
     DspTelemetry::from_bytes(message.data().get(CDR_HEADER.len()..)?).filter(|_| is_sample)
 }

@@ -15,7 +15,7 @@ use rustix::event::{EventfdFlags, eventfd};
 use status::log::store::FileStore;
 
 use worker::Worker;
-pub(super) use worker::{ActionResult, ClosedFile, Note, Place};
+pub(super) use worker::{ActionResult, ClosedFile, Note, RecordFolder};
 
 /// The thread, as the rest of the process sees it.
 pub(super) struct Disk {
@@ -37,7 +37,7 @@ impl Disk {
     /// # Errors
     ///
     /// When the system grants no thread or no descriptor.
-    pub fn start(place: Place) -> io::Result<Disk> {
+    pub fn start(place: RecordFolder) -> io::Result<Disk> {
         let (actions, orders) = sync_channel::<Action>(1);
         let (ended, outcomes) = sync_channel(1);
         let flags = EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK;

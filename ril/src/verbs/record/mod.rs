@@ -27,11 +27,11 @@ use runtime::logging::LogLines;
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use rustix::fs::Access;
-use status::log::config::Limits;
+use status::log::config::LogLimits;
 use status::log::file_name::Series;
 
 use self::disk::Disk;
-use self::disk::Place;
+use self::disk::RecordFolder;
 use self::facts::FactsOfRobot;
 use self::options::RecordArgs;
 use self::report::Reporter;
@@ -59,10 +59,10 @@ pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     let robot = RobotId::from(args.common.robot());
     let ipc = Ipc::join(&domain, robot, "record").or_fail(ExitCode::Internal)?;
 
-    let disk = Disk::start(Place {
+    let disk = Disk::start(RecordFolder {
         folder: args.output.clone(),
         series: Series::of_records(robot),
-        limits: Limits {
+        limits: LogLimits {
             max_file_bytes: args.max_file_bytes(),
             max_total_bytes,
             min_free_bytes: args.min_free_bytes(),

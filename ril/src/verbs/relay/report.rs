@@ -13,7 +13,7 @@ use crate::render::words::count;
 use crate::robot::relay_link::{
     LinkReport, STALE_AFTER, UNREADABLE, ago, heard_ms, refusal_name, shown, since_ms,
 };
-use crate::robot::sample_age::Sample;
+use crate::robot::sample_age::SampleAge;
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Relay.v2";
@@ -55,8 +55,8 @@ impl RelayReport {
             || self.stations.as_ref().is_some_and(is_any_up)
     }
 
-    fn sample_of(&self, stations: &RelayStations) -> Sample {
-        Sample::with_limit(
+    fn sample_of(&self, stations: &RelayStations) -> SampleAge {
+        SampleAge::with_limit(
             stations.sequence,
             stations.published(),
             self.now,

@@ -17,7 +17,7 @@ use ipc_types::{
     Descriptor, Domain, DynamicError, Ipc, MonotonicNs, OpenError, RobotId, SchedulingRole, Source,
     Waiter, request_slice,
 };
-use recording::play::{Content, Flight, PROCESS, Player, Section, Services, ServicesError};
+use recording::play::{Content, Flight, PROCESS, PlayedServices, Player, Section, ServicesError};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
@@ -72,7 +72,8 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
     refuse_living(&domain, robot)?;
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
     let ipc = Ipc::join(&domain, robot, PROCESS).or_fail(ExitCode::Internal)?;
-    let services = Services::open(&flight, &ipc).map_err(|error| not_provided(error, robot))?;
+    let services =
+        PlayedServices::open(&flight, &ipc).map_err(|error| not_provided(error, robot))?;
     request_slice(SchedulingRole::Provider);
     say_begin(&args.common, &flight, &services, &domain, robot);
     let mut replay = Replay {
@@ -111,7 +112,7 @@ fn player(flight: &Arc<Flight>, section: Section) -> Result<Player, Failure> {
 /// Everything that the loop has.
 struct Replay {
     player: Player,
-    services: Services,
+    services: PlayedServices,
     termination: Termination,
     terminal: Option<ReplayKeys>,
     screen: ReplayScreen,
@@ -251,7 +252,7 @@ impl fmt::Display for ReplaySummary {
 fn say_begin(
     args: &CommonArgs,
     flight: &Flight,
-    services: &Services,
+    services: &PlayedServices,
     domain: &Domain,
     robot: RobotId,
 ) {

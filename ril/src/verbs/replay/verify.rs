@@ -9,8 +9,8 @@ use std::time::Duration;
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::{MonotonicNs, RobotId};
 use recording::play::{anchor_of, key_of};
-use recording::read::{Message, ReadError, RecordFile, extract, messages};
-use replay::{Difference, JournalVerdict, Verdict, Verifier};
+use recording::read::{ReadError, RecordFile, RecordedMessage, extract, messages};
+use replay::{Comparison, Difference, JournalVerdict, Verifier};
 use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
@@ -179,7 +179,7 @@ fn first_robot(record: &RecordFile, file: &Path) -> Result<RobotId, Failure> {
 }
 
 /// Key and sample of a message that is a piece of this robot's journals.
-fn journal(message: &Message, robot: RobotId) -> Option<(&str, &[u8])> {
+fn journal(message: &RecordedMessage, robot: RobotId) -> Option<(&str, &[u8])> {
     let (of, key) = key_of(message.topic())?;
     let sample = message.data().strip_prefix(&CDR_HEADER)?;
     (of == robot && JOURNALS.contains(&key)).then_some((key, sample))
@@ -261,7 +261,7 @@ pub struct Of<'a> {
 
 impl Verification {
     /// What came of it.
-    pub fn new(verdict: &Verdict, of: &Of<'_>) -> Verification {
+    pub fn new(verdict: &Comparison, of: &Of<'_>) -> Verification {
         let differing = |difference: &Difference| Differing::new(difference, of.start);
         Verification {
             schema: SCHEMA,

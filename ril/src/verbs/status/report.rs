@@ -22,7 +22,7 @@ use crate::render::fields::{JsonLine, Selection, Tree};
 use crate::render::messages::details;
 use crate::robot::pilot::{self, PilotView};
 use crate::robot::relay_link::LinkReport;
-use crate::robot::sample_age::{STALE_AFTER, Sample, age_ms, is_stale, named};
+use crate::robot::sample_age::{STALE_AFTER, SampleAge, age_ms, is_stale, named};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.State.v3";
@@ -147,16 +147,16 @@ impl StateReport {
         Some(pilot::phase(state, self.view.flying))
     }
 
-    fn sample(&self, sequence: u64, time_ns: u64) -> Sample {
-        Sample::new(sequence, MonotonicNs(time_ns), self.now)
+    fn sample(&self, sequence: u64, time_ns: u64) -> SampleAge {
+        SampleAge::new(sequence, MonotonicNs(time_ns), self.now)
     }
 
-    fn dsp(&self) -> Option<Sample> {
+    fn dsp(&self) -> Option<SampleAge> {
         let dsp = self.samples.dsp.as_ref()?;
         Some(self.sample(dsp.sequence, dsp.received_ns))
     }
 
-    fn hero(&self) -> Option<Sample> {
+    fn hero(&self) -> Option<SampleAge> {
         let hero = self.samples.hero.as_ref()?;
         Some(self.sample(hero.sequence, hero.published_ns))
     }
@@ -176,8 +176,8 @@ impl Serialize for StateReport {
         ];
         fields.extend(self.bridge());
         fields.extend([
-            ("dsp", self.dsp().map_or(Tree::NULL, Sample::tree)),
-            ("hero", self.hero().map_or(Tree::NULL, Sample::tree)),
+            ("dsp", self.dsp().map_or(Tree::NULL, SampleAge::tree)),
+            ("hero", self.hero().map_or(Tree::NULL, SampleAge::tree)),
             ("status", self.status()),
             (
                 "replayed",

@@ -8,7 +8,7 @@ use std::time::Instant;
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::{DynamicPublisher, Ipc, MonotonicNs};
 use recording::EventKind;
-use recording::read::{self, Check, Message, RecordFile};
+use recording::read::{self, Check, RecordFile, RecordedMessage};
 use ril_tests::process::WAIT_LIMIT;
 use ril_tests::{Process, Sandbox};
 
@@ -110,7 +110,7 @@ pub fn samples(file: &Path, topic: &str) -> Vec<(u64, Vec<u8>)> {
     of_topic.map(|message| sample(&message)).collect()
 }
 
-fn sample(message: &Message) -> (u64, Vec<u8>) {
+fn sample(message: &RecordedMessage) -> (u64, Vec<u8>) {
     let payload = &message.data()[CDR_HEADER.len()..];
     let sequence = u64::from_le_bytes(payload[..8].try_into().unwrap());
     assert_eq!(sequence as u32, message.sequence);

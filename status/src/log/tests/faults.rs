@@ -42,7 +42,7 @@ fn a_short_fault_at_any_act_loses_nothing() {
     /// A minute at 50 samples a second; in the last quarter nothing fails.
     const SAMPLES: u64 = 3000;
     /// So that there are several files, and old ones are removed.
-    const LIMITS: Limits = Limits {
+    const LIMITS: LogLimits = LogLimits {
         max_file_bytes: 12_288,
         max_total_bytes: 3 * 12_288,
         min_free_bytes: 0,
@@ -226,7 +226,7 @@ const FLOOR: u64 = 8000;
 fn with_free_room(free_bytes: u64) -> Harness {
     let disk = MemoryStore::default();
     disk.0.borrow_mut().free_bytes = free_bytes;
-    let limits = Limits {
+    let limits = LogLimits {
         min_free_bytes: FLOOR,
         ..UNLIMITED
     };

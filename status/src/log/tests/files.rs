@@ -142,7 +142,7 @@ fn every_limit_on_a_file_is_kept_and_no_row_is_lost_or_repeated_at_its_end() {
     let row = "1\t100\t10000000000\t12345\n".len() as u64;
     // From less than a batch to several, byte by byte, so that the limit falls on every place of a row and on its end.
     for max_file_bytes in first_line..=first_line + 3 * BATCH * row {
-        let limits = Limits {
+        let limits = LogLimits {
             max_file_bytes,
             ..UNLIMITED
         };
@@ -191,7 +191,7 @@ fn times_in_utc_keep_their_order_when_the_wall_clock_is_set() {
         utc: true,
         ..config("", &[Group::Time])
     };
-    let limits = Limits {
+    let limits = LogLimits {
         max_file_bytes: 3000,
         ..UNLIMITED
     };
@@ -265,9 +265,9 @@ fn old_files_in_both_formats_are_of_the_log() {
     assert_eq!(left, expected.map(PathBuf::from));
 }
 
-/// Limits of `files` files of 8 KiB.
-fn limits_of(files: u64) -> Limits {
-    Limits {
+/// LogLimits of `files` files of 8 KiB.
+fn limits_of(files: u64) -> LogLimits {
+    LogLimits {
         max_file_bytes: 8192,
         max_total_bytes: files * 8192,
         min_free_bytes: 0,

@@ -7,7 +7,7 @@ use flight_report::flight::{Table, Weight};
 use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
 use recording::EventKind;
-use recording::read::{self, Message, RecordFile, RecordedEvent};
+use recording::read::{self, RecordFile, RecordedEvent, RecordedMessage};
 use ros_messages::{Level, Log};
 
 use super::collector::Collector;
@@ -59,7 +59,7 @@ fn recorded(collector: &mut Collector, event: &RecordedEvent, since_ns: Option<u
 }
 
 /// What a process warned of in its log. The most of it is seen in the samples and states as well, so it weighs less than there.
-fn complaint(message: &Message) -> Option<(Weight, String)> {
+fn complaint(message: &RecordedMessage) -> Option<(Weight, String)> {
     if message.schema_name() != Log::TYPE_NAME {
         return None;
     }
@@ -72,7 +72,7 @@ fn complaint(message: &Message) -> Option<(Weight, String)> {
     Some((weight, format!("{} logged: {}", log.process, log.text)))
 }
 
-fn request(message: &Message) -> Option<RequestEvent<'_>> {
+fn request(message: &RecordedMessage) -> Option<RequestEvent<'_>> {
     (message.schema_name() == REQUEST_EVENT).then_some(())?;
     RequestEvent::read(message.data())
 }

@@ -6,18 +6,18 @@ use std::path::PathBuf;
 
 use ipc_types::RobotId;
 use recording::{DiskErrorKind, Part};
-use status::log::config::Limits;
+use status::log::config::LogLimits;
 use status::log::file_name::{Series, recognize};
 use tempfile::TempDir;
 
 use super::worker::{ClosedFile, Note};
 use super::*;
 
-fn place(folder: &TempDir) -> Place {
-    Place {
+fn place(folder: &TempDir) -> RecordFolder {
+    RecordFolder {
         folder: folder.path().join("a/b"),
         series: Series::of_records(RobotId::DEFAULT),
-        limits: Limits {
+        limits: LogLimits {
             max_file_bytes: 4096,
             max_total_bytes: 8192,
             min_free_bytes: 0,

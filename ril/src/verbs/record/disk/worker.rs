@@ -6,7 +6,7 @@ use std::os::unix::fs::{FileExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use recording::{Action, DiskError, DiskErrorKind, Part};
-use status::log::config::Limits;
+use status::log::config::LogLimits;
 use status::log::file_name::Series;
 use status::log::retention::Retention;
 use status::log::store::{LogFile, Store};
@@ -58,15 +58,15 @@ impl RecordFile for File {
 
 /// What the thread has.
 pub(super) struct Worker<S: Store> {
-    place: Place,
+    place: RecordFolder,
     store: S,
     retention: Retention,
-    file: Option<OpenFile<S::File>>,
+    file: Option<CurrentFile<S::File>>,
     is_pausing: bool,
     notes: Vec<Note>,
 }
 
-struct OpenFile<F> {
+struct CurrentFile<F> {
     path: PathBuf,
     file: F,
     /// Its length.
@@ -77,7 +77,7 @@ struct OpenFile<F> {
 
 impl<S: Store<File: RecordFile>> Worker<S> {
     /// Files at `place` in `store`.
-    pub(super) fn new(place: Place, store: S) -> Worker<S> {
+    pub(super) fn new(place: RecordFolder, store: S) -> Worker<S> {
         Worker {
             retention: Retention::new(place.series.clone()),
             place,
@@ -147,7 +147,7 @@ impl<S: Store<File: RecordFile>> Worker<S> {
     }
 
     fn open(&mut self, folder: &Path) -> io::Result<()> {
-        let Limits {
+        let LogLimits {
             max_file_bytes,
             max_total_bytes,
             ..
@@ -167,7 +167,7 @@ impl<S: Store<File: RecordFile>> Worker<S> {
         // Some file systems have no permissions.
         let _ = file.restrict();
         self.notes.push(Note::Opened(path.clone()));
-        self.file = Some(OpenFile {
+        self.file = Some(CurrentFile {
             path,
             file,
             bytes: 0,
@@ -177,7 +177,7 @@ impl<S: Store<File: RecordFile>> Worker<S> {
     }
 
     fn close(&mut self, is_whole: bool, messages: u64) {
-        let Some(OpenFile {
+        let Some(CurrentFile {
             path, file, bytes, ..
         }) = self.file.take()
         else {
@@ -198,7 +198,7 @@ impl<S: Store<File: RecordFile>> Worker<S> {
     }
 }
 
-impl<F: RecordFile> OpenFile<F> {
+impl<F: RecordFile> CurrentFile<F> {
     /// What is written behind a cut cannot be read without what was before.
     fn check_length(&self) -> io::Result<()> {
         match self.file.len()? < self.bytes {
@@ -284,11 +284,11 @@ pub(in super::super) struct ActionResult {
 
 /// Where the files go, and how much they may take.
 #[derive(Clone, Debug)]
-pub(in super::super) struct Place {
+pub(in super::super) struct RecordFolder {
     /// The folder.
     pub folder: PathBuf,
     /// Which files in it are the recording's.
     pub series: Series,
     /// How much they may take.
-    pub limits: Limits,
+    pub limits: LogLimits,
 }
