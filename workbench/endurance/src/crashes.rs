@@ -112,7 +112,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
     }
     let lasted_s = begun.elapsed().as_secs_f64();
     let ends = crowd.end();
-    survivors.wait_until_flat(
+    let took = survivors.wait_until_flat(
         // Whatever it says: a second of telemetry is the occasion.
         || _ = site.finish("echo dsp --duration 1s"),
         || domain.residue().len() <= before + MAX_LEFTOVERS,
@@ -164,8 +164,10 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Outcome {
     outcome.require(lands, "NOT landed");
     if !plan.is_short {
         // In a short time the survivors do not come to hold all that they need.
-        outcome.require(survivors.are_flat(), "a survivor holds more descriptors");
-        outcome.require(after <= before + MAX_LEFTOVERS, "too much is left");
+        outcome.require(
+            took.is_some(),
+            "a survivor holds more descriptors, or too much is left",
+        );
     }
     // Robot 2 has had only processes that were killed.
     site.end([sim, bridge, status], true);

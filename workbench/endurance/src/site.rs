@@ -203,24 +203,27 @@ impl Survivors {
     }
 
     /// Whether they hold no more descriptors than while they warmed up.
-    pub fn are_flat(&self) -> bool {
+    fn are_flat(&self) -> bool {
         let is_flat =
             |(_, id, held): &(_, u32, Holdings)| Holdings::of(*id).descriptors <= held.descriptors;
         self.warm.iter().all(is_flat)
     }
 
-    /// Waits until they are flat and nothing else is left, for at most [`CLEAN_UP_LIMIT`], with something to do on each `occasion`: the
-    /// processes clean up by themselves. Says how long that took.
+    /// Waits until they are flat and nothing else is left, with something to do on each `occasion`: the processes clean up by themselves.
+    /// Says how long that took; `None` if it was not so within [`CLEAN_UP_LIMIT`]. It is judged once: later they may be at work again.
     pub fn wait_until_flat(
         &self,
         mut occasion: impl FnMut(),
         mut is_clean: impl FnMut() -> bool,
-    ) -> Duration {
+    ) -> Option<Duration> {
         let begun = Instant::now();
-        while !(self.are_flat() && is_clean()) && begun.elapsed() < CLEAN_UP_LIMIT {
+        while begun.elapsed() < CLEAN_UP_LIMIT {
+            if self.are_flat() && is_clean() {
+                return Some(begun.elapsed());
+            }
             occasion();
         }
-        begun.elapsed()
+        None
     }
 
     /// What they hold now.

@@ -186,7 +186,7 @@ mod tests {
     fn a_word_of_a_language_is_no_name() {
         let of = |field: &str, nested: &str| {
             let text = format!(
-                "# Layout: pack.Pack.v1\nCell[2] cells\nfloat64 {field}\n{}\nMSG: pack_msgs/Cell\nfloat64 {nested}\n",
+                "# Layout: pack.Pack.v1\n\nCell[2] cells\nfloat64 {field}\n{}\nMSG: pack_msgs/Cell\nfloat64 {nested}\n",
                 "=".repeat(80)
             );
             reserved(generate::layout_of(&Schema::parse(&text).unwrap()))
