@@ -5,6 +5,8 @@ use std::sync::Arc;
 use crate::client::{BytesClient, Client};
 use crate::domain::Domain;
 use crate::forked::Forked;
+use crate::journal::JournalPiece;
+use crate::journal_tail::{JournalTail, LeftTail};
 use crate::open::{Offer, OpenError};
 use crate::provider::Provider;
 use crate::publisher::{BytesPublisher, Publisher};
@@ -123,6 +125,26 @@ impl Ipc {
     /// As [`Ipc::client`]; and when the service carries something else.
     pub fn client_of<R: Request>(&self, key: &str) -> Result<Client<R>, OpenError> {
         BytesClient::open(&self.session, Offer::of_request::<R>(key)).map(Client::of)
+    }
+
+    /// Where the publisher of a journal, which is this process, keeps what it has not published.
+    ///
+    /// # Errors
+    ///
+    /// When shared memory is full, or the service's folder is gone.
+    pub fn journal_tail<P: JournalPiece>(&self) -> Result<JournalTail, OpenError> {
+        Ok(JournalTail::create::<P>(
+            &self.session.service_folder(P::KEY),
+        )?)
+    }
+
+    /// The tail of the journal whose publisher lives, for when it does not; `None` if it has none.
+    ///
+    /// # Errors
+    ///
+    /// When the service's folder cannot be read.
+    pub fn left_tail<P: JournalPiece>(&self) -> Result<Option<LeftTail>, OpenError> {
+        Ok(LeftTail::open(&self.session.service_folder(P::KEY))?)
     }
 
     /// The live process that publishes or serves the service `key` of this robot, or `None`.

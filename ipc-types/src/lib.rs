@@ -71,6 +71,7 @@ pub mod inspect;
 mod iox;
 pub mod ipc;
 pub mod journal;
+mod journal_tail;
 mod limits;
 mod lock_file;
 // What the macros make is unsafe to implement by hand: they check what makes it safe.
@@ -117,6 +118,7 @@ pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
 pub use ipc::Ipc;
 pub use journal::JournalPiece;
+pub use journal_tail::{JournalTail, LeftTail};
 pub use module::{ControlOf, Module, RelayModule, StateOf, StatusModule};
 pub use open::OpenError;
 pub use pollable::PortSet;

@@ -18,7 +18,7 @@ shared_struct! {
         pub sequence: u64,
         /// When the publishing process began.
         pub epoch_ns: u64,
-        /// When this was published.
+        /// When this was published; in the file `tail` when its last byte was written.
         pub published_ns: u64,
         /// 1 when the first byte of `data` begins a record that is a snapshot: reading can begin here.
         pub begins: u32,

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use ipc_types::service::SUBSCRIBER_BUFFER;
-use ipc_types::{Ipc, JournalPiece, MonotonicNs, OpenError, Publisher, Source};
+use ipc_types::{Ipc, JournalPiece, JournalTail, MonotonicNs, OpenError, Publisher, Source};
 use runtime::logging::LogLines;
 
 use super::codec::LogLine;
@@ -28,6 +28,8 @@ pub struct Port<P: JournalPiece> {
     is_failing: bool,
     /// `None` if another journal of this process has them.
     log: Option<LogLines>,
+    /// What is not published when the process is killed.
+    tail: JournalTail,
 }
 
 impl<P: JournalPiece> Port<P> {
@@ -37,7 +39,8 @@ impl<P: JournalPiece> Port<P> {
     /// See [`OpenError`]; another process may publish it.
     pub fn open(ipc: &Ipc) -> Result<Port<P>, OpenError> {
         Ok(Port {
-            publisher: Box::new(ipc.publisher()?),
+            publisher: Box::new(ipc.publisher::<P>()?),
+            tail: ipc.journal_tail::<P>()?,
             joins: 0,
             next: MonotonicNs(0),
             is_failing: false,
@@ -60,6 +63,7 @@ impl<P: JournalPiece> Port<P> {
         if self.publisher.subscribers() == 0 {
             if writer.is_started() {
                 writer.stop();
+                self.tail.clear();
                 self.want_log(false);
                 tracing::debug!(topic = P::KEY, "the journal is not recorded any more");
             }
@@ -80,9 +84,20 @@ impl<P: JournalPiece> Port<P> {
     /// and the journal begins again.
     pub fn publish(&mut self, writer: &mut Writer, now: MonotonicNs) {
         self.record_log(writer, now);
-        if !writer.is_started() || now < self.next {
+        if !writer.is_started() {
             return;
         }
+        if now >= self.next {
+            self.publish_pieces(writer, now);
+        }
+        let (waiting, open) = writer.unpublished();
+        let number = self.publisher.sequence() + waiting + 1;
+        let stamps = [self.publisher.epoch_ns(), number];
+        self.tail
+            .keep(now, stamps, open.begins, open.beginnings, &open.bytes);
+    }
+
+    fn publish_pieces(&mut self, writer: &mut Writer, now: MonotonicNs) {
         for _ in 0..BURST {
             let Some(piece) = writer.next(now) else {
                 return;
@@ -100,6 +115,7 @@ impl<P: JournalPiece> Port<P> {
         if writer.is_started() {
             writer.take_all().all(|piece| self.send(&piece, now));
             writer.stop();
+            self.tail.clear();
         }
     }
 

@@ -133,6 +133,7 @@ impl Writer {
         self.is_asked = false;
         self.close();
         self.open.begins = true;
+        self.open.beginnings = self.beginnings;
         self.state = WriterState::On {
             since: now,
             length: 0,
@@ -203,6 +204,11 @@ impl Writer {
         self.full.drain(..)
     }
 
+    /// What is not published: how many pieces wait, and the one that is being filled.
+    pub fn unpublished(&self) -> (u64, &Piece) {
+        (self.full.len() as u64, &self.open)
+    }
+
     /// When [`Writer::next`] has a piece that was not full.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         self.open_since.map(|since| since + DELAY)
@@ -244,8 +250,7 @@ impl Writer {
             beginnings: self.beginnings,
             bytes: Vec::with_capacity(self.room),
         };
-        let mut piece = std::mem::replace(&mut self.open, next);
-        piece.beginnings = self.beginnings;
+        let piece = std::mem::replace(&mut self.open, next);
         self.full.push_back(piece);
     }
 }

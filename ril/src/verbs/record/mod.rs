@@ -13,6 +13,7 @@ pub mod options;
 mod report;
 mod shell;
 mod sinks;
+mod tail;
 mod topics;
 
 use std::collections::BTreeMap;

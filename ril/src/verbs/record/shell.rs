@@ -220,6 +220,7 @@ impl Process for RecorderShell {
         let Some(end) = self.end else {
             self.gather = Gather::default();
             self.take_samples(now);
+            self.topics.finish(&mut self.recorder, &mut self.sinks, now);
             self.recorder.end(now);
             self.end = Some(now + END_TIMEOUT);
             return false;

@@ -18,6 +18,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::loss_events::LossEvents;
 use super::sinks::Sinks;
+use super::tail::{Piece, Tail};
 use crate::recorded::topic_of;
 use crate::render::stamps::StampReader;
 
@@ -48,17 +49,33 @@ pub(super) struct Topics {
 /// A topic that is recorded.
 struct Topic {
     subscriber: DynamicSubscriber,
+    intake: Intake,
+    /// Of a journal: a second subscriber, because a journal has a snapshot when one comes. It goes when the snapshot is there.
+    asks: Option<DynamicSubscriber>,
+    is_failing: bool,
+}
+
+/// What is made of a topic's samples.
+struct Intake {
     channel: Channel,
     /// By what the recorder knows it; `None` before it is announced.
     id: Option<ChannelId>,
     stamps: StampReader,
     loss_events: LossEvents,
     content: Conversion,
-    /// Of a journal: a second subscriber, because a journal has a snapshot when one comes. It goes when the snapshot is there.
-    asks: Option<DynamicSubscriber>,
+    /// Of a journal: what its publisher leaves when it is killed.
+    tail: Option<Tail>,
+    /// A snapshot of a journal came.
+    has_snapshot: bool,
     /// The sample as a CDR message; kept, so that no sample allocates.
     cdr: Vec<u8>,
-    is_failing: bool,
+}
+
+/// Where the samples go, and when.
+struct Destination<'a> {
+    recorder: &'a mut Recorder,
+    sinks: &'a mut Sinks,
+    now: MonotonicNs,
 }
 
 /// Whether publishers are to wake the recorder for what they publish next.
@@ -122,19 +139,21 @@ impl Topics {
         let topics = self.topics.iter();
         topics
             .map(|topic| {
-                let metadata = &topic.channel.metadata;
+                let channel = &topic.intake.channel;
+                let metadata = &channel.metadata;
                 let [layout, hash] = ["layout", "layout_hash"]
                     .map(|key| metadata.get(key).map(String::as_str).unwrap_or_default());
-                (topic.channel.topic.clone(), format!("{layout} {hash}"))
+                (channel.topic.clone(), format!("{layout} {hash}"))
             })
             .collect()
     }
 
     /// What came of each topic, and what did not.
     pub fn counts(&self) -> impl Iterator<Item = TopicCounts> {
-        self.topics.iter().map(|topic| TopicCounts {
-            topic: topic.loss_events.topic().to_owned(),
-            losses: topic.loss_events.losses(),
+        let events = self.topics.iter().map(|topic| &topic.intake.loss_events);
+        events.map(|events| TopicCounts {
+            topic: events.topic().to_owned(),
+            losses: events.losses(),
         })
     }
 
@@ -154,7 +173,7 @@ impl Topics {
         &mut self,
         recorder: &mut Recorder,
         sinks: &mut Sinks,
-        mut now: MonotonicNs,
+        now: MonotonicNs,
         wakes: Wakes,
     ) -> usize {
         let seen = self.ipc.generations();
@@ -164,23 +183,40 @@ impl Topics {
             // It began just now: what it has published so far belongs to the recording.
             self.look(DynamicSubscriber::open_with_history);
         }
+        let mut to = Destination {
+            recorder,
+            sinks,
+            now,
+        };
         let topics = self.topics.iter_mut();
         topics
-            .map(|topic| topic.drain(recorder, sinks, &mut now, wakes))
+            .map(|topic| topic.drain(&mut to, wakes))
             .max()
             .unwrap_or_default()
+    }
+
+    /// After the last [`drain`](Topics::drain): takes what publishers of journals that were killed had not published.
+    pub fn finish(&mut self, recorder: &mut Recorder, sinks: &mut Sinks, now: MonotonicNs) {
+        let mut to = Destination {
+            recorder,
+            sinks,
+            now,
+        };
+        for topic in &mut self.topics {
+            topic.intake.finish(&mut to);
+        }
     }
 
     /// Asks the journals for snapshots: a file that has begun can then be verified without the one before.
     pub fn ask_for_snapshots(&mut self) {
         for topic in &mut self.topics {
             if matches!(
-                topic.content,
+                topic.intake.content,
                 Conversion::BridgeJournal | Conversion::StatusJournal
             ) {
                 let key = topic.subscriber.key();
                 // It was parsed when the topic was found.
-                let Ok(schema) = Schema::parse(&topic.channel.schema_text) else {
+                let Ok(schema) = Schema::parse(&topic.intake.channel.schema_text) else {
                     continue;
                 };
                 let second = DynamicSubscriber::open(&self.ipc, key, &schema);
@@ -234,7 +270,8 @@ impl Topics {
             .topics
             .iter()
             .position(|topic| topic.subscriber.key() == facts.key);
-        if former.is_some_and(|former| self.topics[former].channel.schema_text == facts.text) {
+        if former.is_some_and(|former| self.topics[former].intake.channel.schema_text == facts.text)
+        {
             // Another life of its publisher, which the subscriber follows by itself.
             return Ok(());
         }
@@ -244,7 +281,7 @@ impl Topics {
             .add(subscriber.descriptor())
             .map_err(|error| error.to_string())?;
         let topic = Topic::new(subscriber, self, facts);
-        tracing::info!(topic = topic.channel.topic, "recorded");
+        tracing::info!(topic = topic.intake.channel.topic, "recorded");
         match former {
             // Its module was installed anew, with another struct.
             Some(former) => self.topics[former] = topic,
@@ -256,6 +293,40 @@ impl Topics {
 
 impl Topic {
     fn new(subscriber: DynamicSubscriber, topics: &Topics, facts: &ServiceFacts) -> Topic {
+        Topic {
+            intake: Intake::new(topics, facts),
+            asks: None,
+            is_failing: false,
+            subscriber,
+        }
+    }
+
+    fn drain(&mut self, to: &mut Destination<'_>, wakes: Wakes) -> usize {
+        let intake = &mut self.intake;
+        if intake.id.is_none() {
+            intake.id = to.recorder.channel(intake.channel.clone());
+        }
+        let take = |sample: &[u8]| intake.take(sample, to);
+        let drained = match wakes {
+            Wakes::Unneeded => self.subscriber.drain_quietly(take),
+            Wakes::Needed => self.subscriber.drain(take),
+        };
+        if std::mem::take(&mut intake.has_snapshot) {
+            self.asks = None;
+        }
+        let was_failing = std::mem::replace(&mut self.is_failing, drained.is_err());
+        drained.unwrap_or_else(|error| {
+            if !was_failing {
+                let topic = &self.intake.channel.topic;
+                tracing::warn!(topic, %error, "a topic cannot be read");
+            }
+            0
+        })
+    }
+}
+
+impl Intake {
+    fn new(topics: &Topics, facts: &ServiceFacts) -> Intake {
         let name = topic_of(topics.ipc.robot(), &facts.key);
         let schema = &facts.schema;
         let metadata = [
@@ -263,15 +334,21 @@ impl Topic {
             ("layout", schema.type_name().to_owned()),
             ("layout_hash", format!("{:016x}", schema.layout_hash())),
         ];
-        Topic {
-            content: match (schema.type_name(), facts.key.as_str()) {
-                (DspTelemetry::TYPE_NAME, "dsp_telemetry") => Conversion::Dsp,
-                (HeroTelemetry::TYPE_NAME, "hero_telemetry") => Conversion::Hero,
-                (ModuleState::TYPE_NAME, "module_state") => Conversion::State,
-                (BridgeJournal::TYPE_NAME, BridgeJournal::KEY) => Conversion::BridgeJournal,
-                (StatusJournal::TYPE_NAME, StatusJournal::KEY) => Conversion::StatusJournal,
-                _ => Conversion::Other,
+        let content = match (schema.type_name(), facts.key.as_str()) {
+            (DspTelemetry::TYPE_NAME, "dsp_telemetry") => Conversion::Dsp,
+            (HeroTelemetry::TYPE_NAME, "hero_telemetry") => Conversion::Hero,
+            (ModuleState::TYPE_NAME, "module_state") => Conversion::State,
+            (BridgeJournal::TYPE_NAME, BridgeJournal::KEY) => Conversion::BridgeJournal,
+            (StatusJournal::TYPE_NAME, StatusJournal::KEY) => Conversion::StatusJournal,
+            _ => Conversion::Other,
+        };
+        Intake {
+            tail: match content {
+                Conversion::BridgeJournal => Some(Tail::of::<BridgeJournal>(&topics.ipc)),
+                Conversion::StatusJournal => Some(Tail::of::<StatusJournal>(&topics.ipc)),
+                _ => None,
             },
+            content,
             stamps: StampReader::of(schema),
             loss_events: LossEvents::new(name.clone(), topics.begun),
             channel: Channel {
@@ -281,89 +358,81 @@ impl Topic {
                 metadata: metadata.map(|(key, value)| (key.to_owned(), value)).into(),
             },
             id: None,
-            asks: None,
+            has_snapshot: false,
             cdr: CDR_HEADER.to_vec(),
-            is_failing: false,
-            subscriber,
         }
     }
 
-    fn drain(
-        &mut self,
-        recorder: &mut Recorder,
-        sinks: &mut Sinks,
-        now: &mut MonotonicNs,
-        wakes: Wakes,
-    ) -> usize {
-        if self.id.is_none() {
-            self.id = recorder.channel(self.channel.clone());
+    fn take(&mut self, sample: &[u8], to: &mut Destination<'_>) {
+        if let Some(tail) = &mut self.tail {
+            let stamps = self.stamps.read(sample, to.now);
+            let rest = tail.follow(Piece {
+                epoch_ns: stamps.epoch_ns,
+                sequence: stamps.sequence,
+            });
+            if let Some(rest) = rest {
+                self.record(&rest, to);
+            }
         }
+        self.record(sample, to);
+    }
+
+    /// No sample comes any more.
+    fn finish(&mut self, to: &mut Destination<'_>) {
+        if let Some(rest) = self.tail.as_mut().and_then(Tail::take_rest) {
+            self.record(&rest, to);
+        }
+    }
+
+    fn record(&mut self, sample: &[u8], to: &mut Destination<'_>) {
         // There are more topics than a recording can have: the further ones are left out.
-        let Some(id) = self.id else { return 0 };
-        let Topic {
-            subscriber,
-            stamps,
-            loss_events,
-            content,
-            asks,
-            cdr,
-            ..
-        } = self;
-        let take = |sample: &[u8]| {
-            let stamps = stamps.read(sample, *now);
-            let latest = stamps
-                .published
-                .map_or(stamps.sent, |at| at.max(stamps.sent));
-            let now = now_after(latest, now, MonotonicNs::now);
-            let at = match stamps.sent {
-                MonotonicNs(0) => *now,
-                // The clocks of two machines never agree.
-                sent => sent.min(*now),
-            };
-            for event in loss_events.take((stamps.epoch_ns, stamps.sequence), at, *now) {
-                if event.kind == EventKind::Restart {
-                    tracing::info!(topic = event.topic, "a publisher began again");
-                }
-                recorder.event(*now, &event);
-            }
-            cdr.truncate(CDR_HEADER.len());
-            cdr.extend_from_slice(sample);
-            // The lowest 32 bits are what the format has room for.
-            recorder.add(*now, id, at, stamps.sequence as u32, cdr);
-            match content {
-                Conversion::Dsp => sinks.dsp(sample),
-                Conversion::Hero => sinks.hero(recorder, sample, *now),
-                Conversion::State => sinks.state(recorder, sample, *now),
-                Conversion::BridgeJournal => {
-                    take_answer::<BridgeJournal>(asks, sample);
-                    sinks.journal(recorder, sample, *now);
-                }
-                Conversion::StatusJournal => {
-                    take_answer::<StatusJournal>(asks, sample);
-                    sinks.status_journal(recorder, sample, *now);
-                }
-                Conversion::Other => {}
-            }
+        let Some(id) = self.id else { return };
+        let Destination {
+            recorder,
+            sinks,
+            now,
+        } = to;
+        let stamps = self.stamps.read(sample, *now);
+        let latest = stamps
+            .published
+            .map_or(stamps.sent, |at| at.max(stamps.sent));
+        let now = *now_after(latest, now, MonotonicNs::now);
+        let at = match stamps.sent {
+            MonotonicNs(0) => now,
+            // The clocks of two machines never agree.
+            sent => sent.min(now),
         };
-        let drained = match wakes {
-            Wakes::Unneeded => subscriber.drain_quietly(take),
-            Wakes::Needed => subscriber.drain(take),
-        };
-        let was_failing = std::mem::replace(&mut self.is_failing, drained.is_err());
-        drained.unwrap_or_else(|error| {
-            if !was_failing {
-                tracing::warn!(topic = self.channel.topic, %error, "a topic cannot be read");
+        let number = (stamps.epoch_ns, stamps.sequence);
+        for event in self.loss_events.take(number, at, now) {
+            if event.kind == EventKind::Restart {
+                tracing::info!(topic = event.topic, "a publisher began again");
             }
-            0
-        })
+            recorder.event(now, &event);
+        }
+        self.cdr.truncate(CDR_HEADER.len());
+        self.cdr.extend_from_slice(sample);
+        // The lowest 32 bits are what the format has room for.
+        recorder.add(now, id, at, stamps.sequence as u32, &self.cdr);
+        match self.content {
+            Conversion::Dsp => sinks.dsp(sample),
+            Conversion::Hero => sinks.hero(recorder, sample, now),
+            Conversion::State => sinks.state(recorder, sample, now),
+            Conversion::BridgeJournal => {
+                self.has_snapshot |= begins::<BridgeJournal>(sample);
+                sinks.journal(recorder, sample, now);
+            }
+            Conversion::StatusJournal => {
+                self.has_snapshot |= begins::<StatusJournal>(sample);
+                sinks.status_journal(recorder, sample, now);
+            }
+            Conversion::Other => {}
+        }
     }
 }
 
-/// Ends the question for a snapshot when the piece has one.
-fn take_answer<P: JournalPiece>(asks: &mut Option<DynamicSubscriber>, piece: &[u8]) {
-    if asks.is_some() && P::from_bytes(piece).is_some_and(|piece| piece.begins()) {
-        *asks = None;
-    }
+/// Whether the piece has a snapshot.
+fn begins<P: JournalPiece>(piece: &[u8]) -> bool {
+    P::from_bytes(piece).is_some_and(|piece| piece.begins())
 }
 
 /// The time at which a sample of this moment came: `now`, read again when the sample is younger, because the process was stopped since,
