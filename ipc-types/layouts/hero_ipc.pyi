@@ -999,7 +999,7 @@ class BridgeJournal(_Struct):
     epoch_ns: int
     """When the publishing process began. [ns]"""
     published_ns: int
-    """When this was published. [ns]"""
+    """When this was published; in the file `tail` when its last byte was written. [ns]"""
     begins: int
     """1 when the first byte of `data` begins a record that is a snapshot: reading can begin here."""
     length: int

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::ptr::{self, NonNull};
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
-use rustix::fs::{AtFlags, FallocateFlags, FlockOperation, fallocate, unlinkat};
+use rustix::fs::{AtFlags, FallocateFlags, FlockOperation, fallocate, renameat, unlinkat};
 use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 
@@ -24,6 +24,9 @@ use crate::time::MonotonicNs;
 
 /// Its name in the folder of the journal's service.
 const TAIL_FILE: &str = "tail";
+
+/// Its name while it is made.
+const NEW_FILE: &str = "tail.new";
 
 /// What every [`JournalPiece`] begins with; its bytes follow.
 #[repr(C)]
@@ -58,11 +61,11 @@ impl JournalTail {
         let failed = |action, error: Errno| DomainError::io(action, &path, error);
         let is_gone = || DomainError::io("open", folder, io::ErrorKind::NotFound);
         let dir = open_folder(folder)?.ok_or_else(is_gone)?;
-        match unlinkat(&*dir, TAIL_FILE, AtFlags::empty()) {
+        match unlinkat(&*dir, NEW_FILE, AtFlags::empty()) {
             Ok(()) | Err(Errno::NOENT) => {}
             Err(error) => return Err(failed("remove", error)),
         }
-        let file = make_lock_file_in(&dir, TAIL_FILE, folder)?.ok_or_else(is_gone)?;
+        let file = make_lock_file_in(&dir, NEW_FILE, folder)?.ok_or_else(is_gone)?;
         flock(&file, FlockOperation::NonBlockingLockExclusive, &path)?;
         let len = size_of::<Head>() + P::ROOM;
         // Memory that is full is an error now, not a SIGBUS later.
@@ -75,6 +78,8 @@ impl JournalTail {
             mmap(ptr::null_mut(), len, access, MapFlags::SHARED, &*file, 0)
         };
         let head = head.map_err(|error| failed("map", error))?;
+        // No reader finds it before it is locked.
+        renameat(&*dir, NEW_FILE, &*dir, TAIL_FILE).map_err(|error| failed("rename", error))?;
         Ok(JournalTail {
             head: NonNull::new(head.cast()).ok_or_else(is_gone)?,
             room: P::ROOM,
@@ -164,17 +169,14 @@ impl LeftTail {
         Ok(file.map(|file| LeftTail { file, path }))
     }
 
-    /// The sample that the publisher would have published next. `None` as long as it lives, and if nothing waited when it ended.
+    /// Whether its publisher is gone: the kernel gives the lock back with the process.
+    pub fn is_left(&self) -> bool {
+        let shared = FlockOperation::NonBlockingLockShared;
+        flock(&self.file, shared, &self.path).unwrap_or(false)
+    }
+
+    /// The sample that the publisher would have published next; `None` if nothing waited. Look first whether it [is gone](LeftTail::is_left).
     pub fn read<P: JournalPiece>(&self) -> Option<P> {
-        // The kernel gives the lock back with the process.
-        let is_left = flock(
-            &self.file,
-            FlockOperation::NonBlockingLockShared,
-            &self.path,
-        );
-        if !is_left.unwrap_or(false) {
-            return None;
-        }
         let mut bytes = vec![0; size_of::<P>()];
         let file: &File = &self.file;
         file.read_exact_at(&mut bytes, 0).ok()?;
@@ -201,8 +203,9 @@ mod tests {
         let left = open(folder.path());
         tail.keep(MonotonicNs(9), [7, 3], true, 2, &[1, 2]);
         tail.keep(MonotonicNs(10), [7, 3], true, 2, &[1, 2, 3]);
-        assert!(left.read::<BridgeJournal>().is_none(), "it lives");
+        assert!(!left.is_left());
         drop(tail);
+        assert!(left.is_left());
         let mut expected = BridgeJournal::default();
         expected.fill(10, true, 2, &[1, 2, 3]);
         (expected.sequence, expected.epoch_ns) = (3, 7);

@@ -2,13 +2,15 @@
 
 use ipc_types::{Ipc, JournalPiece, LeftTail, OpenError};
 
-/// Follows the publisher of a journal, and has the rest of its journal when it is gone.
+/// Follows the publishers of a journal, and has the rest of the journal of one that is gone.
 pub(super) struct Tail {
     ipc: Ipc,
     open: fn(&Ipc) -> Result<Option<LeftTail>, OpenError>,
-    read: fn(&LeftTail, Piece) -> Option<Vec<u8>>,
-    /// The last piece, and the file of its publisher; `None` before the first.
-    last: Option<(Piece, Option<LeftTail>)>,
+    read: fn(&LeftTail, Option<Piece>) -> Option<Vec<u8>>,
+    /// That of the publisher that lived when it was opened.
+    file: Option<LeftTail>,
+    /// The last piece of that publisher.
+    last: Option<Piece>,
 }
 
 /// Which piece of which publisher.
@@ -21,43 +23,54 @@ pub(super) struct Piece {
 impl Tail {
     /// Of the journal whose pieces are `P`.
     pub fn of<P: JournalPiece>(ipc: &Ipc) -> Tail {
-        Tail {
+        let mut tail = Tail {
             ipc: ipc.clone(),
             open: Ipc::left_tail::<P>,
             read: read::<P>,
+            file: None,
             last: None,
-        }
+        };
+        tail.open_next();
+        tail
     }
 
     /// Notes a piece that was published. Of a new publisher it returns what the one before had not published: a sample that comes before.
     pub fn follow(&mut self, piece: Piece) -> Option<Vec<u8>> {
-        if let Some((last, _)) = &mut self.last
-            && last.epoch_ns == piece.epoch_ns
-        {
-            *last = piece;
-            return None;
-        }
-        let rest = self.take_rest();
-        let tail = (self.open)(&self.ipc).unwrap_or_else(|error| {
-            tracing::debug!(%error, "the tail of a journal cannot be opened");
-            None
-        });
-        self.last = Some((piece, tail));
+        let is_other = self
+            .last
+            .is_some_and(|last| last.epoch_ns != piece.epoch_ns);
+        let rest = is_other.then(|| self.take_rest()).flatten();
+        self.last = Some(piece);
         rest
     }
 
-    /// What comes after the last piece. `None` while its publisher lives, and if it had published all.
+    /// What comes after the last piece, if its publisher is gone and had not published all. From here on it follows the next one.
     pub fn take_rest(&mut self) -> Option<Vec<u8>> {
-        let (last, tail) = self.last.as_ref()?;
-        let rest = (self.read)(tail.as_ref()?, *last)?;
-        self.last = None;
-        Some(rest)
+        let file = self.file.take_if(|file| file.is_left());
+        let rest = file.and_then(|file| (self.read)(&file, self.last));
+        if self.file.is_none() {
+            self.last = None;
+            self.open_next();
+        }
+        rest
+    }
+
+    fn open_next(&mut self) {
+        let opened = (self.open)(&self.ipc);
+        if let Err(error) = &opened {
+            tracing::debug!(%error, "the tail of a journal cannot be opened");
+        }
+        // What the dead have left was taken, or belongs to a time that is not recorded.
+        self.file = opened.ok().flatten().filter(|file| !file.is_left());
     }
 }
 
-/// The sample in the file, if it is the next after `last`.
-fn read<P: JournalPiece>(tail: &LeftTail, last: Piece) -> Option<Vec<u8>> {
+/// The sample in the file, if it goes on after `last`, or is the first.
+fn read<P: JournalPiece>(tail: &LeftTail, last: Option<Piece>) -> Option<Vec<u8>> {
     let piece = tail.read::<P>()?;
-    let is_next = piece.epoch_ns() == last.epoch_ns && piece.sequence() == last.sequence + 1;
-    is_next.then(|| piece.bytes().to_vec())
+    let goes_on = match last {
+        Some(last) => piece.epoch_ns() == last.epoch_ns && piece.sequence() == last.sequence + 1,
+        None => piece.begins(),
+    };
+    goes_on.then(|| piece.bytes().to_vec())
 }

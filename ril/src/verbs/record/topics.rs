@@ -177,7 +177,8 @@ impl Topics {
         wakes: Wakes,
     ) -> usize {
         let seen = self.ipc.generations();
-        if seen != self.seen || self.retry.is_some_and(|retry| retry <= now) {
+        let is_changed = seen != self.seen;
+        if is_changed || self.retry.is_some_and(|retry| retry <= now) {
             // What changes from here on is seen by the next look.
             self.seen = seen;
             // It began just now: what it has published so far belongs to the recording.
@@ -189,21 +190,28 @@ impl Topics {
             now,
         };
         let topics = self.topics.iter_mut();
-        topics
-            .map(|topic| topic.drain(&mut to, wakes))
-            .max()
-            .unwrap_or_default()
+        let most = topics.map(|topic| topic.drain(&mut to, wakes)).max();
+        if is_changed {
+            self.take_rests(&mut to);
+        }
+        most.unwrap_or_default()
     }
 
-    /// After the last [`drain`](Topics::drain): takes what publishers of journals that were killed had not published.
+    /// Takes all that is left after the last [`drain`](Topics::drain).
     pub fn finish(&mut self, recorder: &mut Recorder, sinks: &mut Sinks, now: MonotonicNs) {
-        let mut to = Destination {
+        self.take_rests(&mut Destination {
             recorder,
             sinks,
             now,
-        };
-        for topic in &mut self.topics {
-            topic.intake.finish(&mut to);
+        });
+    }
+
+    /// Takes what publishers of journals that were killed had not published.
+    fn take_rests(&mut self, to: &mut Destination<'_>) {
+        for Topic { intake, .. } in &mut self.topics {
+            if let Some(rest) = intake.tail.as_mut().and_then(Tail::take_rest) {
+                intake.record(&rest, to);
+            }
         }
     }
 
@@ -375,13 +383,6 @@ impl Intake {
             }
         }
         self.record(sample, to);
-    }
-
-    /// No sample comes any more.
-    fn finish(&mut self, to: &mut Destination<'_>) {
-        if let Some(rest) = self.tail.as_mut().and_then(Tail::take_rest) {
-            self.record(&rest, to);
-        }
     }
 
     fn record(&mut self, sample: &[u8], to: &mut Destination<'_>) {

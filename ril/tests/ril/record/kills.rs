@@ -1,7 +1,7 @@
 //! A recorder that is killed leaves a file that can be read, without a hole. How young the last message is, the program `endurance
 //! records` measures; here a machine may stall.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fs;
 
 use ipc_types::payload::{DspTelemetry, SharedStruct};
@@ -55,42 +55,44 @@ fn the_last_records_of_a_bridge_that_was_killed_are_in_the_file() {
     recorder.wait_for_text("recording file=");
     let sim = rig.sim(1, "--speed 5");
     let status = rig.status(1);
-    let mut bridge = rig.bridge(1);
-    let mut telemetry = rig.subscribe::<DspTelemetry>(1);
-    // At the end of the recording, and before the journal of the next bridge.
-    for kill in 0..2 {
+    // Before the journal of the next bridge, and at the end of the recording.
+    for seen in [
+        "recorded topic=\"/robot1/bridge/journal\"",
+        "began again topic=\"/robot1/bridge/journal\"",
+    ] {
+        let mut bridge = rig.bridge(1);
         rig.watch(1).until_ready();
-        recorder.wait_for_text("recorded topic=\"/robot1/bridge/journal\"");
-        telemetry.next_sample();
+        recorder.wait_for_text(seen);
+        rig.subscribe::<DspTelemetry>(1).next_sample();
         bridge.signal(Signal::KILL);
         bridge.wait_exit();
-        if kill == 0 {
-            bridge = rig.bridge(1);
-            recorder.wait_for_text("began again topic=\"/robot1/bridge/journal\"");
-        }
     }
     end(status, Signal::TERM);
     end(sim, Signal::TERM);
     end(recorder, Signal::TERM);
     let file = only_file(&rig);
-    let samples = |topic| samples(&file, topic);
-    let pieces = samples("/robot1/bridge/journal");
-    let telemetry = samples("/robot1/dsp/telemetry");
-    let epochs: BTreeSet<u64> = pieces.iter().map(|(_, piece)| word(piece, 8)).collect();
-    assert_eq!(epochs.len(), 2);
-    for epoch in epochs {
-        let of_bridge = |all: &[(u64, Vec<u8>)]| {
-            let of = all.iter().filter(|(_, sample)| word(sample, 8) == epoch);
-            of.cloned().collect::<Vec<_>>()
-        };
-        let (pieces, telemetry) = (of_bridge(&pieces), of_bridge(&telemetry));
-        assert_eq!(missing(&pieces), 0);
+    let by_publisher = |topic: &str| {
+        let mut all: BTreeMap<u64, Vec<_>> = BTreeMap::new();
+        for (sequence, sample) in samples(&file, topic) {
+            let of_publisher = all.entry(word(&sample, 8)).or_default();
+            of_publisher.push((sequence, sample));
+        }
+        all.into_values().collect::<Vec<_>>()
+    };
+    let journals = by_publisher("/robot1/bridge/journal");
+    let telemetry = by_publisher("/robot1/dsp/telemetry");
+    assert_eq!((journals.len(), telemetry.len()), (2, 2));
+    for (pieces, telemetry) in journals.iter().zip(&telemetry) {
+        assert_eq!(missing(pieces), 0);
         let last = DspTelemetry::from_bytes(&telemetry.last().unwrap().1).unwrap();
         let published = word(&pieces.last().unwrap().1, 16);
         // A piece says when it was sent, or when its last record was written. Published in time it would be up to 200 ms older than the
         // last sample; the bridge may have been killed in the round in which it published that one.
         let round_ns = 50_000_000;
-        assert!(published + round_ns >= last.received_ns, "{published} {last:?}");
+        assert!(
+            published + round_ns >= last.received_ns,
+            "{published} {last:?}"
+        );
     }
     rig.run(&format!("log check {}", file.display()), 0);
     rig.run(&format!("replay {} --verify", file.display()), 0);
