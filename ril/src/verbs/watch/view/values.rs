@@ -8,6 +8,7 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 
 use super::pen::{GOOD, Glyphs, OLD, ScreenClock, TITLE, WARNING, put};
+use crate::render::words::duration;
 use crate::robot::pilot;
 use crate::verbs::watch::app::App;
 use crate::verbs::watch::freshness::Freshness;
@@ -23,37 +24,73 @@ const LEAST_CLIMB_M: f64 = 2.0;
 /// A speed that changes by less than this over a sparkline is drawn as even, m/s.
 const LEAST_CHANGE_MPS: f64 = 1.0;
 
-/// Draws the lines in their order.
+/// A line of the robot in detail.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Value {
+    Altitude,
+    Altitudes,
+    Speed,
+    Speeds,
+    Position,
+    Path,
+    Supply,
+    Switch,
+    Gps,
+    DspLink,
+    Telemetry,
+    Status,
+    Relay,
+}
+
+use Value::{
+    Altitude, Altitudes, DspLink, Gps, Path, Position, Relay, Speed, Speeds, Status, Supply,
+    Switch, Telemetry,
+};
+
+/// The lines where there is room for all.
+const ALL: [Value; 13] = [
+    Altitude, Altitudes, Speed, Speeds, Position, Path, Supply, Switch, Gps, DspLink, Telemetry,
+    Status, Relay,
+];
+
+/// The lines where there is not: what matters most comes first.
+const SHORT: [Value; 11] = [
+    DspLink, Position, Altitude, Supply, Speed, Path, Switch, Telemetry, Gps, Status, Relay,
+];
+
+/// Draws all lines in their order.
 pub(super) fn draw(app: &App, clock: ScreenClock, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
-    let robot = app.robot();
-    let telemetry = robot.telemetry_freshness(clock.now).is_fresh();
-    let bridge = robot.process(Process::Bridge, clock.now).is_fresh();
+    draw_lines(&ALL, app, clock, glyphs, area, buffer);
+}
+
+/// Draws as many lines as fit, those that matter most.
+pub(super) fn draw_short(
+    app: &App,
+    clock: ScreenClock,
+    glyphs: Glyphs,
+    area: Rect,
+    buffer: &mut Buffer,
+) {
+    draw_lines(&SHORT, app, clock, glyphs, area, buffer);
+}
+
+fn draw_lines(
+    values: &[Value],
+    app: &App,
+    clock: ScreenClock,
+    glyphs: Glyphs,
+    area: Rect,
+    buffer: &mut Buffer,
+) {
     let mut lines = Lines {
         buffer,
         area,
         glyphs,
         y: 0,
     };
-    lines.value("altitude", telemetry, &altitude(robot));
-    lines.sparkline(&robot.altitude, LEAST_CLIMB_M);
-    lines.value("speed", telemetry, &speed(robot));
-    lines.sparkline(&robot.speed, LEAST_CHANGE_MPS);
-    lines.value("position", telemetry, &position(robot));
-    lines.value("path", bridge, &path(robot));
-    lines.value("supply", telemetry, &supply(robot));
-    let (text, style) = switch(robot);
-    lines.styled("switch", telemetry, text, style);
-    let gps = robot.pilot.gps;
-    let fix = gps.map_or("-".to_owned(), |gps| gps.to_string());
-    lines.value("GPS", telemetry, &fix);
-    let (text, style) = dsp_link(robot, clock);
-    lines.styled("DSP link", bridge, &text, style);
-    let (text, style) = telemetry_line(robot, clock);
-    lines.styled("telemetry", true, &text, style);
-    let (text, style) = status(robot, clock);
-    lines.styled("status", true, &text, style);
-    let (text, style) = relay(robot, clock);
-    lines.styled("relay", true, &text, style);
+    for value in values {
+        lines.add(*value, app.robot(), clock);
+    }
 }
 
 /// The place where the next line goes.
@@ -73,6 +110,44 @@ impl Lines<'_> {
         };
         self.y += 1;
         row
+    }
+
+    fn add(&mut self, value: Value, robot: &WatchedRobot, clock: ScreenClock) {
+        let telemetry = robot.telemetry_freshness(clock.now).is_fresh();
+        let bridge = robot.process(Process::Bridge, clock.now).is_fresh();
+        match value {
+            Altitude => self.value("altitude", telemetry, &altitude(robot)),
+            Altitudes => self.sparkline(&robot.altitude, LEAST_CLIMB_M),
+            Speed => self.value("speed", telemetry, &speed(robot)),
+            Speeds => self.sparkline(&robot.speed, LEAST_CHANGE_MPS),
+            Position => self.value("position", telemetry, &position(robot)),
+            Path => self.value("path", bridge, &path(robot)),
+            Supply => self.value("supply", telemetry, &supply(robot)),
+            Switch => {
+                let (text, style) = switch(robot);
+                self.styled("switch", telemetry, text, style);
+            }
+            Gps => {
+                let fix = robot.pilot.gps.map(|gps| gps.to_string());
+                self.value("GPS", telemetry, fix.as_deref().unwrap_or("-"));
+            }
+            DspLink => {
+                let (text, style) = dsp_link(robot, clock);
+                self.styled("DSP link", bridge, &text, style);
+            }
+            Telemetry => {
+                let (text, style) = telemetry_line(robot, clock);
+                self.styled("telemetry", true, &text, style);
+            }
+            Status => {
+                let (text, style) = status(robot, clock);
+                self.styled("status", true, &text, style);
+            }
+            Relay => {
+                let (text, style) = relay(robot, clock);
+                self.styled("relay", true, &text, style);
+            }
+        }
     }
 
     /// A value that is as new as can be, or else is drawn as an old one, with a question mark.
@@ -196,16 +271,17 @@ fn dsp_link(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
         || format!("unknown-{}", link.state),
         |state| state.to_string(),
     );
-    let heard = link.last_message().filter(|at| *at <= clock.now);
-    let age = heard.map_or("-".to_owned(), |at| {
-        format!("{:.1} s", clock.now.since(at).as_secs_f64())
+    let age = robot.link_age(clock.now);
+    let age = age.map_or_else(String::new, |(age, is_known)| {
+        let at_least = if is_known { "" } else { "at least " };
+        format!(" {at_least}{}", duration(age.as_secs() as f64))
     });
     let refused = &state.refused;
     let lost = [refused.checksum, refused.truncated, refused.missed_messages]
         .into_iter()
         .fold(0_u32, u32::saturating_add);
     let text = format!(
-        "{name} {age}, {lost} lost, {} repeated",
+        "{name}{age}, {lost} lost, {} repeated",
         link.commands_repeated
     );
     let style = if known == Some(LinkState::Up) {
