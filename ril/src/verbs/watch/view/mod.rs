@@ -69,7 +69,7 @@ pub fn draw(app: &App, clock: ScreenClock, glyphs: Glyphs, buffer: &mut Buffer) 
         ..middle
     };
     map::draw(app, glyphs, map, buffer);
-    values::draw(app, clock, glyphs, values, buffer);
+    values::draw(&values::ALL, app.robot(), clock, glyphs, values, buffer);
     lines::draw_log(
         app.robot(),
         clock,
@@ -93,7 +93,8 @@ fn draw_small(app: &App, clock: ScreenClock, glyphs: Glyphs, buffer: &mut Buffer
     lines::draw_alarm(app.robot(), clock, row(1, 1), buffer);
     let body = area.height.saturating_sub(3);
     let log = if body < MIN_SMALL { 0 } else { body / 3 };
-    values::draw_short(app, clock, glyphs, row(2, body - log), buffer);
+    let values = row(2, body - log);
+    values::draw(&values::SHORT, app.robot(), clock, glyphs, values, buffer);
     if log > 0 {
         let advice = format!(" enlarge to {MIN_WIDTH} x {MIN_HEIGHT} ");
         let log = row(2 + body - log, log);

@@ -10,7 +10,6 @@ use ratatui::style::Style;
 use super::pen::{GOOD, Glyphs, OLD, ScreenClock, TITLE, WARNING, put};
 use crate::render::words::duration;
 use crate::robot::pilot;
-use crate::verbs::watch::app::App;
 use crate::verbs::watch::freshness::Freshness;
 use crate::verbs::watch::history::History;
 use crate::verbs::watch::model::{Process, WatchedRobot};
@@ -24,73 +23,89 @@ const LEAST_CLIMB_M: f64 = 2.0;
 /// A speed that changes by less than this over a sparkline is drawn as even, m/s.
 const LEAST_CHANGE_MPS: f64 = 1.0;
 
-/// A line of the robot in detail.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Value {
-    Altitude,
-    Altitudes,
-    Speed,
-    Speeds,
-    Position,
-    Path,
-    Supply,
-    Switch,
-    Gps,
-    DspLink,
-    Telemetry,
-    Status,
-    Relay,
-}
-
-use Value::{
-    Altitude, Altitudes, DspLink, Gps, Path, Position, Relay, Speed, Speeds, Status, Supply,
-    Switch, Telemetry,
-};
-
-/// The lines where there is room for all.
-const ALL: [Value; 13] = [
-    Altitude, Altitudes, Speed, Speeds, Position, Path, Supply, Switch, Gps, DspLink, Telemetry,
-    Status, Relay,
+/// The lines where there is room for all; a curve stands below its value.
+pub(super) const ALL: [&str; 13] = [
+    "altitude",
+    "altitudes",
+    "speed",
+    "speeds",
+    "position",
+    "path",
+    "supply",
+    "switch",
+    "GPS",
+    "DSP link",
+    "telemetry",
+    "status",
+    "relay",
 ];
 
 /// The lines where there is not: what matters most comes first.
-const SHORT: [Value; 11] = [
-    DspLink, Position, Altitude, Supply, Speed, Path, Switch, Telemetry, Gps, Status, Relay,
+pub(super) const SHORT: [&str; 11] = [
+    "DSP link",
+    "position",
+    "altitude",
+    "supply",
+    "speed",
+    "path",
+    "switch",
+    "telemetry",
+    "GPS",
+    "status",
+    "relay",
 ];
 
-/// Draws all lines in their order.
-pub(super) fn draw(app: &App, clock: ScreenClock, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
-    draw_lines(&ALL, app, clock, glyphs, area, buffer);
-}
-
-/// Draws as many lines as fit, those that matter most.
-pub(super) fn draw_short(
-    app: &App,
+/// Draws as many of the lines `names` as fit, in their order.
+pub(super) fn draw(
+    names: &[&str],
+    robot: &WatchedRobot,
     clock: ScreenClock,
     glyphs: Glyphs,
     area: Rect,
     buffer: &mut Buffer,
 ) {
-    draw_lines(&SHORT, app, clock, glyphs, area, buffer);
-}
-
-fn draw_lines(
-    values: &[Value],
-    app: &App,
-    clock: ScreenClock,
-    glyphs: Glyphs,
-    area: Rect,
-    buffer: &mut Buffer,
-) {
+    let telemetry = robot.telemetry_freshness(clock.now).is_fresh();
+    let bridge = robot.process(Process::Bridge, clock.now).is_fresh();
     let mut lines = Lines {
         buffer,
         area,
         glyphs,
         y: 0,
     };
-    for value in values {
-        lines.add(*value, app.robot(), clock);
+    for name in names {
+        let (is_fresh, (text, style)) = match *name {
+            "altitudes" => {
+                lines.sparkline(&robot.altitude, LEAST_CLIMB_M);
+                continue;
+            }
+            "speeds" => {
+                lines.sparkline(&robot.speed, LEAST_CHANGE_MPS);
+                continue;
+            }
+            "altitude" => (telemetry, plain(altitude(robot), telemetry)),
+            "speed" => (telemetry, plain(speed(robot), telemetry)),
+            "position" => (telemetry, plain(position(robot), telemetry)),
+            "path" => (bridge, plain(path(robot), bridge)),
+            "supply" => (telemetry, plain(supply(robot), telemetry)),
+            "switch" => (telemetry, switch(robot)),
+            "GPS" => (telemetry, plain(fix(robot), telemetry)),
+            "DSP link" => (bridge, dsp_link(robot, clock)),
+            "telemetry" => (true, telemetry_line(robot, clock)),
+            "status" => (true, status(robot, clock)),
+            _ => (true, relay(robot, clock)),
+        };
+        lines.styled(name, is_fresh, &text, style);
     }
+}
+
+/// A value that is as new as can be, or else is drawn as an old one.
+fn plain(text: String, is_fresh: bool) -> (String, Style) {
+    (text, if is_fresh { Style::new() } else { OLD })
+}
+
+fn fix(robot: &WatchedRobot) -> String {
+    let gps = robot.pilot.gps;
+    gps.map_or("-".to_owned(), |gps| gps.to_string())
 }
 
 /// The place where the next line goes.
@@ -112,50 +127,7 @@ impl Lines<'_> {
         row
     }
 
-    fn add(&mut self, value: Value, robot: &WatchedRobot, clock: ScreenClock) {
-        let telemetry = robot.telemetry_freshness(clock.now).is_fresh();
-        let bridge = robot.process(Process::Bridge, clock.now).is_fresh();
-        match value {
-            Altitude => self.value("altitude", telemetry, &altitude(robot)),
-            Altitudes => self.sparkline(&robot.altitude, LEAST_CLIMB_M),
-            Speed => self.value("speed", telemetry, &speed(robot)),
-            Speeds => self.sparkline(&robot.speed, LEAST_CHANGE_MPS),
-            Position => self.value("position", telemetry, &position(robot)),
-            Path => self.value("path", bridge, &path(robot)),
-            Supply => self.value("supply", telemetry, &supply(robot)),
-            Switch => {
-                let (text, style) = switch(robot);
-                self.styled("switch", telemetry, text, style);
-            }
-            Gps => {
-                let fix = robot.pilot.gps.map(|gps| gps.to_string());
-                self.value("GPS", telemetry, fix.as_deref().unwrap_or("-"));
-            }
-            DspLink => {
-                let (text, style) = dsp_link(robot, clock);
-                self.styled("DSP link", bridge, &text, style);
-            }
-            Telemetry => {
-                let (text, style) = telemetry_line(robot, clock);
-                self.styled("telemetry", true, &text, style);
-            }
-            Status => {
-                let (text, style) = status(robot, clock);
-                self.styled("status", true, &text, style);
-            }
-            Relay => {
-                let (text, style) = relay(robot, clock);
-                self.styled("relay", true, &text, style);
-            }
-        }
-    }
-
-    /// A value that is as new as can be, or else is drawn as an old one, with a question mark.
-    fn value(&mut self, name: &str, is_fresh: bool, text: &str) {
-        let style = if is_fresh { Style::new() } else { OLD };
-        self.styled(name, is_fresh, text, style);
-    }
-
+    /// A value; one that is not of the present has a question mark.
     fn styled(&mut self, name: &str, is_fresh: bool, text: &str, style: Style) {
         let row = self.row();
         put(self.buffer, row, 0, name, TITLE);
@@ -253,12 +225,13 @@ fn supply(robot: &WatchedRobot) -> String {
     }
 }
 
-fn switch(robot: &WatchedRobot) -> (&'static str, Style) {
-    match robot.pilot.switch {
+fn switch(robot: &WatchedRobot) -> (String, Style) {
+    let (text, style) = match robot.pilot.switch {
         Some(PilotSwitch::Auto) => ("auto: the DSP flies", GOOD),
         Some(PilotSwitch::Manual) => ("manual: the pilot flies", WARNING),
         _ => ("-", OLD),
-    }
+    };
+    (text.to_owned(), style)
 }
 
 fn dsp_link(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
