@@ -40,6 +40,8 @@ impl fmt::Display for ConfigOrigin {
 pub(crate) struct RunningBridge {
     port: Subscriber<BridgeJournal>,
     reader: Reader,
+    /// What a subscriber gets first is the last piece of before, perhaps with the snapshot that another one has asked for.
+    opened: MonotonicNs,
     config: Option<BridgeConfig>,
 }
 
@@ -53,6 +55,7 @@ impl RunningBridge {
         Ok(RunningBridge {
             port: ipc.subscriber()?,
             reader: Reader::new(),
+            opened: MonotonicNs::now(),
             config: None,
         })
     }
@@ -84,13 +87,16 @@ impl Topics for RunningBridge {
         let RunningBridge {
             port,
             reader,
+            opened,
             config,
         } = self;
         let drained = port.drain(|piece| {
             reader.take(piece);
             while let Ok(Some(record)) = reader.next() {
                 let record: Record<'_> = record;
-                if let Entry::Snapshot(bytes) = record.entry {
+                if let Entry::Snapshot(bytes) = record.entry
+                    && record.at >= *opened
+                {
                     *config = of_snapshot(bytes);
                 }
             }

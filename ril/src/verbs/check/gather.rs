@@ -122,8 +122,12 @@ fn chosen_port(
         (Some(path), _) => (path, true),
         (None, Some(config)) => {
             let is_default = config.serial.port == BridgeConfig::default().serial.port;
+            // A live bridge has its port perhaps from its command line, and not from the file that it has read, which has a whole path.
+            let is_named = |file: &FileFacts| args.bridge.is_some() || file.path.is_relative();
             let has_file = files.iter().any(|file| {
-                file.command == Some("bridge") && file.content == Ok(FileContent::Right)
+                file.command == Some("bridge")
+                    && file.content == Ok(FileContent::Right)
+                    && is_named(file)
             });
             (&config.serial.port, has_file || !is_default)
         }

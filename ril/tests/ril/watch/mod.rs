@@ -134,7 +134,7 @@ fn another_size_is_drawn_at_once_and_one_that_is_too_small_says_so() {
     let mut screen = Screen::start(&rig, "watch", 80, 24);
     screen.shows("h hold");
     screen.resize(40, 12);
-    screen.shows("enlarge to 80 x 24 for the full view");
+    screen.shows("enlarge to 80 x 24");
     screen.resize(132, 43);
     screen.shows("no position yet");
     let last = screen.text();

@@ -94,6 +94,11 @@ fn draw_small(app: &App, clock: ScreenClock, glyphs: Glyphs, buffer: &mut Buffer
     let body = area.height.saturating_sub(3);
     let log = if body < MIN_SMALL { 0 } else { body / 3 };
     let values = row(2, body - log);
+    let values = Rect {
+        x: values.x + 1,
+        width: values.width.saturating_sub(1),
+        ..values
+    };
     values::draw(&values::SHORT, app.robot(), clock, glyphs, values, buffer);
     if log > 0 {
         let advice = format!(" enlarge to {MIN_WIDTH} x {MIN_HEIGHT} ");
