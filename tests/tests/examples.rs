@@ -422,7 +422,7 @@ fn each_name_of_a_topic_is_understood_wherever_a_topic_is_named() {
         let mut layouts = NAMES.chunks(3).zip(["Dsp", "Hero", "ModuleState"]);
         let (_, layout) = layouts.find(|(names, _)| names.contains(&name)).unwrap();
         let finished = rig.run(&format!("echo {name} --count 1 --json"), 0);
-        finished.out_says(&format!("\"schema\":\"hero.{layout}"));
+        finished.out_says(format!("\"schema\":\"hero.{layout}"));
     }
     let found = or_skip("Python", python());
     let run = |program: &str, first: &str| {

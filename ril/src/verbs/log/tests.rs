@@ -240,7 +240,7 @@ fn a_column_has_the_unit_of_its_field_and_is_found_by_the_name_that_echo_prints(
         if field.name.contains('_') {
             assert_eq!(unit(field.name), unit(&path), "{}", field.name);
         }
-        let chosen = Chosen::named(&columns, &[path.clone()]).unwrap();
+        let chosen = Chosen::named(&columns, std::slice::from_ref(&path)).unwrap();
         assert_eq!(chosen.names().collect::<Vec<_>>(), [field.name], "{path}");
     }
 }
