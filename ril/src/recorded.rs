@@ -17,16 +17,37 @@ use runtime::exit::Failure;
 pub const FLIGHT: &str = "flight";
 
 /// The topic in a file of the service `key` of `robot`: `/robot1/dsp/telemetry`, `/robot1/battery_watch/cell_voltages`.
-///
-/// The robot's own topics are called by the process that publishes them, as those of modules are.
 pub fn topic_of(robot: RobotId, key: &str) -> String {
-    let name = match ipc_types::service::own(key) {
+    topic(robot, name_of(key))
+}
+
+/// The name of the service `key` in files, without the robot. The robot's own topics are called by the process that publishes them, as
+/// those of modules are.
+pub fn name_of(key: &str) -> &str {
+    match ipc_types::service::own(key) {
         Some(ServiceId::DspTelemetry) => "dsp/telemetry",
         Some(ServiceId::HeroTelemetry) => "hero/telemetry",
         Some(ServiceId::ModuleState) => "bridge/state",
         _ => key,
-    };
-    topic(robot, name)
+    }
+}
+
+/// The short names of the robot's own topics, and what they are.
+pub(crate) const SHORT_NAMES: [(&str, ServiceId, &str); 3] = [
+    (
+        "dsp",
+        ServiceId::DspTelemetry,
+        "Telemetry as the DSP sends it",
+    ),
+    ("hero", ServiceId::HeroTelemetry, "Telemetry in SI units"),
+    ("state", ServiceId::ModuleState, "State of the module"),
+];
+
+/// The key that the short name of a topic stands for, or its name in recordings; any other text is a key by itself.
+pub(crate) fn key_of(name: &str) -> &str {
+    let mut names = SHORT_NAMES.iter();
+    let short = names.find(|(short, service, _)| *short == name || name_of(service.key()) == name);
+    short.map_or(name, |(_, service, _)| service.key())
 }
 
 /// The topic `name` of `robot`, one that the recorder makes itself for example.

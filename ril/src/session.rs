@@ -177,15 +177,17 @@ impl Session {
 
 /// The failure that no process provides the service `key`; other robots that are alive are named.
 pub(crate) fn absent(key: &str, robot: RobotId) -> Failure {
-    let start = match process_of(key) {
-        Some(process) => format!("start `ril run {process} --robot {robot}`"),
-        None => "start the module that provides it".to_owned(),
+    let (start, absent) = match process_of(key) {
+        Some(process) => (
+            format!("start `ril run {process} --robot {robot}`"),
+            format!("robot {robot}'s {process} is not running"),
+        ),
+        None => (
+            "start the module that provides it".to_owned(),
+            format!("no module of robot {robot} provides {key}"),
+        ),
     };
-    let text = format!(
-        "no process provides {key} of robot {robot}{}{}",
-        others_alive(robot),
-        other_domains()
-    );
+    let text = format!("{absent}{}{}", others_alive(robot), other_domains());
     Failure::new(ExitCode::ServiceAbsent, text).with_next_step(format!("{start} and try again"))
 }
 

@@ -12,11 +12,18 @@ use ipc_types::payload::DspTelemetry;
 pub struct Field {
     /// The name in the first line, with the unit as suffix.
     pub name: &'static str,
+    /// The name in the sample, as `ril echo dsp` shows it, at its dots.
+    path: &'static [&'static str],
     value: fn(&DspTelemetry) -> Value,
     set: fn(&mut DspTelemetry, &str) -> bool,
 }
 
 impl Field {
+    /// The name in the sample, as `ril echo dsp` shows it, such as `geographic.latitude_deg`.
+    pub fn path(&self) -> String {
+        self.path.join(".")
+    }
+
     /// The value in `sample`.
     pub fn value(&self, sample: &DspTelemetry) -> Value {
         (self.value)(sample)
@@ -93,6 +100,7 @@ macro_rules! fields {
     ($($name:literal = $($path:ident).+),+ $(,)?) => {
         &[$(Field {
             name: $name,
+            path: &[$(stringify!($path)),+],
             value: |sample| sample.$($path).+.into(),
             set: |sample, cell| set(&mut sample.$($path).+, cell),
         }),+]
@@ -111,15 +119,23 @@ pub const ALWAYS: &[Field] = fields! {
 pub const DSP_ERRORS: &[Field] = &[
     Field {
         name: "dsp_errors",
+        path: &["dsp_errors"],
         value: |sample| sample.dsp_errors.into(),
         set: |sample, cell| set(&mut sample.dsp_errors, cell),
     },
     Field {
         name: "last_dsp_error_code",
+        path: &["last_dsp_error_code"],
         value: |sample| sample.last_dsp_error().into(),
         set: |sample, cell| cell.is_empty() || set(&mut sample.last_dsp_error_code, cell),
     },
 ];
+
+/// All fields that can be columns.
+pub fn all() -> impl Iterator<Item = &'static Field> {
+    let of_groups = Group::ALL.into_iter().flat_map(of);
+    ALWAYS.iter().chain(of_groups).chain(DSP_ERRORS)
+}
 
 /// The fields of a group, in the order of the wire.
 pub fn of(group: Group) -> &'static [Field] {
@@ -218,9 +234,7 @@ mod tests {
 
     #[test]
     fn names_are_unique_and_need_no_quoting() {
-        let fields = ALWAYS.iter().chain(DSP_ERRORS);
-        let fields = fields.chain(Group::ALL.into_iter().flat_map(of));
-        let names: Vec<_> = fields.map(|field| field.name).collect();
+        let names: Vec<_> = all().map(|field| field.name).collect();
         let unique: BTreeSet<_> = names.iter().collect();
         assert_eq!(unique.len(), names.len());
         let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_';

@@ -402,6 +402,63 @@ fn a_program_in_python_plots_a_recorded_flight() {
 }
 
 #[test]
+fn each_name_of_a_topic_is_understood_wherever_a_topic_is_named() {
+    const NAMES: [&str; 9] = [
+        "dsp",
+        "dsp_telemetry",
+        "dsp/telemetry",
+        "hero",
+        "hero_telemetry",
+        "hero/telemetry",
+        "state",
+        "module_state",
+        "bridge/state",
+    ];
+    let rig = Sandbox::of(ril());
+    let robot = rig.start_robot(1, SPEED);
+    let mut recorder = rig.start("record --min-free 0 --output log");
+    recorder.wait_for_text("recording file=");
+    for name in NAMES {
+        let mut layouts = NAMES.chunks(3).zip(["Dsp", "Hero", "ModuleState"]);
+        let (_, layout) = layouts.find(|(names, _)| names.contains(&name)).unwrap();
+        let finished = rig.run(&format!("echo {name} --count 1 --json"), 0);
+        finished.out_says(format!("\"schema\":\"hero.{layout}"));
+    }
+    let found = or_skip("Python", python());
+    let run = |program: &str, first: &str| {
+        let Some(python) = found else { return };
+        let mut command = Command::new(python);
+        command.args(["-B", "-c", program, first]).args(NAMES);
+        rig.spawn(command).exits(0);
+    };
+    run(
+        "import sys, hero_ril\n\
+         with hero_ril.Robot() as robot:\n\
+         \x20   for name in sys.argv[2:]: assert robot.subscribe(name).receive().sequence, name\n",
+        "",
+    );
+    recorder.end();
+    let mut files = std::fs::read_dir(rig.path("log")).unwrap();
+    let file = files.next().unwrap().unwrap().path();
+    let file = file.to_str().unwrap();
+    for (index, name) in NAMES.into_iter().enumerate() {
+        let export = format!("log export {file} --topic {name} --output {index}.mcap");
+        let finished = rig.run(&export, 0);
+        assert!(
+            !finished.stdout[0].ends_with(": 0 messages"),
+            "{finished:#?}"
+        );
+    }
+    run(
+        "import sys, hero_ril\n\
+         flight = hero_ril.Flight(sys.argv[1])\n\
+         for name in sys.argv[2:]: assert len(flight[name]), name\n",
+        file,
+    );
+    robot.end();
+}
+
+#[test]
 fn a_program_in_python_flies_a_mission() {
     let Some(python) = or_skip("Python", python()) else {
         return;

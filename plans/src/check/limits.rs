@@ -27,6 +27,17 @@ struct PlanLimits<'a> {
     endurance: &'a Endurance,
 }
 
+/// A waypoint that is farther away is none of the site: beyond the range of a flight.
+const ANOTHER_SITE_M: f64 = 50_000.0;
+
+/// Metres, of a long distance kilometres.
+fn distance(metres: f64) -> String {
+    match metres < ANOTHER_SITE_M {
+        true => format!("{metres:.0} m"),
+        false => format!("{:.0} km", metres / 1000.0),
+    }
+}
+
 impl PlanLimits<'_> {
     fn check(&self, flight: &Flight, findings: &mut Findings) {
         for step in &flight.steps {
@@ -71,7 +82,9 @@ impl PlanLimits<'_> {
             items: item.into_iter().collect(),
             amount_m: excess_m,
             ..Finding::new(Severity::Error, "take-off-altitude", text)
-                .with_next_step("take off to less, then climb on a leg")
+                .with_next_step(
+                    "take off lower and climb on a leg; if the plan's heights are above sea, set `zero_above_sea_m` in `[plan]` of ril.toml",
+                )
         });
     }
 
@@ -111,13 +124,17 @@ impl PlanLimits<'_> {
                     Severity::Error,
                     "max-distance",
                     format!(
-                        "is {distance_m:.0} m from where its path begins; the limit is {most_m} m"
+                        "is {} from where its path begins; the limit is {most_m} m",
+                        distance(distance_m)
                     ),
                 )
                 .by_m(distance_m - most_m)
-                .with_next_step(
-                    "put a hold in between, or raise `movement.max_distance_m` of bridge.toml",
-                )
+                .with_next_step(match distance_m < ANOTHER_SITE_M {
+                    true => {
+                        "put a hold in between, or raise `movement.max_distance_m` of bridge.toml"
+                    }
+                    false => "is this plan for another site? Are latitude and longitude swapped?",
+                })
                 .about(leg.item)
                 .on_leg(leg.number),
             );

@@ -177,7 +177,9 @@ impl Watched {
             longitude_deg,
             altitude_m: 30.0,
         });
-        let mut app = App::new(&[RobotId::DEFAULT], Chart::new(&fence, &path));
+        let chart = Chart::new(&fence, &path);
+        let mut app = App::new(&[RobotId::DEFAULT], chart.clone());
+        app.robots_mut()[0].running_fence(chart.fence);
         let now = MonotonicNs::now();
         // All of the fence.
         for _ in 0..2 {
@@ -242,9 +244,10 @@ impl Watched {
 
     fn drawn(&self) -> Buffer {
         let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
+        let now = MonotonicNs::now();
         let clock = ScreenClock {
-            now: MonotonicNs::now(),
-            utc_s: since_1970.as_secs(),
+            now,
+            zero_unix_ns: (since_1970.as_nanos() as u64).saturating_sub(now.0),
         };
         let mut buffer = Buffer::empty(Rect::new(0, 0, COLUMNS, ROWS));
         view::draw(&self.app, clock, Glyphs::Unicode, &mut buffer);

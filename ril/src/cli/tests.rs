@@ -4,6 +4,7 @@ use runtime::exit::ExitCode;
 
 use super::*;
 use crate::options::{Height, Target};
+use crate::verbs::order::FenceCommand;
 use crate::verbs::param::{ParamCommand, PortKey};
 use crate::verbs::relay::RelayCommand;
 
@@ -266,6 +267,17 @@ fn what_stands_before_the_verb_is_written_behind_it() {
             "ril --timeout 5s --config x.toml echo dsp -q",
             "ril echo dsp -q --timeout 5s --config x.toml",
         ),
+        // Verbs of verbs.
+        ("ril param list --robot=2", "ril param list --robot=2"),
+        ("ril --robot 2 param list", "ril param list --robot 2"),
+        (
+            "ril -q --timeout=5s fence reload",
+            "ril fence reload -q --timeout=5s",
+        ),
+        (
+            "ril --json topic echo dsp --count 1",
+            "ril topic echo dsp --count 1 --json",
+        ),
         // Without a verb, and what is none of these.
         ("ril --robot 2", "ril --robot 2"),
         ("ril --robot", "ril --robot"),
@@ -279,6 +291,31 @@ fn what_stands_before_the_verb_is_written_behind_it() {
         let args = before.split(' ').map(OsString::from).collect();
         let moved = behind_the_verb(args, &Cli::command());
         assert_eq!(moved.join(OsStr::new(" ")), after, "{before}");
+    }
+}
+
+#[test]
+fn a_verb_of_a_verb_takes_its_options_on_either_side() {
+    for words in [
+        "param list --robot=2 --json",
+        "--robot=2 --json param list",
+        "--json param list --robot 2",
+        "fence reload --robot 2 --json",
+        "--robot 2 fence reload --json",
+        "--robot 2 --json fence reload",
+    ] {
+        let words: Vec<&str> = words.split(' ').collect();
+        let ask = match parse(&words) {
+            Ok(Command::Param(ParamArgs {
+                command: ParamCommand::List(args),
+            })) => args.ask,
+            Ok(Command::Fence(FenceArgs {
+                command: FenceCommand::Reload(args),
+            })) => args.ask,
+            other => panic!("{words:?}: {other:?}"),
+        };
+        assert_eq!(ask.common.robot().get(), 2, "{words:?}");
+        assert!(ask.json, "{words:?}");
     }
 }
 

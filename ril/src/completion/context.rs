@@ -7,7 +7,7 @@ use clap::{ArgMatches, CommandFactory};
 use ipc_types::RobotId;
 
 use crate::cli::Cli;
-use crate::verbs::topic::stream::key_of;
+use crate::recorded::key_of;
 
 /// What is said already.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -6,10 +6,10 @@ use dsp_protocol::port::{PORTS_16, PORTS_32};
 use ipc_types::{Domain, RobotId};
 
 use super::context::Context;
+use crate::recorded::SHORT_NAMES;
 use crate::render::fields::field_names;
 use crate::robot::domain::Looking;
 use crate::session::alive;
-use crate::verbs::topic::stream::SHORT_NAMES;
 
 /// How long a look-up may take. A person notices a delay of about 200 ms after the key; this leaves 50 ms to start the
 /// program. A look-up takes about a millisecond. One that takes longer is abandoned, and nothing is offered.

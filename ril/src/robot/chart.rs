@@ -1,10 +1,10 @@
-//! [`Chart`]: what files say of the map: the geofence of `bridge.toml`, and a path. Neither is in shared memory.
+//! [`Chart`]: what the map has besides the robot: the geofence of a configuration of the bridge, and the path of a plan.
 
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use bridge::safety::fence::{AreaConfig, AreaKind};
+use bridge::safety::fence::{Area, AreaConfig, AreaKind, Fence, FenceConfig};
 use ipc_types::payload::WaypointPosition;
 use plans::Plan;
 use plans::error::MAX_FILE_BYTES;
@@ -29,6 +29,23 @@ struct FenceTable {
     floor_m: Option<f64>,
     ceiling_m: Option<f64>,
     area: Vec<AreaConfig>,
+}
+
+impl From<&Fence> for FenceFile {
+    fn from(fence: &Fence) -> FenceFile {
+        let FenceConfig {
+            floor_m,
+            ceiling_m,
+            area,
+        } = fence.clone().into();
+        FenceFile {
+            fence: FenceTable {
+                floor_m,
+                ceiling_m,
+                area: area.iter().map(Area::config).cloned().collect(),
+            },
+        }
+    }
 }
 
 /// An area of the fence as a closed line.
@@ -74,11 +91,11 @@ impl Chart {
 /// Code 78 when the configuration is wrong, 2 when a file cannot be read or is no plan.
 pub fn of_files(bridge: Option<&Path>, plan: Option<&Path>) -> Result<Chart, Failure> {
     let default = Path::new(bridge::cli::DEFAULT_CONFIG_FILE);
-    // The bridge's own code checks it, so that a fence is drawn which can be in force.
-    runtime::config::load::<bridge::BridgeConfig>(bridge, default)?;
-    let fence = runtime::config::load::<FenceFile>(bridge, default)?;
+    // The bridge's own code reads it, so that a fence is drawn which can be in force.
+    let loaded = runtime::config::load::<bridge::BridgeConfig>(bridge, default)?;
     let path = plan.map(waypoints).transpose()?;
-    Ok(Chart::new(&fence.value, &path.unwrap_or_default()))
+    let fence = FenceFile::from(&loaded.value.fence);
+    Ok(Chart::new(&fence, &path.unwrap_or_default()))
 }
 
 /// The items of a plan that have a position.

@@ -1,5 +1,5 @@
 //! What an operator sees of a robot: where it is and was, how old its samples are, what its pilot asks first, what changes from one
-//! state to the next, the fence and path around it, and the relay's link to it.
+//! state to the next, the fence and path around it, what its processes run with, and the relay's link to it.
 
 pub mod changes;
 pub mod chart;
@@ -8,4 +8,5 @@ pub mod geo;
 pub mod pilot;
 pub(crate) mod position;
 pub mod relay_link;
+pub mod running;
 pub mod sample_age;

@@ -20,6 +20,7 @@ import os
 import weakref
 
 from . import structs
+from ._names import KEYS
 from ._native import (
     FullError,
     LayoutError,
@@ -501,11 +502,13 @@ class Robot(_Closing):
     # Topics
 
     def subscribe(self, key, struct=None, *, schema=None, timeout=None):
-        """Subscribes to a topic, such as "battery_watch/cell_voltages".
+        """Subscribes to a topic, such as "battery_watch/cell_voltages". The robot's own are called as in recordings and in `ril echo`:
+        "hero/telemetry", "hero" or "hero_telemetry".
 
         With a structure or a schema the publisher need not be there yet; without, the structure is made from the schema that lies
         beside the topic. An iteration ends when there was no sample for `timeout` seconds.
         """
+        key = KEYS.get(key, key)
         own = _OWN_TOPICS.get(key)
         layout_hash = None
         if struct is None and schema is None and own is not None:

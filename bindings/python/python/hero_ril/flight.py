@@ -14,6 +14,7 @@ import os
 from ._file import File, needed
 from ._frames import columns_of, units_of
 from ._messages import array_of, parse
+from ._names import IN_RECORDINGS
 
 __all__ = ["Flight"]
 
@@ -21,7 +22,8 @@ __all__ = ["Flight"]
 class Flight:
     """A recording: one file, or the files of a recording that was split, in any order; names may have wildcards.
 
-    Topics are called as in the file, or without the robot when there is one robot: "/robot1/hero/telemetry" or "hero/telemetry".
+    Topics are called as in the file, or without the robot when there is one robot: "/robot1/hero/telemetry" or "hero/telemetry"; the
+    robot's own also as in `ril echo` and `Robot.subscribe`: "hero", "hero_telemetry".
     """
 
     def __init__(self, *paths):
@@ -160,6 +162,7 @@ class Flight:
     def _candidates(self, topic):
         if topic in self._channels:
             return [topic]
+        topic = IN_RECORDINGS.get(topic, topic)
         is_meant = lambda name: name.startswith("/robot") and name.partition("/robot")[2].partition("/")[2] == topic
         return sorted(filter(is_meant, self._channels))
 

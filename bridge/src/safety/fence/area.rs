@@ -53,6 +53,13 @@ pub struct Area {
     pub(super) band: Band,
 }
 
+impl Area {
+    /// What it was made of.
+    pub fn config(&self) -> &AreaConfig {
+        &self.config
+    }
+}
+
 /// The outline of an area in its plane.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Shape {

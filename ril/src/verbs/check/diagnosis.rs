@@ -123,6 +123,19 @@ fn configuration(file: &FileFacts) -> Finding {
         None => "of the operator's commands".to_owned(),
     };
     match &file.content {
+        Ok(FileContent::Right) if file.is_in_force == Some(false) => Finding::warning(
+            "configuration-not-in-force",
+            format!("{path} {whose} is right, but the running process has another configuration"),
+            "was it changed since the start? `ril fence reload` takes its fence, a restart takes all of it",
+        ),
+        Ok(FileContent::Right) if file.is_in_force == Some(true) => Finding::note(
+            "configuration-right",
+            format!("{path} {whose} is right, and the running process has it in force"),
+        ),
+        Ok(FileContent::Absent) if file.is_in_force == Some(false) => Finding::note(
+            "configuration-absent",
+            format!("no {path} here: the configuration {whose} is what the running process says"),
+        ),
         Ok(FileContent::Right) => {
             Finding::note("configuration-right", format!("{path} {whose} is right"))
         }
@@ -344,12 +357,38 @@ mod tests {
                 command: Some("bridge"),
                 path: "bridge.toml".into(),
                 content,
+                is_in_force: None,
             });
             assert_eq!(
                 (finding.severity, finding.text.as_str()),
                 (severity, expected)
             );
             assert_eq!(finding.next_step.is_some(), severity > Note);
+        }
+    }
+
+    #[test]
+    fn a_file_that_differs_from_what_the_process_runs_with_is_told() {
+        use FileContent::{Absent, Right};
+        for (content, is_in_force, severity, expected) in [
+            (Right, true, Note, "and the running process has it in force"),
+            (
+                Right,
+                false,
+                Warning,
+                "but the running process has another configuration",
+            ),
+            (Absent, true, Note, "is the built-in one"),
+            (Absent, false, Note, "is what the running process says"),
+        ] {
+            let finding = configuration(&FileFacts {
+                command: Some("bridge"),
+                path: "bridge.toml".into(),
+                content: Ok(content),
+                is_in_force: Some(is_in_force),
+            });
+            assert_eq!(finding.severity, severity, "{finding:?}");
+            assert!(finding.text.ends_with(expected), "{finding:?}");
         }
     }
 

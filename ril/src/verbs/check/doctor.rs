@@ -1,7 +1,7 @@
 //! `ril doctor`: looks at a robot's shared memory, configuration and serial port, and says what is wrong and what to do.
 //!
 //! Nothing is changed, unless `--repair` asks to remove what is certainly dead. Nothing is joined but the topic of a live relay's
-//! link, and no other port is opened. Each look times out.
+//! link and, for a moment, the journal of a live bridge, which says its configuration; no other port is opened. Each look times out.
 
 use std::io::{self, Write};
 
@@ -27,7 +27,10 @@ pub fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     runtime::logging::init(common.verbosity())?;
     let sim = args.sim.as_deref();
     let report = match common.check_config {
-        true => DoctorReport::of_files(common.robot().get(), &gather::files(&args.machine, sim).0),
+        true => {
+            let (files, _) = gather::files(&args.machine, sim, None, None);
+            DoctorReport::of_files(common.robot().get(), &files)
+        }
         false => DoctorReport::of(&gather::machine(&args.machine, sim, args.repair).0),
     };
     let mut out = io::stdout().lock();
@@ -157,6 +160,7 @@ mod tests {
             command,
             path: path.into(),
             content,
+            is_in_force: None,
         };
         [
             file(Some("bridge"), "bridge.toml", Ok(FileContent::Right)),

@@ -9,6 +9,7 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::{MonotonicNs, Repair};
 
 use crate::robot::domain::{DomainFacts, Look};
+use crate::robot::running::ConfigOrigin;
 
 /// What the doctor knows of the machine.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +57,15 @@ pub struct FileFacts {
     pub path: PathBuf,
     /// What is in it.
     pub content: Look<FileContent>,
+    /// Whether the live process runs with what is in it; `None` if no process says what it runs with.
+    pub is_in_force: Option<bool>,
+}
+
+impl FileFacts {
+    /// Whether there is no such file.
+    pub fn is_absent(&self) -> bool {
+        matches!(self.content, Ok(FileContent::Absent))
+    }
 }
 
 /// What is in a configuration file.
@@ -116,8 +126,10 @@ pub struct PreflightFacts {
     pub machine: MachineFacts,
     /// The newest samples.
     pub live: Live,
-    /// The bridge's configuration as it stands in the file here; `None` if there is none, or it is wrong.
+    /// The bridge's configuration, that of the live bridge if it says it; `None` if there is no file, or it is wrong.
     pub bridge: Option<BridgeConfig>,
+    /// Where it comes from.
+    pub bridge_origin: ConfigOrigin,
     /// Where status writes its logs.
     pub logs: Logs,
     /// The wall clock.

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use bridge::BridgeConfig;
 use bridge::shell::serial::holders::{Holders, TerminalDevice};
 use bridge::shell::serial::permission_hint;
-use ipc_types::payload::RelayLink;
+use ipc_types::payload::{BridgeJournal, RelayLink};
 use ipc_types::{Domain, Ipc, MonotonicNs, Repair, RobotId, Subscriber, Topic};
 use runtime::config::load;
 use runtime::exit::Failure;
@@ -26,10 +26,14 @@ use super::facts::{
 };
 use super::options::MachineArgs;
 use super::services::bridge_pid;
-use crate::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, open_files};
+use crate::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, Provided, open_files};
+use crate::robot::running::{ConfigOrigin, RunningBridge, file_of};
 
 /// How long a sample of the relay's link is waited for, which is published once a second: twice that.
 const LINK_TIMEOUT: Duration = Duration::from_secs(2);
+
+/// How long the live bridge's configuration is waited for: the bridge says it within a fraction of a second, unless it is stopped.
+const RUNNING_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// How long a repair may take. It takes a fraction of a millisecond for each file that it deletes. A repair that is given
 /// up ends with this process, as if killed: what it had set aside for deletion, the next start or repair deletes.
@@ -41,13 +45,16 @@ const SHARED_MEMORY: &str = "/dev/shm";
 /// What the time service of systemd makes when the clock is synchronized.
 const SYNCHRONIZED: &str = "/run/systemd/timesync/synchronized";
 
-/// Everything that is known of the machine, after a repair if one `is_to_repair`, with the bridge's configuration.
+/// A configuration of the bridge, and where it comes from.
+pub(super) type FoundConfig = (BridgeConfig, ConfigOrigin);
+
+/// Everything that is known of the machine, after a repair if one `is_to_repair`, with the bridge's configuration: that which the live
+/// bridge runs with, unless the operator named a file.
 pub(super) fn machine(
     args: &MachineArgs,
     sim: Option<&Path>,
     is_to_repair: bool,
-) -> (MachineFacts, Option<BridgeConfig>) {
-    let (files, bridge) = files(args, sim);
+) -> (MachineFacts, Option<FoundConfig>) {
     let robot = RobotId::from(args.common.robot());
     let place = Domain::from_environment();
     let repair = match &place {
@@ -60,10 +67,11 @@ pub(super) fn machine(
     };
     // Where no provider can be found, that is a finding of its own.
     let is_readable = domain.as_ref().is_ok_and(|facts| facts.providers.is_ok());
-    let relay = match place {
-        Ok(place) if is_readable => relay(&place, robot),
-        _ => None,
+    let (relay, running) = match place {
+        Ok(place) if is_readable => (relay(&place, robot), running(&place, robot)),
+        _ => (None, None),
     };
+    let (files, bridge) = files(args, sim, domain.as_ref().ok(), running.as_ref());
     let bridge_process = domain
         .as_ref()
         .ok()
@@ -77,7 +85,30 @@ pub(super) fn machine(
         files,
         repair,
     };
+    let bridge_file = &facts.files[0];
+    let in_file = || {
+        let origin = ConfigOrigin::File(bridge_file.path.clone());
+        bridge
+            .filter(|_| !bridge_file.is_absent())
+            .map(|config| (config, origin))
+    };
+    let running = running.filter(|_| args.bridge.is_none());
+    let running = running.map(|config| (config, ConfigOrigin::Running));
+    let bridge = running.or_else(in_file);
     (facts, bridge)
+}
+
+/// What the live bridge of `robot` says that it runs with.
+fn running(domain: &Domain, robot: RobotId) -> Option<BridgeConfig> {
+    let domain = domain.clone();
+    let looking = Looking::attempt(move || {
+        if domain.provider(robot, BridgeJournal::KEY)?.is_none() {
+            return Ok::<_, Box<dyn std::error::Error + Send + Sync>>(None);
+        }
+        let ipc = Ipc::join(&domain, robot, "ril")?;
+        Ok(RunningBridge::open(&ipc)?.wait(RUNNING_TIMEOUT))
+    });
+    looking.end(LOOK_TIMEOUT).ok().flatten()
 }
 
 /// The serial port that the command line names, or else the bridge's configuration, if either does.
@@ -91,8 +122,12 @@ fn chosen_port(
         (Some(path), _) => (path, true),
         (None, Some(config)) => {
             let is_default = config.serial.port == BridgeConfig::default().serial.port;
+            // A live bridge has its port perhaps from its command line, and not from the file that it has read, which has a whole path.
+            let is_named = |file: &FileFacts| args.bridge.is_some() || file.path.is_relative();
             let has_file = files.iter().any(|file| {
-                file.command == Some("bridge") && file.content == Ok(FileContent::Right)
+                file.command == Some("bridge")
+                    && file.content == Ok(FileContent::Right)
+                    && is_named(file)
             });
             (&config.serial.port, has_file || !is_default)
         }
@@ -161,14 +196,29 @@ fn free_memory() -> io::Result<FreeMemory> {
     })
 }
 
-/// Reads the configuration of each process with the process's own code. Says also what the bridge's is, if it is right.
+/// Reads the configuration of each process with the process's own code: the file that is named, or that the live process of `domain` has
+/// read, or else that of this folder. Says also what the bridge's is, if it is right. `running` is what the live bridge runs with.
 pub(super) fn files(
     args: &MachineArgs,
     sim: Option<&Path>,
+    domain: Option<&DomainFacts>,
+    running: Option<&BridgeConfig>,
 ) -> (Vec<FileFacts>, Option<BridgeConfig>) {
     use crate::config as ril;
-    let bridge = ConfigSource::new(args.bridge.as_deref(), bridge::cli::DEFAULT_CONFIG_FILE);
-    let status = ConfigSource::new(args.status.as_deref(), status::config::DEFAULT_FILE);
+    let robot = args.common.robot().get();
+    let of_process = |explicit: Option<&Path>, name, default| {
+        let provider = || process(domain?, robot, name);
+        let file = || file_of(&provider()?.by, name, default);
+        let file = explicit.is_none().then(file).flatten();
+        ConfigSource::new(explicit, file.unwrap_or_else(|| PathBuf::from(default)))
+    };
+    let bridge = bridge::cli::DEFAULT_CONFIG_FILE;
+    let bridge = of_process(args.bridge.as_deref(), "bridge", bridge);
+    let status = of_process(
+        args.status.as_deref(),
+        "status",
+        status::config::DEFAULT_FILE,
+    );
     let sim = ConfigSource::new(sim, dsp_sim::config::DEFAULT_FILE);
     let own = ConfigSource::new(args.common.config.as_deref(), ril::DEFAULT_FILE);
     let reading = bridge.start::<BridgeConfig>();
@@ -189,45 +239,63 @@ pub(super) fn files(
         Ok((content, config)) => (Ok(content), config),
         Err(trouble) => (Err(trouble), None),
     };
-    let mut files = vec![bridge.facts(Some("bridge"), content)];
+    let is_in_force = config.as_ref().zip(running).map(|(config, running)| {
+        // The journal does not say the port.
+        let serial = config.serial.clone();
+        *config
+            == BridgeConfig {
+                serial,
+                ..running.clone()
+            }
+    });
+    let mut files = vec![FileFacts {
+        is_in_force,
+        ..bridge.facts(Some("bridge"), content)
+    }];
     for (command, source, check) in others {
         files.push(source.facts(command, check.end(LOOK_TIMEOUT)));
     }
     (files, config)
 }
 
+/// The live process `name` of `robot`.
+pub(super) fn process<'a>(domain: &'a DomainFacts, robot: u32, name: &str) -> Option<&'a Provided> {
+    let mut providers = domain.providers.as_ref().ok()?.iter();
+    providers.find(|one| one.robot.get() == robot && one.service.provider() == name)
+}
+
 /// Where a configuration comes from.
 struct ConfigSource {
     explicit: Option<PathBuf>,
-    default: &'static str,
+    default: PathBuf,
 }
 
 impl ConfigSource {
-    fn new(explicit: Option<&Path>, default: &'static str) -> ConfigSource {
+    fn new(explicit: Option<&Path>, default: impl Into<PathBuf>) -> ConfigSource {
         ConfigSource {
             explicit: explicit.map(Path::to_owned),
-            default,
+            default: default.into(),
         }
     }
 
     fn start<T: DeserializeOwned + Default + Send + 'static>(
         &self,
     ) -> Looking<(FileContent, Option<T>)> {
-        let (explicit, default) = (self.explicit.clone(), self.default);
-        Looking::start(move || read(explicit.as_deref(), Path::new(default)))
+        let (explicit, default) = (self.explicit.clone(), self.default.clone());
+        Looking::start(move || read(explicit.as_deref(), &default))
     }
 
     fn start_check<T: DeserializeOwned + Default>(&self) -> Looking<FileContent> {
-        let (explicit, default) = (self.explicit.clone(), self.default);
-        Looking::start(move || read::<T>(explicit.as_deref(), Path::new(default)).0)
+        let (explicit, default) = (self.explicit.clone(), self.default.clone());
+        Looking::start(move || read::<T>(explicit.as_deref(), &default).0)
     }
 
     fn facts(&self, command: Option<&'static str>, content: Look<FileContent>) -> FileFacts {
-        let default = || PathBuf::from(self.default);
         FileFacts {
             command,
-            path: self.explicit.clone().unwrap_or_else(default),
+            path: self.explicit.as_ref().unwrap_or(&self.default).clone(),
             content,
+            is_in_force: None,
         }
     }
 }
@@ -326,11 +394,10 @@ fn terminals(open: &[(u32, PathBuf)]) -> Vec<PathBuf> {
     found
 }
 
-/// The folders of the logs in the configuration of status; `folder` is where its process began, `None` if that is not known.
-pub(super) fn logs(explicit: Option<PathBuf>, folder: Option<PathBuf>) -> Logs {
+/// The folders of the logs in `file`, the configuration of status; `folder` is where its process began, `None` if that is not known.
+pub(super) fn logs(file: PathBuf, folder: Option<PathBuf>) -> Logs {
     let looked = Looking::start(move || {
-        let default = Path::new(status::config::DEFAULT_FILE);
-        let loaded = load::<status::config::Config>(explicit.as_deref(), default).ok()?;
+        let loaded = load::<status::config::Config>(Some(&file), &file).ok()?;
         let logs = loaded.value.log.into_iter();
         let logs = logs.filter(|log| !log.groups.is_empty());
         Some(logs.map(|log| log_place(&log, folder.as_deref())).collect())

@@ -179,19 +179,20 @@ fn fence(facts: &PreflightFacts) -> Checked {
     let state = state(facts, ID)?;
     let in_force = state.safety.fence_areas as usize;
     let in_file = facts.bridge.as_ref().map(|config| &config.fence);
+    let origin = &facts.bridge_origin;
     let areas = |number: usize| count(number as u64, "area");
     let check = match in_file {
         Some(file) if file.areas() != in_force => Finding::warning(
             ID,
             format!(
-                "{} in force, {} in bridge.toml here",
+                "{} in force, {} in {origin}",
                 areas(in_force),
                 areas(file.areas())
             ),
             "`ril fence reload`; or name the bridge's file with --bridge",
         ),
         Some(file) if in_force == 0 && !file.is_empty() => {
-            Finding::note(ID, "no areas; bridge.toml here limits the altitude")
+            Finding::note(ID, format!("no areas; {origin} limits the altitude"))
         }
         _ if in_force == 0 => Finding::warning(
             ID,
@@ -229,6 +230,7 @@ fn supply_rules(facts: &PreflightFacts) -> Finding {
         let why = "no bridge.toml that can be read is here";
         return Finding::unchecked(ID, why).with_next_step("name the bridge's file with --bridge");
     };
+    let origin = &facts.bridge_origin;
     let unwatched: Vec<&str> = [
         ("battery_v", &config.safety.battery_v),
         ("fuel_percent", &config.safety.fuel_percent),
@@ -238,10 +240,13 @@ fn supply_rules(facts: &PreflightFacts) -> Finding {
     .map(|(name, _)| name)
     .collect();
     let check = match unwatched.as_slice() {
-        [] => Finding::note(ID, "battery and fuel are watched in flight"),
+        [] => Finding::note(
+            ID,
+            format!("battery and fuel are watched in flight, as {origin} says"),
+        ),
         names => Finding::warning(
             ID,
-            format!("no limits in bridge.toml for {}", names.join(" and ")),
+            format!("no limits in {origin} for {}", names.join(" and ")),
             "set them in `[safety]` of bridge.toml, then restart the bridge",
         ),
     };

@@ -20,11 +20,11 @@ pub struct MachineArgs {
     #[command(flatten)]
     pub common: CommonArgs,
 
-    /// Configuration of the bridge [default: bridge.toml, if it is there]
+    /// Configuration of the bridge [default: that of the live bridge; without one bridge.toml, if it is there]
     #[arg(long, value_name = "FILE")]
     pub bridge: Option<PathBuf>,
 
-    /// Configuration of status [default: status.toml, if it is there]
+    /// Configuration of status [default: the file of the live status; without one status.toml, if it is there]
     #[arg(long, value_name = "FILE")]
     pub status: Option<PathBuf>,
 
@@ -35,8 +35,8 @@ pub struct MachineArgs {
 
 /// `ril doctor`
 ///
-/// Without --repair nothing is changed, and nothing is joined but the topic of a relay's link. The serial port is not opened in
-/// any case.
+/// Without --repair nothing is changed, and nothing is joined but the topic of a relay's link and the journal of the bridge, which says
+/// its configuration. The serial port is not opened in any case.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct DoctorArgs {

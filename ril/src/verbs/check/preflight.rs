@@ -14,7 +14,7 @@ use runtime::exit::{ExitCode, Failure};
 use runtime::finding::{Finding, Severity};
 use serde::{Serialize, Serializer};
 
-use super::facts::{FileContent, FileFacts, Live, Logs, PreflightFacts};
+use super::facts::{Live, Logs, PreflightFacts};
 use super::options::{MachineArgs, PreflightArgs};
 use super::{HEADING, gather, helicopter, machine, robot, width};
 use crate::config::{Config, PreflightLimits};
@@ -24,6 +24,7 @@ use crate::render::messages::Verb;
 use crate::render::words::{count, wrap};
 use crate::request::{Conversation, Format, Until};
 use crate::robot::domain::Namespace;
+use crate::robot::running::ConfigOrigin;
 use crate::session::{Latest, Session, configuration, is_relayed};
 
 /// How long `ril start` waits for samples that it goes by: twice the period of the module's state. A start is not held up by what
@@ -98,36 +99,29 @@ fn report(args: &MachineArgs, live: Live, config: &Config) -> PreflightReport {
     // The samples were looked at just now; the looks at the machine may take seconds.
     let now = MonotonicNs::now();
     let (machine, bridge) = gather::machine(args, None, false);
-    let status_folder = machine.domain.as_ref().ok().and_then(|domain| {
-        let robot = machine.robot;
-        let providers = domain.providers.as_ref().ok()?;
-        let status = providers
-            .iter()
-            .find(|one| one.robot.get() == robot && one.service.provider() == "status")?;
-        (status.pids == Namespace::Ours)
-            .then(|| PathBuf::from(format!("/proc/{}/cwd", status.by.pid)))
-    });
+    let status = machine.domain.as_ref().ok();
+    let status = status.and_then(|domain| gather::process(domain, machine.robot, "status"));
+    let status_folder = status
+        .filter(|status| status.pids == Namespace::Ours)
+        .map(|status| PathBuf::from(format!("/proc/{}/cwd", status.by.pid)));
+    let mut files = machine.files.iter();
+    let status_file = files.find(|file| file.command == Some("status"));
+    let status_file = status_file.filter(|file| !file.is_absent());
+    let (bridge, bridge_origin) = bridge.unzip();
     let facts = PreflightFacts {
         robot: machine.robot,
         now,
-        bridge: bridge.filter(|_| is_there(&machine.files, "bridge")),
-        logs: match is_there(&machine.files, "status") {
-            true => gather::logs(args.status.clone(), status_folder),
-            false => Logs::NoFile,
+        bridge,
+        bridge_origin: bridge_origin.unwrap_or(ConfigOrigin::Running),
+        logs: match status_file {
+            Some(file) => gather::logs(file.path.clone(), status_folder),
+            None => Logs::NoFile,
         },
         machine,
         live,
         clock: gather::clock(),
     };
     PreflightReport::new(facts.robot, judge(&facts, &config.preflight))
-}
-
-/// Whether the configuration file of `command` is there, right or wrong.
-fn is_there(files: &[FileFacts], command: &str) -> bool {
-    let mut files = files.iter();
-    files.any(|file| {
-        file.command == Some(command) && !matches!(file.content, Ok(FileContent::Absent))
-    })
 }
 
 /// Waits for the newest sample of each topic that is to be expected.

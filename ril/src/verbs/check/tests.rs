@@ -13,6 +13,7 @@ use super::facts::{
 use super::preflight::{PreflightReport, judge, worst};
 use crate::config::PreflightLimits;
 use crate::robot::domain::{DomainFacts, Namespace, Provided};
+use crate::robot::running::ConfigOrigin;
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 
@@ -70,6 +71,7 @@ fn ready() -> PreflightFacts {
             is_relayed: false,
         },
         bridge: Some(bridge.unwrap()),
+        bridge_origin: ConfigOrigin::File("bridge.toml".into()),
         logs: Logs::Configured(vec![log()]),
         clock: WallClock {
             unix_s: 1_800_000_000,

@@ -2,6 +2,7 @@
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::Value;
+use status::fields;
 use status::log::clock::IsoTime;
 
 use super::recording::Row;
@@ -89,24 +90,31 @@ impl Chosen {
         }
     }
 
-    /// The columns `names`.
+    /// The columns `names`. A column can also be named as its field in `ril echo dsp`.
     ///
     /// # Errors
     ///
     /// A name that is no column, with those that are.
     pub fn named(columns: &[String], names: &[String]) -> Result<Chosen, String> {
         let find = |name: &String| {
-            let place = columns.iter().position(|column| column == name);
-            place.map(|place| (place, name.clone())).ok_or_else(|| {
-                let near = runtime::config::nearest(name, columns.iter().map(String::as_str));
-                match near {
-                    Some(near) => format!("the log has no column `{name}`; did you mean `{near}`?"),
-                    None => format!(
-                        "the log has no column `{name}`; it has {}",
-                        columns.join(", ")
-                    ),
-                }
-            })
+            let mut fields = fields::all();
+            let field = fields.find(|field| field.path() == *name);
+            let column = field.map_or(name.as_str(), |field| field.name);
+            let place = columns.iter().position(|one| one == column);
+            place
+                .map(|place| (place, column.to_owned()))
+                .ok_or_else(|| {
+                    let near = runtime::config::nearest(name, columns.iter().map(String::as_str));
+                    match near {
+                        Some(near) => {
+                            format!("the log has no column `{name}`; did you mean `{near}`?")
+                        }
+                        None => format!(
+                            "the log has no column `{name}`; it has {}",
+                            columns.join(", ")
+                        ),
+                    }
+                })
         };
         let columns = names.iter().filter(|name| *name != UTC).map(find);
         Ok(Chosen {

@@ -221,3 +221,26 @@ fn a_file_of_another_format_is_named() {
     assert_eq!(of("a.mcap", b"\x88MCAP0\r\n"), Format::Mcap);
     assert_eq!(of("a.tsv", b""), Format::Tsv);
 }
+
+#[test]
+fn a_column_has_the_unit_of_its_field_and_is_found_by_the_name_that_echo_prints() {
+    use ipc_types::Schema;
+    use ipc_types::payload::DspTelemetry;
+    let schema = Schema::of::<DspTelemetry>();
+    let columns: Vec<String> = status::fields::all()
+        .map(|field| field.name.to_owned())
+        .collect();
+    let unit = |name: &str| name.rsplit('_').next().map(str::to_owned);
+    for field in status::fields::all() {
+        let path = field.path();
+        assert!(
+            schema.number(&path).is_some(),
+            "{path} is no field of `ril echo dsp`"
+        );
+        if field.name.contains('_') {
+            assert_eq!(unit(field.name), unit(&path), "{}", field.name);
+        }
+        let chosen = Chosen::named(&columns, std::slice::from_ref(&path)).unwrap();
+        assert_eq!(chosen.names().collect::<Vec<_>>(), [field.name], "{path}");
+    }
+}

@@ -13,7 +13,7 @@ use status::log::file_name::FileKind;
 use super::files::{OrFailUsage, last_flight, open};
 use super::options::{LogExportArgs, LogFileArgs, LogRecoverArgs};
 use crate::recorded::check::FileCheck;
-use crate::recorded::new_file;
+use crate::recorded::{key_of, name_of, new_file};
 use crate::render::json_line;
 use crate::render::words::{count, shell_word};
 use crate::session::configuration;
@@ -115,13 +115,11 @@ pub(super) fn export(args: &LogExportArgs) -> Result<(), Failure> {
     })
 }
 
-/// Whether `topic` is called `name`: as in the file, or without the robot.
+/// Whether `topic` is called `name`: as in the file, without the robot, or as in `ril echo`.
 fn is_topic(topic: &str, name: &str) -> bool {
-    topic == name
-        || topic.split_once('/').is_some_and(|(_, rest)| {
-            rest.split_once('/')
-                .is_some_and(|(_, rest)| rest == name.trim_start_matches('/'))
-        })
+    let without_robot = || topic.split_once('/')?.1.split_once('/');
+    let wanted = name_of(key_of(name.trim_start_matches('/')));
+    topic == name || without_robot().is_some_and(|(_, rest)| rest == wanted)
 }
 
 fn write(
@@ -197,6 +195,9 @@ mod tests {
             (topic, true),
             ("hero/telemetry", true),
             ("/hero/telemetry", true),
+            ("hero_telemetry", true),
+            ("hero", true),
+            ("dsp", false),
             ("telemetry", false),
             ("/robot2/hero/telemetry", false),
         ] {

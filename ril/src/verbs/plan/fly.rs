@@ -1,13 +1,14 @@
 //! `ril plan fly`: checks a plan, then does its steps one after the other, each followed to its final report.
 
 use std::io::{self, Write};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use dsp_protocol::port;
 use ipc_types::payload::{
     ModuleState, MovementData, ParameterRequest, RequestReport, WaypointPosition,
 };
-use ipc_types::{MonotonicNs, Source, Subscriber, fresh_request_id};
+use ipc_types::{MonotonicNs, Source, Subscriber, Topic, fresh_request_id};
 use plans::flight::{PathPoint, Step};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
@@ -20,6 +21,7 @@ use crate::render::json_line;
 use crate::render::messages::Verb;
 use crate::render::words::{columns, distance, duration};
 use crate::request::{Companion, Conversation, Format, Until, begin_by_ns, complete};
+use crate::robot::running::file_of;
 use crate::session::{Session, configuration, refuse_to_guess};
 
 /// `ril plan fly`
@@ -94,14 +96,19 @@ fn put_fence(
     session: &Session,
     timeout: Duration,
 ) -> Result<(), Failure> {
-    let Some((_, file)) = &known.rules else {
+    let default = bridge::cli::DEFAULT_CONFIG_FILE;
+    let provider = session.provider(ModuleState::KEY)?;
+    let of_process = || file_of(&provider?, "bridge", default);
+    let file = args.plan.bridge.clone().or_else(of_process);
+    let file = file.unwrap_or_else(|| PathBuf::from(default));
+    if !file.exists() {
         return Err(Failure::usage(
             "--fence: the bridge's configuration is not known; name it with `--bridge FILE`",
         ));
-    };
+    }
     fence::put(
         &known.plan.fence,
-        file,
+        &file,
         session,
         timeout,
         Format::of(args.ask.json),

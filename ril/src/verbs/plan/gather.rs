@@ -1,6 +1,6 @@
 //! What is known when a plan is checked: the robot if it runs, the configurations, and what the operator says.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 use bridge::BridgeConfig;
@@ -23,10 +23,8 @@ use crate::render::messages::Verb;
 use crate::request::{Conversation, Format, Until};
 use crate::robot::chart::read_plan;
 use crate::robot::position::{Present, newest_state, present_position};
+use crate::robot::running::{self, ConfigOrigin};
 use crate::session::Session;
-
-/// The file that is read when none is named; it may be absent.
-const BRIDGE_FILE: &str = "bridge.toml";
 
 /// A plan with all that is known about it.
 pub struct KnownPlan {
@@ -38,8 +36,8 @@ pub struct KnownPlan {
     pub flight: Flight,
     /// Speed and endurance.
     pub endurance: Endurance,
-    /// The configuration of the bridge, and its file.
-    pub rules: Option<(BridgeConfig, PathBuf)>,
+    /// The configuration of the bridge, and where it comes from.
+    pub rules: Option<(BridgeConfig, ConfigOrigin)>,
     /// What the robot says, if it runs.
     pub robot: Option<KnownRobot>,
     /// All findings, the most severe first.
@@ -69,9 +67,7 @@ pub fn gather(
     timeout: Duration,
     is_for_flight: bool,
 ) -> Result<KnownPlan, Failure> {
-    let loaded =
-        runtime::config::load::<BridgeConfig>(args.bridge.as_deref(), Path::new(BRIDGE_FILE))?;
-    let rules = loaded.file.map(|file| (loaded.value, file));
+    let rules = rules(args, session, timeout)?;
     let robot = match session {
         Some(session) => robot(session, timeout, is_for_flight)?,
         None => None,
@@ -98,6 +94,23 @@ pub fn gather(
         robot,
         findings,
     })
+}
+
+/// The configuration that the operator named, or that the live bridge runs with, or else that of the file here.
+fn rules(
+    args: &PlanFileArgs,
+    session: Option<&Session>,
+    timeout: Duration,
+) -> Result<Option<(BridgeConfig, ConfigOrigin)>, Failure> {
+    if let (None, Some(session)) = (&args.bridge, session)
+        && let Some(config) = running::bridge(session, timeout)?
+    {
+        return Ok(Some((config, ConfigOrigin::Running)));
+    }
+    let default = Path::new(bridge::cli::DEFAULT_CONFIG_FILE);
+    let loaded = runtime::config::load::<BridgeConfig>(args.bridge.as_deref(), default)?;
+    let file = loaded.file.map(ConfigOrigin::File);
+    Ok(file.map(|file| (loaded.value, file)))
 }
 
 /// Reads a plan, and says of it what the command line says.

@@ -138,10 +138,9 @@ impl<'a> PlanReport<'a> {
             HomeSource::Assumed => "assumed: below the first place of the plan",
         };
         let rules = match rules {
-            Some((rules, file)) => {
+            Some((rules, origin)) => {
                 format!(
-                    "{} with {}",
-                    file.display(),
+                    "{origin} with {}",
                     count(rules.fence.areas() as u64, "area")
                 )
             }

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 use ipc_types::{Ipc, Provider, RobotId, ServiceId};
@@ -11,6 +10,7 @@ use runtime::config::resulting::Resulting;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::options::RecordArgs;
+use crate::robot::running::file_of;
 
 /// A process whose configuration is recorded.
 struct Configured {
@@ -125,10 +125,7 @@ impl FactsOfRobot {
         }
         let named = self.named.get(process.name).cloned();
         let is_named = named.is_some();
-        let running = || {
-            let own = provider.filter(|provider| is_own(provider, process.name))?;
-            file_of_process(&own, process.default_file)
-        };
+        let running = || file_of(&provider?, process.name, process.default_file);
         let default = PathBuf::from(process.default_file);
         let file = named.or_else(running).unwrap_or(default);
         let files = &mut self.facts.files;
@@ -176,49 +173,6 @@ fn command_of(provider: &Provider) -> Option<String> {
 fn text_of(file: &str) -> String {
     let text = fs::read_to_string(file).unwrap_or_default();
     text.trim().to_owned()
-}
-
-/// Whether a provider is the process `name` itself, with a number that means something here. A relay provides the same services
-/// with a configuration of its own.
-fn is_own(provider: &Provider, name: &str) -> bool {
-    provider.process == name && provider.shares_pids()
-}
-
-/// The configuration of a live process on this machine, by its command line; `None` if the process cannot be looked at.
-fn file_of_process(provider: &Provider, default_file: &str) -> Option<PathBuf> {
-    let folder = PathBuf::from(format!("/proc/{}", provider.pid));
-    let words = |name: &str| -> Option<Vec<PathBuf>> {
-        let bytes = fs::read(folder.join(name)).ok()?;
-        let words = bytes.split(|byte| *byte == 0);
-        Some(
-            words
-                .map(|word| PathBuf::from(std::ffi::OsStr::from_bytes(word)))
-                .collect(),
-        )
-    };
-    let cwd = fs::read_link(folder.join("cwd")).ok()?;
-    let file = named_file(&words("cmdline")?, &words("environ").unwrap_or_default());
-    Some(cwd.join(file.unwrap_or_else(|| PathBuf::from(default_file))))
-}
-
-/// The configuration that a command line or an environment names.
-fn named_file(args: &[PathBuf], environment: &[PathBuf]) -> Option<PathBuf> {
-    let value = |word: &PathBuf, prefix: &str| {
-        let bytes = word.as_os_str().as_bytes();
-        let value = bytes.strip_prefix(prefix.as_bytes())?;
-        Some(PathBuf::from(std::ffi::OsStr::from_bytes(value)))
-    };
-    let behind = args
-        .iter()
-        .position(|word| word == Path::new("--config"))
-        .and_then(|place| args.get(place + 1).cloned());
-    behind
-        .or_else(|| args.iter().find_map(|word| value(word, "--config=")))
-        .or_else(|| {
-            environment
-                .iter()
-                .find_map(|word| value(word, "RIL_CONFIG="))
-        })
 }
 
 /// Name of the record with versions, robot, machine and the clocks at the start.
@@ -281,44 +235,9 @@ impl RecordFacts {
 
 #[cfg(test)]
 mod tests {
-    use std::os::unix::fs::MetadataExt;
-
     use ipc_types::MonotonicNs;
 
     use super::*;
-
-    #[test]
-    fn the_configuration_of_a_relay_or_of_another_namespace_is_not_taken_for_that_of_the_bridge() {
-        let here = fs::metadata("/proc/self/ns/pid").unwrap().ino();
-        for (process, pid_namespace, expected) in [
-            ("bridge", here, true),
-            ("relay", here, false),
-            ("bridge", here + 1, false),
-        ] {
-            let provider = Provider {
-                pid: 1,
-                process: process.to_owned(),
-                since_ns: 1,
-                pid_namespace,
-                time_namespace: 0,
-            };
-            assert_eq!(is_own(&provider, "bridge"), expected, "{provider:?}");
-        }
-    }
-
-    #[test]
-    fn the_command_line_names_the_configuration_before_the_environment() {
-        let check = |args: &str, environment: &str, expected: Option<&str>| {
-            let words = |text: &str| text.split(' ').map(PathBuf::from).collect::<Vec<_>>();
-            let found = named_file(&words(args), &words(environment));
-            assert_eq!(found, expected.map(PathBuf::from), "{args} {environment}");
-        };
-        check("ril run bridge --config a.toml", "A=b", Some("a.toml"));
-        check("ril run bridge --config=a b", "RIL_CONFIG=c", Some("a"));
-        check("ril run bridge", "A=b RIL_CONFIG=/c", Some("/c"));
-        check("ril run bridge", "A=b", None);
-        check("ril run bridge --config", "A=b", None);
-    }
 
     #[test]
     fn a_file_says_which_robot_machine_and_version_it_is_of() {

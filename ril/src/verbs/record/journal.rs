@@ -146,8 +146,8 @@ impl Made {
             self.open.pop_first();
         }
         self.open.insert(id, open);
-        let from = sender.map_or_else(String::new, |pid| format!(", from process {pid}"));
-        let text = format!("{}: request {id:016x}{from}", open.command);
+        let by = sender.map_or_else(String::new, |pid| format!(" by process {pid}"));
+        let text = format!("{} requested{by}", open.command);
         self.event(to, at, id, &open, ("request", "", ""), &text);
         to.line(at, Level::Info, &text);
     }

@@ -57,6 +57,9 @@ impl fmt::Display for ReplayedRequest {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (seconds, ms) = (self.at_ms / 1000, self.at_ms % 1000);
         let (event, id, command) = (&self.event, self.request_id, &self.command);
+        if self.text.starts_with(&format!("{command} requested")) {
+            return write!(f, "{seconds}.{ms:03} s  {event} {id}: {}", self.text);
+        }
         write!(f, "{seconds}.{ms:03} s  {event} {id}: {command}")?;
         let is_success = self.reason.is_empty() || self.reason == "none";
         match (self.stage.is_empty(), is_success) {

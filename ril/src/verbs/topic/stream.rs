@@ -12,32 +12,15 @@ use std::time::Duration;
 use clap::Args;
 use ipc_types::schema::LoadError;
 use ipc_types::service::{is_key, own};
-use ipc_types::{Descriptor, DynamicSubscriber, Losses, MonotonicNs, Schema, ServiceId, dynamic};
+use ipc_types::{Descriptor, DynamicSubscriber, Losses, MonotonicNs, Schema, dynamic};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FileType, fstat};
 
 use crate::options::duration;
+use crate::recorded::key_of;
 use crate::session::{Session, absent, configuration};
-
-/// The short names of the robot's own topics, and what they are.
-pub(crate) const SHORT_NAMES: [(&str, ServiceId, &str); 3] = [
-    (
-        "dsp",
-        ServiceId::DspTelemetry,
-        "Telemetry as the DSP sends it",
-    ),
-    ("hero", ServiceId::HeroTelemetry, "Telemetry in SI units"),
-    ("state", ServiceId::ModuleState, "State of the module"),
-];
-
-/// The key that the short name of a topic stands for; any other text is a key by itself.
-pub(crate) fn key_of(name: &str) -> &str {
-    let mut names = SHORT_NAMES.iter();
-    let short = names.find(|(short, ..)| *short == name);
-    short.map_or(name, |(_, service, _)| service.key())
-}
 
 /// Reads the key or the short name of a topic.
 pub(super) fn topic_key(text: &str) -> Result<String, String> {

@@ -11,7 +11,7 @@ use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Schema, TelemetryGroup};
 
-use crate::render::fields::{Selection, Tree};
+use crate::render::fields::{Selection, Tree, field_names};
 use crate::robot::sample_age::is_present;
 
 /// A helicopter that is slower than this over ground, and that climbs and sinks more slowly, hovers, m/s. Gusts move one that
@@ -313,16 +313,25 @@ impl Comparison {
     }
 }
 
-/// Field, factor and unit that `name` stands for.
+/// Field, factor and unit that `name` stands for. An angle may be named in degrees, and a field by the last part of its name if that is
+/// the only one of the kind, as in a log: `latitude_deg`.
 fn field(name: &str) -> (String, f64, &'static str) {
     if let Some(short) = SHORT.iter().find(|short| short.name == name) {
         return (short.field.to_owned(), short.factor, short.unit);
     }
     let unit = UNITS.iter().find(|(end, _)| name.ends_with(end));
     let unit = unit.map_or("", |(_, unit)| unit);
-    match name.strip_suffix("_deg") {
-        Some(angle) => (format!("{angle}_rad"), DEG_PER_RAD, unit),
-        None => (name.to_owned(), 1.0, unit),
+    let (field, factor) = match name.strip_suffix("_deg") {
+        Some(angle) => (format!("{angle}_rad"), DEG_PER_RAD),
+        None => (name.to_owned(), 1.0),
+    };
+    let known = field_names(Schema::of::<HeroTelemetry>().root());
+    let mut ends = known
+        .iter()
+        .filter(|one| one.rsplit('.').next() == Some(&field));
+    match (ends.next(), ends.next()) {
+        (Some(only), None) => (only.clone(), factor, unit),
+        _ => (field, factor, unit),
     }
 }
 

@@ -9,7 +9,7 @@ use super::model::WatchedRobot;
 use super::prompt::{Prompt, PromptAnswer, ScreenOrder};
 use crate::render::terminal::Key;
 use crate::robot::changes::Weight;
-use crate::robot::chart::Chart;
+use crate::robot::chart::{Chart, Outline};
 
 /// Most robots that are watched at a time: those with a key of their own.
 pub const MAX_ROBOTS: usize = 9;
@@ -69,7 +69,7 @@ pub struct App {
     pub(super) prompt: Option<Prompt>,
     /// What the map shows.
     pub(super) zoom: Zoom,
-    /// Fence and path.
+    /// The path; and the fence of a file, for robots whose bridge does not say its own.
     pub(super) chart: Chart,
 }
 
@@ -168,6 +168,12 @@ impl App {
     /// The robots, to be fed, in the order of their keys.
     pub fn robots_mut(&mut self) -> &mut [WatchedRobot] {
         &mut self.robots
+    }
+
+    /// The fence of the robot in detail.
+    pub(super) fn fence(&self) -> &[Outline] {
+        let running = self.robot().running_fence.as_ref();
+        running.unwrap_or(&self.chart.fence)
     }
 
     /// The robot in detail.

@@ -20,7 +20,7 @@ pub const fn at(ms: u64) -> MonotonicNs {
 pub fn clock(ms: u64) -> ScreenClock {
     ScreenClock {
         now: at(ms),
-        utc_s: 1_800_014_400 + ms / 1000,
+        zero_unix_ns: 1_800_014_400_000_000_000 - at(0).0,
     }
 }
 
@@ -36,6 +36,7 @@ pub fn state(functionality: Functionality, ms: u64) -> ModuleState {
     };
     state.link.state = LinkState::Up.code();
     state.link.messages_received = ms;
+    state.link.state_since_ns = at(0).0;
     state.link.last_message_ns = at(ms).0;
     state.link.telemetry_published = 1;
     state.safety.pilot_switch = PilotSwitch::Auto.code();
@@ -136,7 +137,11 @@ pub fn chart() -> Chart {
 /// So many robots, of which the first has flown.
 pub fn app(robots: u32) -> App {
     let robots: Vec<RobotId> = (1..=robots).filter_map(RobotId::new).collect();
-    let mut app = App::new(&robots, chart());
+    let chart = chart();
+    let mut app = App::new(&robots, chart.clone());
+    for robot in app.robots_mut() {
+        robot.running_fence(chart.fence.clone());
+    }
     fly(&mut app.robots_mut()[0]);
     app
 }

@@ -50,7 +50,8 @@ pub struct WatchArgs {
     #[arg(long = "robot", value_name = "N", env = "RIL_ROBOT", value_delimiter = ',', value_parser = robot)]
     pub robots: Vec<NonZeroU32>,
 
-    /// Configuration of the bridge, of which the geofence is drawn [default: bridge.toml, if it is there]
+    /// Configuration of the bridge, of which the geofence is drawn [default: that of the live bridge; without one bridge.toml, if it is
+    /// there]
     #[arg(long, value_name = "FILE")]
     pub bridge: Option<PathBuf>,
 
@@ -101,6 +102,9 @@ impl WatchArgs {
 /// Shortest time between two drawings: what the eye can follow, and what a slow line carries. In that time samples wake nothing.
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);
 
+/// A wall clock that differs by more from what it was, beside the monotonic one, was set.
+const CLOCK_SET: Duration = Duration::from_millis(500);
+
 /// What a wake-up of the terminal is called.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Woken {
@@ -128,7 +132,7 @@ pub fn watch(args: &WatchArgs) -> Result<(), Failure> {
     let robots = robots(args, &domain)?;
     let mut ports = Vec::new();
     for robot in &robots {
-        ports.push(RobotPorts::open(&domain, *robot)?);
+        ports.push(RobotPorts::open(&domain, *robot, args.bridge.is_none())?);
     }
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
     let terminal = Terminal::enter().or_fail_with(
@@ -151,6 +155,7 @@ pub fn watch(args: &WatchArgs) -> Result<(), Failure> {
         is_changed: true,
         next_drawing: MonotonicNs(0),
         shown_second: 0,
+        zero_unix_ns: 0,
     };
     screen.run()
 }
@@ -202,6 +207,8 @@ struct Screen {
     next_drawing: MonotonicNs,
     /// The second of the clock that is drawn.
     shown_second: u64,
+    /// The wall clock when host monotonic time was 0, ns since 1970.
+    zero_unix_ns: u64,
 }
 
 impl Screen {
@@ -220,8 +227,8 @@ impl Screen {
                 self.is_changed = true;
                 self.next_drawing = now;
             }
-            let clock = clock(now);
-            self.is_changed |= clock.utc_s != self.shown_second;
+            let clock = self.clock(now);
+            self.is_changed |= clock.utc_s(now) != self.shown_second;
             if self.is_changed && now >= self.next_drawing {
                 self.draw(clock);
             }
@@ -272,7 +279,7 @@ impl Screen {
         // A terminal that has not taken the last picture gets the next one later.
         if self.terminal.show(buffer) {
             self.is_changed = false;
-            self.shown_second = clock.utc_s;
+            self.shown_second = clock.utc_s(clock.now);
         }
         self.next_drawing = clock.now + REDRAW_PERIOD;
     }
@@ -311,11 +318,27 @@ impl Screen {
         Ok(wake.has(Woken::Keys))
     }
 
+    /// The two clocks. A wall clock that was set gives all moments another time of day; one that is only adjusted does not.
+    fn clock(&mut self, now: MonotonicNs) -> ScreenClock {
+        let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
+        let unix_ns = u64::try_from(since_1970.as_nanos()).unwrap_or(u64::MAX);
+        let measured = unix_ns.saturating_sub(now.0);
+        if Duration::from_nanos(measured.abs_diff(self.zero_unix_ns)) > CLOCK_SET {
+            self.zero_unix_ns = measured;
+        }
+        ScreenClock {
+            now,
+            zero_unix_ns: self.zero_unix_ns,
+        }
+    }
+
     /// When the screen changes although nothing comes.
     fn wake_at(&self, now: MonotonicNs) -> MonotonicNs {
         let drawing = self.is_changed.then_some(self.next_drawing);
         let orders = self.ports.iter().filter_map(RobotPorts::next);
-        let second = now + until_next_second();
+        let second_ns = 1_000_000_000;
+        let passed_ns = self.zero_unix_ns.saturating_add(now.0) % second_ns;
+        let second = now + Duration::from_nanos(second_ns - passed_ns);
         let app = self.app.next(now);
         drawing
             .into_iter()
@@ -323,19 +346,4 @@ impl Screen {
             .chain(app)
             .fold(second, MonotonicNs::min)
     }
-}
-
-/// The two clocks.
-fn clock(now: MonotonicNs) -> ScreenClock {
-    let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
-    ScreenClock {
-        now,
-        utc_s: since_1970.as_secs(),
-    }
-}
-
-/// How long the second of the clock lasts.
-fn until_next_second() -> Duration {
-    let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
-    Duration::from_secs(1) - Duration::from_nanos(since_1970.subsec_nanos().into())
 }

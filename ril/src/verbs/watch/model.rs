@@ -15,6 +15,7 @@ use super::alarms::{Alarms, Change};
 use super::freshness::{Feed, Freshness, OVERDUE_AFTER};
 use super::history::{EventLog, History};
 use crate::robot::changes::Weight;
+use crate::robot::chart::Outline;
 use crate::robot::geo::Place;
 use crate::robot::geo::Track;
 use crate::robot::pilot::PilotView;
@@ -84,6 +85,10 @@ pub struct WatchedRobot {
     /// How old the newest sample of each process is.
     feeds: [Feed; Process::ALL.len()],
     telemetry_feed: Feed,
+    /// The fence that the live bridge has in force; `None` if it has not said it.
+    pub(super) running_fence: Option<Vec<Outline>>,
+    /// The state of the link, and when it was first seen.
+    link_seen: Option<(u32, MonotonicNs)>,
     /// What the newest telemetry says.
     pub(super) pilot: PilotView,
     /// Where the robot was last seen on the ground.
@@ -125,6 +130,8 @@ impl WatchedRobot {
                 Feed::new(MODULE_STALE_AFTER, overdue_after)
             }),
             telemetry_feed: Feed::without_looks(TELEMETRY_STALE_AFTER),
+            running_fence: None,
+            link_seen: None,
             pilot: PilotView::default(),
             home: None,
             track: Track::default(),
@@ -142,11 +149,22 @@ impl WatchedRobot {
     /// The bridge's state came.
     pub fn state(&mut self, state: &ModuleState, now: MonotonicNs) {
         self.heard(Process::Bridge, state.published(), now);
+        if self
+            .link_seen
+            .is_none_or(|(link, _)| link != state.link.state)
+        {
+            self.link_seen = Some((state.link.state, now));
+        }
         match self.state.take() {
             Some(before) => self.compare(&before, state, now),
             None => self.note_activity(None, state, now),
         }
         self.state = Some(*state);
+    }
+
+    /// The live bridge said which fence it has in force.
+    pub fn running_fence(&mut self, fence: Vec<Outline>) {
+        self.running_fence = Some(fence);
     }
 
     /// Telemetry in SI units came.
@@ -318,6 +336,15 @@ impl WatchedRobot {
     /// How `process` is.
     pub(super) fn process(&self, process: Process, now: MonotonicNs) -> Freshness {
         self.feeds[process as usize].at(now)
+    }
+
+    /// For how long the link has been as it is, and whether that is known; else it has been so at least as long.
+    pub(super) fn link_age(&self, now: MonotonicNs) -> Option<(Duration, bool)> {
+        let since = MonotonicNs(self.state.as_ref()?.link.state_since_ns);
+        let is_known = since.0 > 0 && since <= now;
+        let (_, seen) = self.link_seen?;
+        let since = if is_known { since } else { seen };
+        Some((now.since(since), is_known))
     }
 
     /// How telemetry is.

@@ -1,5 +1,7 @@
 //! The ports of one robot, which feed what the screen knows of it, and the orders that the screen has sent.
 
+use std::time::Duration;
+
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{
     DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, RelayLink, RequestReport,
@@ -17,6 +19,8 @@ use crate::config::RequestConfig;
 use crate::render::messages::{self, FinalReport, Verb};
 use crate::request::{Exchange, Next, Outcome, Until, complete, control_request};
 use crate::robot::changes::Weight;
+use crate::robot::chart::{Chart, FenceFile};
+use crate::robot::running::RunningBridge;
 use crate::session::is_relayed;
 
 /// Services that orders go to.
@@ -27,6 +31,9 @@ pub(super) const DETAIL_TOPICS: usize = 3;
 
 /// Most orders of a robot that are followed at a time. A further one is refused: the operator sees why nothing goes on.
 const MAX_ORDERS: usize = 4;
+
+/// How often the bridge is asked for its fence.
+const ASKING_PERIOD: Duration = Duration::from_secs(30);
 
 /// What wakes the screen.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -49,6 +56,12 @@ pub(super) struct RobotPorts {
     relay: Subscriber<RelayLink>,
     /// The bridge whose process was looked at: another one may be on another machine.
     looked_epoch_ns: Option<u64>,
+    /// Asks the bridge for its configuration, until it has said it.
+    running: Option<RunningBridge>,
+    /// When to ask again; `None` if the operator named a file.
+    next_asking: Option<MonotonicNs>,
+    /// The bridge, and the number of its fence's areas, when it was asked.
+    asked: Option<(u64, u32)>,
     movement: Option<Client<MovementData>>,
     control: Option<Client<ModuleControl>>,
     orders: Vec<OpenOrder>,
@@ -61,7 +74,8 @@ struct OpenOrder {
 }
 
 impl RobotPorts {
-    pub fn open(domain: &Domain, robot: RobotId) -> Result<RobotPorts, Failure> {
+    /// Joins `robot`; `asks` its bridge for the fence.
+    pub fn open(domain: &Domain, robot: RobotId, asks: bool) -> Result<RobotPorts, Failure> {
         let ipc = Ipc::join(domain, robot, "ril").or_fail(ExitCode::Internal)?;
         let failed = ExitCode::Internal;
         Ok(RobotPorts {
@@ -71,6 +85,9 @@ impl RobotPorts {
             status: ipc.subscriber().or_fail(failed)?,
             relay: ipc.subscriber().or_fail(failed)?,
             looked_epoch_ns: None,
+            running: None,
+            next_asking: asks.then_some(MonotonicNs(0)),
+            asked: None,
             movement: None,
             control: None,
             orders: Vec::new(),
@@ -91,7 +108,32 @@ impl RobotPorts {
         robot.lost = self.hero.losses().lost + self.dsp.losses().lost;
         let count: usize = results.into_iter().map(count).sum();
         let reports = self.take_reports(robot, now);
-        count > 0 || reports
+        let fence = self.take_fence(robot, now);
+        count > 0 || reports || fence
+    }
+
+    /// Asks a bridge that has come, or whose fence has another number of areas, for its configuration, and any now and then: a fence
+    /// of as many areas can be another one. Takes the fence when the bridge has said it, and says whether it did.
+    ///
+    /// The bridge writes its journal while it is asked, so it is not asked all the time.
+    fn take_fence(&mut self, robot: &mut WatchedRobot, now: MonotonicNs) -> bool {
+        let (Some(next), Some(state)) = (self.next_asking, robot.state.as_ref()) else {
+            return false;
+        };
+        let asked = Some((state.epoch_ns, state.safety.fence_areas));
+        if self.asked != asked || now >= next {
+            (self.asked, self.next_asking) = (asked, Some(now + ASKING_PERIOD));
+            self.running = RunningBridge::open(&self.ipc)
+                .inspect_err(|error| tracing::warn!(%error, "the bridge cannot be asked"))
+                .ok();
+        }
+        let Some(config) = self.running.as_mut().and_then(RunningBridge::take) else {
+            return false;
+        };
+        self.running = None;
+        let fence = FenceFile::from(&config.fence);
+        robot.running_fence(Chart::new(&fence, &[]).fence);
+        true
     }
 
     /// Looks for the processes that are overdue; says whether it did.

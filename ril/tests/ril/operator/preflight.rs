@@ -254,3 +254,35 @@ fn of_a_relayed_robot_the_link_is_checked_and_the_disk_is_not() {
     rig.run("preflight --timeout 2s", 8)
         .out_says("relayed from another machine (process ");
 }
+
+#[test]
+fn what_the_live_bridge_runs_with_counts_and_not_a_file_that_was_changed_since() {
+    let rig = sandbox();
+    let station = Station::start(&rig, "");
+    let ready = rig.run("preflight", 0);
+    ready.out_says("battery and fuel are watched in flight, as the running configuration says");
+    rig.run("doctor", 0).out_says(
+        "bridge.toml of `ril run bridge` is right, and the running process has it in force",
+    );
+    // An operator prepares the next flight, or stands in the folder of another robot.
+    rig.write("bridge.toml", "[movement]\nmax_distance_m = 10.0\n");
+    let report = report(&rig, "", 0);
+    for (id, expected) in [
+        ("fence", "pass"),
+        ("supply-rules", "pass"),
+        ("configuration", "warn"),
+    ] {
+        assert_eq!(verdict(&report, id), expected, "{id}: {report:#}");
+    }
+    rig.run("doctor", 78)
+        .out_says("is right, but the running process has another configuration");
+    rig.write("square.waypoints", crate::plans::check::SQUARE);
+    let checked = rig.finish("plan check square.waypoints");
+    checked.out_says("of the robot: the running configuration with 1 area");
+    // A file that is named is meant.
+    let report = self::report(&rig, "--bridge bridge.toml", 0);
+    assert_eq!(verdict(&report, "supply-rules"), "warn", "{report:#}");
+    let checked = rig.finish("plan check square.waypoints --bridge bridge.toml");
+    checked.out_says("of the robot: bridge.toml with 0 areas");
+    station.end();
+}

@@ -1,5 +1,5 @@
 //! `ril plan`, and the altitudes of `ril takeoff` and `ril goto`: in the shell, and with a simulated robot.
 
 mod altitudes;
-mod check;
+pub mod check;
 mod fly;

@@ -10,6 +10,7 @@ use ril_tests::process::Signal;
 
 use super::feed::{Feed, TOPIC, check, files, has, lines, record, record_by, samples, words};
 use crate::common::{sandbox, says};
+use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 
 /// A file of the record may have so many blocks of 512 bytes.
 const MAX_BLOCKS: u32 = 128;
@@ -42,6 +43,39 @@ fn a_file_that_may_not_grow_is_followed_by_another_one_that_says_so() {
         events.iter().any(|event| event.kind == EventKind::Disk),
         "{events:#?}"
     );
+    let all = files.iter().flat_map(|file| samples(file, TOPIC));
+    let all: Vec<u64> = all.map(|(number, _)| number).collect();
+    assert_eq!(all, (all[0]..=published).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_recorder_that_may_write_nothing_goes_on_and_writes_all_of_it_when_it_may_again() {
+    let rig = sandbox();
+    let mut feed = Feed::new(&rig);
+    let mut recorder = record(&rig, "");
+    recorder.wait_for_text("recording file=");
+    let pid = Pid::from_raw(recorder.id() as i32).unwrap();
+    let may_write = |bytes: Option<u64>| {
+        let maximum = getrlimit(Resource::Fsize).maximum;
+        let limit = Rlimit {
+            current: bytes.or(maximum),
+            maximum,
+        };
+        prlimit(Some(pid), Resource::Fsize, limit).unwrap();
+    };
+    may_write(Some(0));
+    while !says(&lines(&mut recorder), "the recording cannot be written") {
+        feed.publish();
+        std::thread::yield_now();
+    }
+    may_write(None);
+    let published = feed.publish();
+    while !files(&rig).iter().any(|file| has(file, published)) {
+        std::thread::yield_now();
+    }
+    recorder.signal(Signal::TERM);
+    recorder.exits(0);
+    let files = files(&rig);
     let all = files.iter().flat_map(|file| samples(file, TOPIC));
     let all: Vec<u64> = all.map(|(number, _)| number).collect();
     assert_eq!(all, (all[0]..=published).collect::<Vec<_>>());

@@ -202,6 +202,23 @@ fn a_flight_is_recorded_as_a_consumer_saw_it() {
     for expected in ["taking off", "landing", "Requests", "takeoff", "ril.flight"] {
         assert!(page.contains(expected), "{expected}");
     }
+    // A file that its recorder did not finish says what its chunks have.
+    let bytes = std::fs::read(&file).unwrap();
+    let cut = rig.path("cut.mcap");
+    std::fs::write(&cut, &bytes[..bytes.len() * 3 / 4]).unwrap();
+    let of_cut = summary_of(&RecordFile::open(&cut).unwrap()).unwrap();
+    assert!(!of_cut.is_complete && of_cut.first_ns.is_some());
+    assert!(
+        of_cut.topics.contains_key("/robot1/dsp/telemetry"),
+        "{of_cut:#?}"
+    );
+    let finished = rig.run("log summary cut.mcap --json", 8);
+    let rows = json(&finished.stdout[0])["rows"].as_u64().unwrap();
+    assert!(
+        (1..summary["rows"].as_u64().unwrap()).contains(&rows),
+        "{finished:#?}"
+    );
+    finished.err_says("of a row that is cut off");
     // A part of it is a record, too, with the times of the whole.
     let part = "--topic dsp/telemetry --topic requests --from 500ms --to 2s --output part.mcap";
     rig.run(&format!("log export {name} {part}"), 0);

@@ -5,7 +5,7 @@ mod picture;
 pub mod screen;
 mod status;
 
-use crate::common::{Flight, end, movement, sandbox};
+use crate::common::{FOR_SLOW_MACHINES, Flight, end, movement, sandbox};
 use ipc_types::RobotId;
 use ipc_types::code::{ControlCommand, LinkState, MovementKind, Reason};
 use ipc_types::payload::DspTelemetry;
@@ -134,7 +134,7 @@ fn another_size_is_drawn_at_once_and_one_that_is_too_small_says_so() {
     let mut screen = Screen::start(&rig, "watch", 80, 24);
     screen.shows("h hold");
     screen.resize(40, 12);
-    screen.shows("enlarge to 80 x 24 for the full view");
+    screen.shows("enlarge to 80 x 24");
     screen.resize(132, 43);
     screen.shows("no position yet");
     let last = screen.text();
@@ -266,4 +266,34 @@ fn fence_and_path_of_files_are_drawn_and_wrong_ones_are_refused() {
     let mut screen = Screen::start(&rig, "watch --plan wild.waypoints", 80, 24);
     assert_eq!(screen.ends(true).code(), Some(2));
     assert!(screen.errors().contains("latitude"), "{}", screen.errors());
+}
+
+#[test]
+fn the_fence_of_the_live_bridge_is_drawn_and_not_that_of_the_file() {
+    let rig = sandbox();
+    let circle = |radius_m: f64| {
+        format!(
+            "{FOR_SLOW_MACHINES}[[fence.area]]\nname = \"field\"\nkind = \"inclusion\"\ncentre = [37.411, -6.001]\nradius_m = {radius_m}\n"
+        )
+    };
+    rig.write("bridge.toml", &circle(40.0));
+    let robot = rig.start_robot(1, 1);
+    rig.write("bridge.toml", "");
+    let mut screen = Screen::start(&rig, "watch --robot 1", 80, 24);
+    screen.types("zz");
+    screen.until("the fence that is in force", |screen| {
+        screen.contains("fence: 9") && screen.contains("####")
+    });
+    // Another number of areas is another fence.
+    rig.write("bridge.toml", FOR_SLOW_MACHINES);
+    rig.run("fence reload", 0);
+    screen.hides("####");
+    screen.quits();
+    // The file that is named is meant.
+    rig.write("named.toml", &circle(20.0));
+    let mut screen = Screen::start(&rig, "watch --robot 1 --bridge named.toml", 80, 24);
+    screen.types("zz");
+    screen.shows("#x fence of file");
+    screen.quits();
+    robot.end();
 }

@@ -5,6 +5,7 @@ use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 
 use super::{Condition, Newest};
+use crate::render::fields::{Selection, Tree};
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 
@@ -180,4 +181,63 @@ fn a_condition_says_what_it_needs() {
         );
         assert_eq!(condition.to_string(), text);
     }
+}
+
+#[test]
+fn every_number_that_echo_prints_can_be_waited_for_with_its_own_name() {
+    let printed = Tree::of(&HeroTelemetry::default(), &Selection::default());
+    let names: Vec<String> = printed
+        .plain_fields()
+        .into_iter()
+        .map(|(name, _)| name)
+        .collect();
+    assert!(
+        names.contains(&"geodetic.latitude_rad".to_owned()),
+        "{names:?}"
+    );
+    for name in &names {
+        let condition = Condition::parse(&format!("{name}>0"));
+        assert!(condition.is_ok(), "{name}: {condition:?}");
+        if let Some(angle) = name.strip_suffix("_rad") {
+            let condition = Condition::parse(&format!("{angle}_deg>0deg"));
+            assert!(condition.is_ok(), "{name} in degrees: {condition:?}");
+        }
+    }
+}
+
+#[test]
+fn a_quantity_that_a_log_has_too_is_called_as_there() {
+    let hero = HeroTelemetry {
+        received_ns: 1,
+        valid_groups: u32::MAX,
+        geodetic: ipc_types::payload::HeroGeodetic {
+            latitude_rad: 0.5_f64.to_radians(),
+            ..Default::default()
+        },
+        ..HeroTelemetry::default()
+    };
+    let newest = Newest {
+        hero: Some(&hero),
+        state: None,
+    };
+    for (condition, expected) in [
+        ("latitude_deg>0.4", "0.5 deg"),
+        ("geodetic.latitude_deg>0.4", "0.5 deg"),
+        ("geodetic.latitude_rad>0", "0.009 rad"),
+    ] {
+        let standing = Condition::parse(condition)
+            .unwrap()
+            .judge(&newest, MonotonicNs(1));
+        assert_eq!(
+            (standing.is_met, standing.value.as_str()),
+            (true, expected),
+            "{condition}"
+        );
+    }
+    // Of several of the name the one that is meant is asked for.
+    let error = Condition::parse("altitude_m>0").unwrap_err();
+    assert!(
+        error.contains("did you mean `geodetic.altitude_m`"),
+        "{error}"
+    );
 }

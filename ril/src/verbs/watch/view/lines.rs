@@ -178,17 +178,19 @@ pub(super) fn draw_list(app: &App, clock: ScreenClock, area: Rect, buffer: &mut 
     }
 }
 
-/// Draws a title, and as many lines as fit under it.
+/// Draws a title, with words at its right end, and as many lines as fit under it.
 pub(super) fn draw_log(
     robot: &WatchedRobot,
     clock: ScreenClock,
     glyphs: Glyphs,
+    (title, right): (&str, &str),
     area: Rect,
     buffer: &mut Buffer,
 ) {
     let rule = glyphs.pick("─", "-").repeat(area.width.into());
     put(buffer, area, 0, &rule, OLD);
-    put(buffer, area, 2, " orders, alarms and events ", TITLE);
+    put(buffer, area, 2, &format!(" {title} "), TITLE);
+    put_right(buffer, area, right, TITLE);
     let count = area.height.saturating_sub(1);
     for (line, entry) in robot.journal.newest(count.into()).enumerate() {
         let row = Rect {

@@ -82,7 +82,10 @@ pub(super) fn draw(app: &App, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
     let wide_m = extent.east_m[1] - extent.east_m[0];
     let title = format!(" {}: {wide_m:.0} m wide, north up ", app.zoom.name());
     let (dot, dots) = (glyphs.pick("·", "."), glyphs.pick("⠶", "*"));
-    let legend = format!(" #x fence {dot} path {dots} track H home ");
+    let legend = match robot.running_fence.is_none() && !app.chart.fence.is_empty() {
+        true => format!(" #x fence of file {dot} path {dots} track "),
+        false => format!(" #x fence {dot} path {dots} track H home "),
+    };
     block
         .title(Span::styled(title, TITLE))
         .title_bottom(Span::styled(legend, OLD))
@@ -112,7 +115,7 @@ fn shown(app: &App, origin: Place) -> Vec<(f64, f64)> {
     places.extend(robot.track.points());
     places.extend(&app.chart.path);
     if app.zoom == Zoom::Fence {
-        places.extend(app.chart.fence.iter().flat_map(|area| &area.corners));
+        places.extend(app.fence().iter().flat_map(|area| &area.corners));
     }
     places
         .iter()
@@ -129,9 +132,9 @@ struct Sheet<'a> {
 }
 
 impl Sheet<'_> {
-    /// Fence and path of the files, which lie below all else.
+    /// Fence and path, which lie below all else.
     fn chart(&mut self, app: &App, glyphs: Glyphs) {
-        for area in &app.chart.fence {
+        for area in app.fence() {
             let (letter, colour) = match area.is_inclusion {
                 true => ("#", Color::Yellow),
                 false => ("x", Color::Red),

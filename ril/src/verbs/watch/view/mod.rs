@@ -10,11 +10,9 @@ mod values;
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
-use ratatui::style::Style;
 
 use super::app::App;
 pub use pen::{Glyphs, ScreenClock};
-use pen::{TITLE, put};
 
 /// The least that the whole view needs, characters. On less there are a few lines and a word about it.
 pub const MIN_WIDTH: u16 = 80;
@@ -28,6 +26,9 @@ const VALUES: u16 = 13;
 /// Least lines of the journal, its title included.
 const MIN_LOG: u16 = 4;
 
+/// Least lines between the alarm and the keys of a small terminal with which some are given to what happened.
+const MIN_SMALL: u16 = 6;
+
 /// Lines of the journal, its title included, on a terminal of the least height; on a higher one a quarter of it, and the map gets the rest.
 const USUAL_LOG: u16 = 8;
 
@@ -38,7 +39,7 @@ const VALUES_WIDTH: u16 = 44;
 pub fn draw(app: &App, clock: ScreenClock, glyphs: Glyphs, buffer: &mut Buffer) {
     let area = buffer.area;
     if area.width < MIN_WIDTH || area.height < MIN_HEIGHT {
-        return draw_small(app, clock, buffer);
+        return draw_small(app, clock, glyphs, buffer);
     }
     let robots = u16::try_from(app.robots.len()).unwrap_or(u16::MAX);
     let spare = area.height - 3 - VALUES;
@@ -68,45 +69,43 @@ pub fn draw(app: &App, clock: ScreenClock, glyphs: Glyphs, buffer: &mut Buffer) 
         ..middle
     };
     map::draw(app, glyphs, map, buffer);
-    values::draw(app, clock, glyphs, values, buffer);
+    values::draw(&values::ALL, app.robot(), clock, glyphs, values, buffer);
     lines::draw_log(
         app.robot(),
         clock,
         glyphs,
+        ("orders, alarms and events", ""),
         row(2 + list + body, log),
         buffer,
     );
     lines::draw_keys(app, clock, row(area.height - 1, 1), buffer);
 }
 
-/// What matters most, where there is no room for all.
-fn draw_small(app: &App, clock: ScreenClock, buffer: &mut Buffer) {
+/// What matters most, where there is no room for all: mode, alarm, values, then what happened, newest last.
+fn draw_small(app: &App, clock: ScreenClock, glyphs: Glyphs, buffer: &mut Buffer) {
     let area = buffer.area;
-    let height = area.height;
-    let row = |y: u16| Rect {
+    let row = |y: u16, height: u16| Rect {
         y: area.y + y,
-        height: u16::from(y < height),
+        height: height.min(area.height.saturating_sub(y)),
         ..area
     };
-    lines::draw(app.robot(), clock, row(0), buffer);
-    lines::draw_alarm(app.robot(), clock, row(1), buffer);
-    let pilot = &app.robot().pilot;
-    let altitude = pilot
-        .altitude_m
-        .map_or("-".to_owned(), |m| format!("{m:.1} m"));
-    let battery = pilot
-        .battery_v
-        .map_or("-".to_owned(), |v| format!("{v:.1} V"));
-    put(
-        buffer,
-        row(2),
-        0,
-        &format!("altitude {altitude}, battery {battery}"),
-        Style::new(),
-    );
-    let advice = format!("enlarge to {MIN_WIDTH} x {MIN_HEIGHT} for the full view");
-    put(buffer, row(3), 0, &advice, TITLE);
-    if height > 4 {
-        lines::draw_keys(app, clock, row(height - 1), buffer);
+    lines::draw(app.robot(), clock, row(0, 1), buffer);
+    lines::draw_alarm(app.robot(), clock, row(1, 1), buffer);
+    let body = area.height.saturating_sub(3);
+    let log = if body < MIN_SMALL { 0 } else { body / 3 };
+    let values = row(2, body - log);
+    let values = Rect {
+        x: values.x + 1,
+        width: values.width.saturating_sub(1),
+        ..values
+    };
+    values::draw(&values::SHORT, app.robot(), clock, glyphs, values, buffer);
+    if log > 0 {
+        let advice = format!(" enlarge to {MIN_WIDTH} x {MIN_HEIGHT} ");
+        let log = row(2 + body - log, log);
+        lines::draw_log(app.robot(), clock, glyphs, ("events", &advice), log, buffer);
+    }
+    if area.height > 4 {
+        lines::draw_keys(app, clock, row(area.height - 1, 1), buffer);
     }
 }

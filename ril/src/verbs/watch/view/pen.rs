@@ -34,15 +34,20 @@ impl Glyphs {
 pub struct ScreenClock {
     /// Host monotonic time.
     pub now: MonotonicNs,
-    /// The same moment by the wall clock, seconds since 1970-01-01 UTC.
-    pub utc_s: u64,
+    /// The wall clock when host monotonic time was 0, ns since 1970-01-01 UTC. Measured once and not for each picture, so that a
+    /// moment has the same time of day in all of them.
+    pub zero_unix_ns: u64,
 }
 
 impl ScreenClock {
-    /// The time of day of an earlier moment, UTC.
+    /// A moment by the wall clock, seconds since 1970-01-01 UTC.
+    pub fn utc_s(self, at: MonotonicNs) -> u64 {
+        self.zero_unix_ns.saturating_add(at.0) / 1_000_000_000
+    }
+
+    /// The time of day of a moment, UTC.
     pub fn time_of_day(self, at: MonotonicNs) -> String {
-        let age_s = self.now.since(at).as_secs();
-        time_of_day(self.utc_s.saturating_sub(age_s))
+        time_of_day(self.utc_s(at))
     }
 }
 

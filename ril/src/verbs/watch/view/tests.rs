@@ -12,6 +12,7 @@ use ratatui::style::Modifier;
 
 use super::*;
 use crate::render::terminal::Key;
+use crate::robot::changes::Weight;
 use crate::robot::chart::Chart;
 use crate::verbs::watch::fixture::{app, at, clock, hero, on_path};
 use crate::verbs::watch::model::Process;
@@ -88,12 +89,70 @@ fn a_terminal_that_is_too_small_shows_the_least_and_says_so() {
         "robot 1",
         "flying the path",
         "no alarm",
-        "altitude 25.0 m, battery 24.1 V",
-        "enlarge to 80 x 24 for the full view",
+        "altitude   25.0 m",
+        "battery 24.1 V",
+        "enlarge to 80 x 24",
         "h hold",
     ] {
         assert!(shown.contains(expected), "{expected}:\n{shown}");
     }
+}
+
+#[test]
+fn at_60_by_15_what_matters_most_comes_first_and_fills_the_screen() {
+    let buffer = drawn(&app(1), clock(20_000), Glyphs::Unicode, 60, 15);
+    assert_screen(&buffer, include_str!("screens/60x15.txt"));
+}
+
+#[test]
+fn a_link_says_for_how_long_it_has_been_as_it_is() {
+    for (since_ms, now_ms, expected) in [
+        (Some(8_000), 611_000, "up 10m03s, 0 lost"),
+        (Some(20_000), 20_000, "up 0s, 0 lost"),
+        // Of a bridge that does not say it: since the screen saw it.
+        (None, 611_000, "up at least 10m11s"),
+        (Some(700_000), 611_000, "up at least 10m11s"),
+    ] {
+        let mut app = app(1);
+        let mut state = on_path(1, now_ms);
+        state.link.state_since_ns = since_ms.map_or(0, |ms| at(ms).0);
+        app.robots_mut()[0].state(&state, at(now_ms));
+        let shown = text(&drawn(&app, clock(now_ms), Glyphs::Unicode, 80, 24));
+        assert!(shown.contains(expected), "{expected}:\n{shown}");
+    }
+}
+
+#[test]
+fn an_event_has_the_same_time_of_day_whenever_it_is_drawn() {
+    let mut app = app(1);
+    app.robots_mut()[0]
+        .journal
+        .add(at(19_999), Weight::Note, "just before the second");
+    for now_ms in (20_000..22_000).step_by(7) {
+        let shown = text(&drawn(&app, clock(now_ms), Glyphs::Unicode, 80, 24));
+        assert!(
+            shown.contains("12:00:19    just before"),
+            "{now_ms}:\n{shown}"
+        );
+    }
+}
+
+#[test]
+fn the_fence_of_a_file_is_called_so_until_the_bridge_says_its_own() {
+    let drawn_with = |app: &App| text(&drawn(app, clock(20_000), Glyphs::Unicode, 80, 24));
+    let mut app = App::new(&[RobotId::DEFAULT], crate::verbs::watch::fixture::chart());
+    crate::verbs::watch::fixture::fly(&mut app.robots_mut()[0]);
+    let shown = drawn_with(&app);
+    assert!(
+        shown.contains("#x fence of file") && shown.contains("xxx"),
+        "{shown}"
+    );
+    app.robots_mut()[0].running_fence(Vec::new());
+    let shown = drawn_with(&app);
+    assert!(
+        shown.contains("#x fence ·") && !shown.contains("xxx"),
+        "{shown}"
+    );
 }
 
 #[test]

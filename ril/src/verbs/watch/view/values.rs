@@ -8,8 +8,8 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 
 use super::pen::{GOOD, Glyphs, OLD, ScreenClock, TITLE, WARNING, put};
+use crate::render::words::duration;
 use crate::robot::pilot;
-use crate::verbs::watch::app::App;
 use crate::verbs::watch::freshness::Freshness;
 use crate::verbs::watch::history::History;
 use crate::verbs::watch::model::{Process, WatchedRobot};
@@ -23,9 +23,47 @@ const LEAST_CLIMB_M: f64 = 2.0;
 /// A speed that changes by less than this over a sparkline is drawn as even, m/s.
 const LEAST_CHANGE_MPS: f64 = 1.0;
 
-/// Draws the lines in their order.
-pub(super) fn draw(app: &App, clock: ScreenClock, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
-    let robot = app.robot();
+/// The lines where there is room for all; a curve stands below its value.
+pub(super) const ALL: [&str; 13] = [
+    "altitude",
+    "altitudes",
+    "speed",
+    "speeds",
+    "position",
+    "path",
+    "supply",
+    "switch",
+    "GPS",
+    "DSP link",
+    "telemetry",
+    "status",
+    "relay",
+];
+
+/// The lines where there is not: what matters most comes first.
+pub(super) const SHORT: [&str; 11] = [
+    "DSP link",
+    "position",
+    "altitude",
+    "supply",
+    "speed",
+    "path",
+    "switch",
+    "telemetry",
+    "GPS",
+    "status",
+    "relay",
+];
+
+/// Draws as many of the lines `names` as fit, in their order.
+pub(super) fn draw(
+    names: &[&str],
+    robot: &WatchedRobot,
+    clock: ScreenClock,
+    glyphs: Glyphs,
+    area: Rect,
+    buffer: &mut Buffer,
+) {
     let telemetry = robot.telemetry_freshness(clock.now).is_fresh();
     let bridge = robot.process(Process::Bridge, clock.now).is_fresh();
     let mut lines = Lines {
@@ -34,26 +72,40 @@ pub(super) fn draw(app: &App, clock: ScreenClock, glyphs: Glyphs, area: Rect, bu
         glyphs,
         y: 0,
     };
-    lines.value("altitude", telemetry, &altitude(robot));
-    lines.sparkline(&robot.altitude, LEAST_CLIMB_M);
-    lines.value("speed", telemetry, &speed(robot));
-    lines.sparkline(&robot.speed, LEAST_CHANGE_MPS);
-    lines.value("position", telemetry, &position(robot));
-    lines.value("path", bridge, &path(robot));
-    lines.value("supply", telemetry, &supply(robot));
-    let (text, style) = switch(robot);
-    lines.styled("switch", telemetry, text, style);
+    for name in names {
+        let (is_fresh, (text, style)) = match *name {
+            "altitudes" => {
+                lines.sparkline(&robot.altitude, LEAST_CLIMB_M);
+                continue;
+            }
+            "speeds" => {
+                lines.sparkline(&robot.speed, LEAST_CHANGE_MPS);
+                continue;
+            }
+            "altitude" => (telemetry, plain(altitude(robot), telemetry)),
+            "speed" => (telemetry, plain(speed(robot), telemetry)),
+            "position" => (telemetry, plain(position(robot), telemetry)),
+            "path" => (bridge, plain(path(robot), bridge)),
+            "supply" => (telemetry, plain(supply(robot), telemetry)),
+            "switch" => (telemetry, switch(robot)),
+            "GPS" => (telemetry, plain(fix(robot), telemetry)),
+            "DSP link" => (bridge, dsp_link(robot, clock)),
+            "telemetry" => (true, telemetry_line(robot, clock)),
+            "status" => (true, status(robot, clock)),
+            _ => (true, relay(robot, clock)),
+        };
+        lines.styled(name, is_fresh, &text, style);
+    }
+}
+
+/// A value that is as new as can be, or else is drawn as an old one.
+fn plain(text: String, is_fresh: bool) -> (String, Style) {
+    (text, if is_fresh { Style::new() } else { OLD })
+}
+
+fn fix(robot: &WatchedRobot) -> String {
     let gps = robot.pilot.gps;
-    let fix = gps.map_or("-".to_owned(), |gps| gps.to_string());
-    lines.value("GPS", telemetry, &fix);
-    let (text, style) = dsp_link(robot, clock);
-    lines.styled("DSP link", bridge, &text, style);
-    let (text, style) = telemetry_line(robot, clock);
-    lines.styled("telemetry", true, &text, style);
-    let (text, style) = status(robot, clock);
-    lines.styled("status", true, &text, style);
-    let (text, style) = relay(robot, clock);
-    lines.styled("relay", true, &text, style);
+    gps.map_or("-".to_owned(), |gps| gps.to_string())
 }
 
 /// The place where the next line goes.
@@ -75,12 +127,7 @@ impl Lines<'_> {
         row
     }
 
-    /// A value that is as new as can be, or else is drawn as an old one, with a question mark.
-    fn value(&mut self, name: &str, is_fresh: bool, text: &str) {
-        let style = if is_fresh { Style::new() } else { OLD };
-        self.styled(name, is_fresh, text, style);
-    }
-
+    /// A value; one that is not of the present has a question mark.
     fn styled(&mut self, name: &str, is_fresh: bool, text: &str, style: Style) {
         let row = self.row();
         put(self.buffer, row, 0, name, TITLE);
@@ -178,12 +225,13 @@ fn supply(robot: &WatchedRobot) -> String {
     }
 }
 
-fn switch(robot: &WatchedRobot) -> (&'static str, Style) {
-    match robot.pilot.switch {
+fn switch(robot: &WatchedRobot) -> (String, Style) {
+    let (text, style) = match robot.pilot.switch {
         Some(PilotSwitch::Auto) => ("auto: the DSP flies", GOOD),
         Some(PilotSwitch::Manual) => ("manual: the pilot flies", WARNING),
         _ => ("-", OLD),
-    }
+    };
+    (text.to_owned(), style)
 }
 
 fn dsp_link(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
@@ -196,16 +244,17 @@ fn dsp_link(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
         || format!("unknown-{}", link.state),
         |state| state.to_string(),
     );
-    let heard = link.last_message().filter(|at| *at <= clock.now);
-    let age = heard.map_or("-".to_owned(), |at| {
-        format!("{:.1} s", clock.now.since(at).as_secs_f64())
+    let age = robot.link_age(clock.now);
+    let age = age.map_or_else(String::new, |(age, is_known)| {
+        let at_least = if is_known { "" } else { "at least " };
+        format!(" {at_least}{}", duration(age.as_secs() as f64))
     });
     let refused = &state.refused;
     let lost = [refused.checksum, refused.truncated, refused.missed_messages]
         .into_iter()
         .fold(0_u32, u32::saturating_add);
     let text = format!(
-        "{name} {age}, {lost} lost, {} repeated",
+        "{name}{age}, {lost} lost, {} repeated",
         link.commands_repeated
     );
     let style = if known == Some(LinkState::Up) {

@@ -1,0 +1,219 @@
+//! What the live processes of a robot run with. [`RunningBridge`]: the configuration of a live bridge, as its journal says it.
+//! [`file_of`]: the file that a live process has read.
+//!
+//! A file says what the next start will run with: it may have been changed since, or be another one than that of this folder.
+
+use std::fmt;
+use std::fs;
+use std::os::unix::ffi::OsStrExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use bridge::BridgeConfig;
+use bridge::journal::{Record, Snapshot};
+use ipc_types::payload::BridgeJournal;
+use ipc_types::{Ipc, MonotonicNs, OpenError, Provider, Source, Subscriber, Topic};
+use module_kit::journal::{Entry, Reader};
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use crate::session::{Session, Topics};
+
+/// Where a configuration of the bridge comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ConfigOrigin {
+    /// The live bridge says it.
+    Running,
+    /// A file: no bridge says what it runs with, or the operator named the file.
+    File(PathBuf),
+}
+
+impl fmt::Display for ConfigOrigin {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ConfigOrigin::Running => f.write_str("the running configuration"),
+            ConfigOrigin::File(path) => path.display().fmt(f),
+        }
+    }
+}
+
+/// The configuration of a live bridge. A bridge writes a snapshot, which has it, when a program subscribes to its journal.
+pub(crate) struct RunningBridge {
+    port: Subscriber<BridgeJournal>,
+    reader: Reader,
+    /// What a subscriber gets first is the last piece of before, perhaps with the snapshot that another one has asked for.
+    opened: MonotonicNs,
+    config: Option<BridgeConfig>,
+}
+
+impl RunningBridge {
+    /// Subscribes to the bridge's journal.
+    ///
+    /// # Errors
+    ///
+    /// See [`OpenError`].
+    pub fn open(ipc: &Ipc) -> Result<RunningBridge, OpenError> {
+        Ok(RunningBridge {
+            port: ipc.subscriber()?,
+            reader: Reader::new(),
+            opened: MonotonicNs::now(),
+            config: None,
+        })
+    }
+
+    /// The configuration without the serial port, and with the fence that is in force; `None` before the bridge has said it.
+    pub fn take(&mut self) -> Option<BridgeConfig> {
+        self.drain();
+        self.config.take()
+    }
+
+    /// The same, within `timeout`.
+    pub fn wait(&mut self, timeout: Duration) -> Option<BridgeConfig> {
+        let give_up = MonotonicNs::now() + timeout;
+        loop {
+            let (config, left) = (self.take(), give_up.since(MonotonicNs::now()));
+            if config.is_some() || left.is_zero() || self.port.wait(left).is_err() {
+                return config;
+            }
+        }
+    }
+}
+
+impl Topics for RunningBridge {
+    fn ports(&mut self) -> Vec<&mut dyn Source> {
+        vec![&mut self.port]
+    }
+
+    fn drain(&mut self) {
+        let RunningBridge {
+            port,
+            reader,
+            opened,
+            config,
+        } = self;
+        let drained = port.drain(|piece| {
+            reader.take(piece);
+            while let Ok(Some(record)) = reader.next() {
+                let record: Record<'_> = record;
+                if let Entry::Snapshot(bytes) = record.entry
+                    && record.at >= *opened
+                {
+                    *config = of_snapshot(bytes);
+                }
+            }
+        });
+        if let Err(error) = drained {
+            tracing::debug!(%error, "the bridge's journal cannot be received");
+        }
+    }
+}
+
+/// The configuration in a snapshot of this version's bridge.
+fn of_snapshot(bytes: &[u8]) -> Option<BridgeConfig> {
+    let Snapshot { config, bridge } = Snapshot::restore(bytes).ok()?;
+    Some(BridgeConfig {
+        fence: bridge.fence().clone(),
+        ..config
+    })
+}
+
+/// The configuration of the live bridge of the session's robot; `None` if there is none, or it does not say it within `timeout`.
+pub(crate) fn bridge(
+    session: &Session,
+    timeout: Duration,
+) -> Result<Option<BridgeConfig>, Failure> {
+    if !session.is_provided(BridgeJournal::KEY)? {
+        return Ok(None);
+    }
+    let mut running = RunningBridge::open(&session.ipc).or_fail(ExitCode::Internal)?;
+    let give_up = MonotonicNs::now() + timeout;
+    session.gather(&mut running, give_up, |running, _| {
+        Ok(running.config.is_some())
+    })?;
+    Ok(running.config)
+}
+
+/// The file that the live process `name` reads, if `provider` is that process itself, on this machine, and may be looked at. A relay
+/// provides the same services with a configuration of its own.
+pub(crate) fn file_of(provider: &Provider, name: &str, default_file: &str) -> Option<PathBuf> {
+    if !is_own(provider, name) {
+        return None;
+    }
+    let folder = PathBuf::from(format!("/proc/{}", provider.pid));
+    let words = |name: &str| -> Option<Vec<PathBuf>> {
+        let bytes = fs::read(folder.join(name)).ok()?;
+        let words = bytes.split(|byte| *byte == 0);
+        Some(
+            words
+                .map(|word| PathBuf::from(std::ffi::OsStr::from_bytes(word)))
+                .collect(),
+        )
+    };
+    let cwd = fs::read_link(folder.join("cwd")).ok()?;
+    let file = named_file(&words("cmdline")?, &words("environ").unwrap_or_default());
+    Some(cwd.join(file.unwrap_or_else(|| PathBuf::from(default_file))))
+}
+
+/// Whether a provider is the process `name` itself, with a number that means something here.
+fn is_own(provider: &Provider, name: &str) -> bool {
+    provider.process == name && provider.shares_pids()
+}
+
+/// The configuration that a command line or an environment names.
+fn named_file(args: &[PathBuf], environment: &[PathBuf]) -> Option<PathBuf> {
+    let value = |word: &PathBuf, prefix: &str| {
+        let bytes = word.as_os_str().as_bytes();
+        let value = bytes.strip_prefix(prefix.as_bytes())?;
+        Some(PathBuf::from(std::ffi::OsStr::from_bytes(value)))
+    };
+    let behind = args
+        .iter()
+        .position(|word| word == Path::new("--config"))
+        .and_then(|place| args.get(place + 1).cloned());
+    behind
+        .or_else(|| args.iter().find_map(|word| value(word, "--config=")))
+        .or_else(|| {
+            environment
+                .iter()
+                .find_map(|word| value(word, "RIL_CONFIG="))
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::MetadataExt;
+
+    use super::*;
+
+    #[test]
+    fn the_configuration_of_a_relay_or_of_another_namespace_is_not_taken_for_that_of_the_bridge() {
+        let here = fs::metadata("/proc/self/ns/pid").unwrap().ino();
+        for (process, pid_namespace, expected) in [
+            ("bridge", here, true),
+            ("relay", here, false),
+            ("bridge", here + 1, false),
+        ] {
+            let provider = Provider {
+                pid: 1,
+                process: process.to_owned(),
+                since_ns: 1,
+                pid_namespace,
+                time_namespace: 0,
+            };
+            assert_eq!(is_own(&provider, "bridge"), expected, "{provider:?}");
+        }
+    }
+
+    #[test]
+    fn the_command_line_names_the_configuration_before_the_environment() {
+        let check = |args: &str, environment: &str, expected: Option<&str>| {
+            let words = |text: &str| text.split(' ').map(PathBuf::from).collect::<Vec<_>>();
+            let found = named_file(&words(args), &words(environment));
+            assert_eq!(found, expected.map(PathBuf::from), "{args} {environment}");
+        };
+        check("ril run bridge --config a.toml", "A=b", Some("a.toml"));
+        check("ril run bridge --config=a b", "RIL_CONFIG=c", Some("a"));
+        check("ril run bridge", "A=b RIL_CONFIG=/c", Some("/c"));
+        check("ril run bridge", "A=b", None);
+        check("ril run bridge --config", "A=b", None);
+    }
+}
