@@ -25,10 +25,10 @@
 #define HERO_MOVEMENT_LAYOUT_HASH "2af2c004c0511e69"
 #define HERO_PARAMETERS_LAYOUT "hero.ParameterRequest.v2/hero.RequestReport.v2"
 #define HERO_PARAMETERS_LAYOUT_HASH "76e7bccf46c20e2f"
-#define HERO_RELAY_LINK_LAYOUT "hero.RelayLink.v2"
-#define HERO_RELAY_LINK_LAYOUT_HASH "657a275948d9ee4b"
-#define HERO_RELAY_STATIONS_LAYOUT "hero.RelayStations.v1"
-#define HERO_RELAY_STATIONS_LAYOUT_HASH "cd591e6b7779750e"
+#define HERO_RELAY_LINK_LAYOUT "hero.RelayLink.v3"
+#define HERO_RELAY_LINK_LAYOUT_HASH "59df1188187319fb"
+#define HERO_RELAY_STATIONS_LAYOUT "hero.RelayStations.v2"
+#define HERO_RELAY_STATIONS_LAYOUT_HASH "6227add971e4f3e5"
 #define HERO_BRIDGE_JOURNAL_LAYOUT "hero.BridgeJournal.v1"
 #define HERO_BRIDGE_JOURNAL_LAYOUT_HASH "a0a172067737e627"
 #define HERO_STATUS_JOURNAL_LAYOUT "hero.StatusJournal.v1"
@@ -890,7 +890,7 @@ HERO_ASSERT(offsetof(RequestReport, value_valid) == 62);
 HERO_ASSERT(offsetof(RequestReport, value) == 64);
 HERO_ASSERT(offsetof(RequestReport, port) == 72);
 
-#define HERO_RELAY_LINK_TYPE_NAME "hero.RelayLink.v2"
+#define HERO_RELAY_LINK_TYPE_NAME "hero.RelayLink.v3"
 typedef struct RelayLink {
     uint64_t sequence;
     uint64_t epoch_ns;
@@ -900,6 +900,7 @@ typedef struct RelayLink {
     int64_t clock_offset_ns;
     double clock_uncertainty_s;
     double round_trip_s;
+    double open_timeout_s;
     uint64_t samples_received;
     uint64_t samples_lost_on_air;
     uint64_t samples_lost_in_relay;
@@ -920,7 +921,7 @@ typedef struct RelayLink {
     uint8_t link[64];
     uint8_t station[32];
 } RelayLink;
-HERO_ASSERT(sizeof(RelayLink) == 264);
+HERO_ASSERT(sizeof(RelayLink) == 272);
 HERO_ASSERT(offsetof(RelayLink, sequence) == 0);
 HERO_ASSERT(offsetof(RelayLink, epoch_ns) == 8);
 HERO_ASSERT(offsetof(RelayLink, published_ns) == 16);
@@ -929,31 +930,33 @@ HERO_ASSERT(offsetof(RelayLink, last_heard_ns) == 32);
 HERO_ASSERT(offsetof(RelayLink, clock_offset_ns) == 40);
 HERO_ASSERT(offsetof(RelayLink, clock_uncertainty_s) == 48);
 HERO_ASSERT(offsetof(RelayLink, round_trip_s) == 56);
-HERO_ASSERT(offsetof(RelayLink, samples_received) == 64);
-HERO_ASSERT(offsetof(RelayLink, samples_lost_on_air) == 72);
-HERO_ASSERT(offsetof(RelayLink, samples_lost_in_relay) == 80);
-HERO_ASSERT(offsetof(RelayLink, samples_left_out) == 88);
-HERO_ASSERT(offsetof(RelayLink, bytes_received) == 96);
-HERO_ASSERT(offsetof(RelayLink, bytes_sent) == 104);
-HERO_ASSERT(offsetof(RelayLink, orders_sent) == 112);
-HERO_ASSERT(offsetof(RelayLink, orders_repeated) == 120);
-HERO_ASSERT(offsetof(RelayLink, orders_unknown) == 128);
-HERO_ASSERT(offsetof(RelayLink, state) == 136);
-HERO_ASSERT(offsetof(RelayLink, robot) == 140);
-HERO_ASSERT(offsetof(RelayLink, clock_drift_ppb) == 144);
-HERO_ASSERT(offsetof(RelayLink, clock_valid) == 148);
-HERO_ASSERT(offsetof(RelayLink, clock_resets) == 152);
-HERO_ASSERT(offsetof(RelayLink, outages) == 156);
-HERO_ASSERT(offsetof(RelayLink, orders_open) == 160);
-HERO_ASSERT(offsetof(RelayLink, refusal) == 164);
-HERO_ASSERT(offsetof(RelayLink, link) == 168);
-HERO_ASSERT(offsetof(RelayLink, station) == 232);
+HERO_ASSERT(offsetof(RelayLink, open_timeout_s) == 64);
+HERO_ASSERT(offsetof(RelayLink, samples_received) == 72);
+HERO_ASSERT(offsetof(RelayLink, samples_lost_on_air) == 80);
+HERO_ASSERT(offsetof(RelayLink, samples_lost_in_relay) == 88);
+HERO_ASSERT(offsetof(RelayLink, samples_left_out) == 96);
+HERO_ASSERT(offsetof(RelayLink, bytes_received) == 104);
+HERO_ASSERT(offsetof(RelayLink, bytes_sent) == 112);
+HERO_ASSERT(offsetof(RelayLink, orders_sent) == 120);
+HERO_ASSERT(offsetof(RelayLink, orders_repeated) == 128);
+HERO_ASSERT(offsetof(RelayLink, orders_unknown) == 136);
+HERO_ASSERT(offsetof(RelayLink, state) == 144);
+HERO_ASSERT(offsetof(RelayLink, robot) == 148);
+HERO_ASSERT(offsetof(RelayLink, clock_drift_ppb) == 152);
+HERO_ASSERT(offsetof(RelayLink, clock_valid) == 156);
+HERO_ASSERT(offsetof(RelayLink, clock_resets) == 160);
+HERO_ASSERT(offsetof(RelayLink, outages) == 164);
+HERO_ASSERT(offsetof(RelayLink, orders_open) == 168);
+HERO_ASSERT(offsetof(RelayLink, refusal) == 172);
+HERO_ASSERT(offsetof(RelayLink, link) == 176);
+HERO_ASSERT(offsetof(RelayLink, station) == 240);
 
-#define HERO_RELAY_STATION_TYPE_NAME "hero.RelayStation.v1"
+#define HERO_RELAY_STATION_TYPE_NAME "hero.RelayStation.v2"
 typedef struct RelayStation {
     uint8_t name[32];
     uint64_t last_heard_ns;
     uint64_t since_ns;
+    uint64_t last_order_ns;
     uint64_t orders_executed;
     uint64_t orders_refused;
     uint64_t samples_sent;
@@ -962,19 +965,20 @@ typedef struct RelayStation {
     uint32_t orders_open;
     uint32_t refusal;
 } RelayStation;
-HERO_ASSERT(sizeof(RelayStation) == 88);
+HERO_ASSERT(sizeof(RelayStation) == 96);
 HERO_ASSERT(offsetof(RelayStation, name) == 0);
 HERO_ASSERT(offsetof(RelayStation, last_heard_ns) == 32);
 HERO_ASSERT(offsetof(RelayStation, since_ns) == 40);
-HERO_ASSERT(offsetof(RelayStation, orders_executed) == 48);
-HERO_ASSERT(offsetof(RelayStation, orders_refused) == 56);
-HERO_ASSERT(offsetof(RelayStation, samples_sent) == 64);
-HERO_ASSERT(offsetof(RelayStation, may_command) == 72);
-HERO_ASSERT(offsetof(RelayStation, is_up) == 76);
-HERO_ASSERT(offsetof(RelayStation, orders_open) == 80);
-HERO_ASSERT(offsetof(RelayStation, refusal) == 84);
+HERO_ASSERT(offsetof(RelayStation, last_order_ns) == 48);
+HERO_ASSERT(offsetof(RelayStation, orders_executed) == 56);
+HERO_ASSERT(offsetof(RelayStation, orders_refused) == 64);
+HERO_ASSERT(offsetof(RelayStation, samples_sent) == 72);
+HERO_ASSERT(offsetof(RelayStation, may_command) == 80);
+HERO_ASSERT(offsetof(RelayStation, is_up) == 84);
+HERO_ASSERT(offsetof(RelayStation, orders_open) == 88);
+HERO_ASSERT(offsetof(RelayStation, refusal) == 92);
 
-#define HERO_RELAY_STATIONS_TYPE_NAME "hero.RelayStations.v1"
+#define HERO_RELAY_STATIONS_TYPE_NAME "hero.RelayStations.v2"
 typedef struct RelayStations {
     uint64_t sequence;
     uint64_t epoch_ns;
@@ -983,13 +987,13 @@ typedef struct RelayStations {
     uint32_t count;
     uint32_t reserved;
 } RelayStations;
-HERO_ASSERT(sizeof(RelayStations) == 1440);
+HERO_ASSERT(sizeof(RelayStations) == 1568);
 HERO_ASSERT(offsetof(RelayStations, sequence) == 0);
 HERO_ASSERT(offsetof(RelayStations, epoch_ns) == 8);
 HERO_ASSERT(offsetof(RelayStations, published_ns) == 16);
 HERO_ASSERT(offsetof(RelayStations, stations) == 24);
-HERO_ASSERT(offsetof(RelayStations, count) == 1432);
-HERO_ASSERT(offsetof(RelayStations, reserved) == 1436);
+HERO_ASSERT(offsetof(RelayStations, count) == 1560);
+HERO_ASSERT(offsetof(RelayStations, reserved) == 1564);
 
 #define HERO_BRIDGE_JOURNAL_TYPE_NAME "hero.BridgeJournal.v1"
 typedef struct BridgeJournal {

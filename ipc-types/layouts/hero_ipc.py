@@ -14,8 +14,8 @@ LAYOUTS = {
     "module_control": ("hero.ModuleControl.v2/hero.RequestReport.v2", "6bfcc9740509a353"),
     "movement": ("hero.MovementData.v3/hero.RequestReport.v2", "2af2c004c0511e69"),
     "parameters": ("hero.ParameterRequest.v2/hero.RequestReport.v2", "76e7bccf46c20e2f"),
-    "relay/link": ("hero.RelayLink.v2", "657a275948d9ee4b"),
-    "relay/stations": ("hero.RelayStations.v1", "cd591e6b7779750e"),
+    "relay/link": ("hero.RelayLink.v3", "59df1188187319fb"),
+    "relay/stations": ("hero.RelayStations.v2", "6227add971e4f3e5"),
     "bridge/journal": ("hero.BridgeJournal.v1", "a0a172067737e627"),
     "status/journal": ("hero.StatusJournal.v1", "394f9e703707f1ff"),
 }
@@ -1125,6 +1125,7 @@ class RelayLink(ctypes.Structure):
         ("clock_offset_ns", ctypes.c_int64),
         ("clock_uncertainty_s", ctypes.c_double),
         ("round_trip_s", ctypes.c_double),
+        ("open_timeout_s", ctypes.c_double),
         ("samples_received", ctypes.c_uint64),
         ("samples_lost_on_air", ctypes.c_uint64),
         ("samples_lost_in_relay", ctypes.c_uint64),
@@ -1148,10 +1149,10 @@ class RelayLink(ctypes.Structure):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.RelayLink.v2"
+        return "hero.RelayLink.v3"
 
 
-assert ctypes.sizeof(RelayLink) == 264
+assert ctypes.sizeof(RelayLink) == 272
 assert RelayLink.sequence.offset == 0
 assert RelayLink.epoch_ns.offset == 8
 assert RelayLink.published_ns.offset == 16
@@ -1160,25 +1161,26 @@ assert RelayLink.last_heard_ns.offset == 32
 assert RelayLink.clock_offset_ns.offset == 40
 assert RelayLink.clock_uncertainty_s.offset == 48
 assert RelayLink.round_trip_s.offset == 56
-assert RelayLink.samples_received.offset == 64
-assert RelayLink.samples_lost_on_air.offset == 72
-assert RelayLink.samples_lost_in_relay.offset == 80
-assert RelayLink.samples_left_out.offset == 88
-assert RelayLink.bytes_received.offset == 96
-assert RelayLink.bytes_sent.offset == 104
-assert RelayLink.orders_sent.offset == 112
-assert RelayLink.orders_repeated.offset == 120
-assert RelayLink.orders_unknown.offset == 128
-assert RelayLink.state.offset == 136
-assert RelayLink.robot.offset == 140
-assert RelayLink.clock_drift_ppb.offset == 144
-assert RelayLink.clock_valid.offset == 148
-assert RelayLink.clock_resets.offset == 152
-assert RelayLink.outages.offset == 156
-assert RelayLink.orders_open.offset == 160
-assert RelayLink.refusal.offset == 164
-assert RelayLink.link.offset == 168
-assert RelayLink.station.offset == 232
+assert RelayLink.open_timeout_s.offset == 64
+assert RelayLink.samples_received.offset == 72
+assert RelayLink.samples_lost_on_air.offset == 80
+assert RelayLink.samples_lost_in_relay.offset == 88
+assert RelayLink.samples_left_out.offset == 96
+assert RelayLink.bytes_received.offset == 104
+assert RelayLink.bytes_sent.offset == 112
+assert RelayLink.orders_sent.offset == 120
+assert RelayLink.orders_repeated.offset == 128
+assert RelayLink.orders_unknown.offset == 136
+assert RelayLink.state.offset == 144
+assert RelayLink.robot.offset == 148
+assert RelayLink.clock_drift_ppb.offset == 152
+assert RelayLink.clock_valid.offset == 156
+assert RelayLink.clock_resets.offset == 160
+assert RelayLink.outages.offset == 164
+assert RelayLink.orders_open.offset == 168
+assert RelayLink.refusal.offset == 172
+assert RelayLink.link.offset == 176
+assert RelayLink.station.offset == 240
 
 
 class RelayStation(ctypes.Structure):
@@ -1186,6 +1188,7 @@ class RelayStation(ctypes.Structure):
         ("name", ctypes.c_uint8 * 32),
         ("last_heard_ns", ctypes.c_uint64),
         ("since_ns", ctypes.c_uint64),
+        ("last_order_ns", ctypes.c_uint64),
         ("orders_executed", ctypes.c_uint64),
         ("orders_refused", ctypes.c_uint64),
         ("samples_sent", ctypes.c_uint64),
@@ -1197,20 +1200,21 @@ class RelayStation(ctypes.Structure):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.RelayStation.v1"
+        return "hero.RelayStation.v2"
 
 
-assert ctypes.sizeof(RelayStation) == 88
+assert ctypes.sizeof(RelayStation) == 96
 assert RelayStation.name.offset == 0
 assert RelayStation.last_heard_ns.offset == 32
 assert RelayStation.since_ns.offset == 40
-assert RelayStation.orders_executed.offset == 48
-assert RelayStation.orders_refused.offset == 56
-assert RelayStation.samples_sent.offset == 64
-assert RelayStation.may_command.offset == 72
-assert RelayStation.is_up.offset == 76
-assert RelayStation.orders_open.offset == 80
-assert RelayStation.refusal.offset == 84
+assert RelayStation.last_order_ns.offset == 48
+assert RelayStation.orders_executed.offset == 56
+assert RelayStation.orders_refused.offset == 64
+assert RelayStation.samples_sent.offset == 72
+assert RelayStation.may_command.offset == 80
+assert RelayStation.is_up.offset == 84
+assert RelayStation.orders_open.offset == 88
+assert RelayStation.refusal.offset == 92
 
 
 class RelayStations(ctypes.Structure):
@@ -1225,16 +1229,16 @@ class RelayStations(ctypes.Structure):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.RelayStations.v1"
+        return "hero.RelayStations.v2"
 
 
-assert ctypes.sizeof(RelayStations) == 1440
+assert ctypes.sizeof(RelayStations) == 1568
 assert RelayStations.sequence.offset == 0
 assert RelayStations.epoch_ns.offset == 8
 assert RelayStations.published_ns.offset == 16
 assert RelayStations.stations.offset == 24
-assert RelayStations.count.offset == 1432
-assert RelayStations.reserved.offset == 1436
+assert RelayStations.count.offset == 1560
+assert RelayStations.reserved.offset == 1564
 
 
 class BridgeJournal(ctypes.Structure):

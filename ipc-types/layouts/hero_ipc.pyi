@@ -13,8 +13,8 @@ LAYOUTS = {
     "module_control": ("hero.ModuleControl.v2/hero.RequestReport.v2", "6bfcc9740509a353"),
     "movement": ("hero.MovementData.v3/hero.RequestReport.v2", "2af2c004c0511e69"),
     "parameters": ("hero.ParameterRequest.v2/hero.RequestReport.v2", "76e7bccf46c20e2f"),
-    "relay/link": ("hero.RelayLink.v2", "657a275948d9ee4b"),
-    "relay/stations": ("hero.RelayStations.v1", "cd591e6b7779750e"),
+    "relay/link": ("hero.RelayLink.v3", "59df1188187319fb"),
+    "relay/stations": ("hero.RelayStations.v2", "6227add971e4f3e5"),
     "bridge/journal": ("hero.BridgeJournal.v1", "a0a172067737e627"),
     "status/journal": ("hero.StatusJournal.v1", "394f9e703707f1ff"),
 }
@@ -902,6 +902,8 @@ class RelayLink(_Struct):
     round_trip_s: float
     """Of the quickest exchange among the recent ones, from this machine to the robot and back, s; means something when
     `clock_valid` is 1. [s]"""
+    open_timeout_s: float
+    """How long the relay's attempt to connect may take, s: at least ten round trips of the link. [s]"""
     samples_received: int
     """Samples that came from the robot."""
     samples_lost_on_air: int
@@ -942,7 +944,7 @@ class RelayLink(_Struct):
     """The endpoint of the link such as `tcp/10.0.0.2:7447`, several divided by spaces; ASCII, filled up with zeros."""
     station: _Array[int]
     """The name of this station, ASCII, filled up with zeros."""
-    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., since_ns: int = ..., last_heard_ns: int = ..., clock_offset_ns: int = ..., clock_uncertainty_s: float = ..., round_trip_s: float = ..., samples_received: int = ..., samples_lost_on_air: int = ..., samples_lost_in_relay: int = ..., samples_left_out: int = ..., bytes_received: int = ..., bytes_sent: int = ..., orders_sent: int = ..., orders_repeated: int = ..., orders_unknown: int = ..., state: int = ..., robot: int = ..., clock_drift_ppb: int = ..., clock_valid: int = ..., clock_resets: int = ..., outages: int = ..., orders_open: int = ..., refusal: int = ..., link: Any = ..., station: Any = ...) -> None: ...
+    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., since_ns: int = ..., last_heard_ns: int = ..., clock_offset_ns: int = ..., clock_uncertainty_s: float = ..., round_trip_s: float = ..., open_timeout_s: float = ..., samples_received: int = ..., samples_lost_on_air: int = ..., samples_lost_in_relay: int = ..., samples_left_out: int = ..., bytes_received: int = ..., bytes_sent: int = ..., orders_sent: int = ..., orders_repeated: int = ..., orders_unknown: int = ..., state: int = ..., robot: int = ..., clock_drift_ppb: int = ..., clock_valid: int = ..., clock_resets: int = ..., outages: int = ..., orders_open: int = ..., refusal: int = ..., link: Any = ..., station: Any = ...) -> None: ...
 
 class RelayStation(_Struct):
     """A station as the robot's relay knows it. Counts are of this life of the station."""
@@ -952,6 +954,8 @@ class RelayStation(_Struct):
     """When the last message of the station came. [ns]"""
     since_ns: int
     """Since when `is_up` holds. [ns]"""
+    last_order_ns: int
+    """When the last request of the station was taken: the station with the latest one commands now. [ns]"""
     orders_executed: int
     """Requests of the station that were handed to the robot's processes."""
     orders_refused: int
@@ -967,7 +971,7 @@ class RelayStation(_Struct):
     refusal: int
     """Why the relay takes no requests from the station: a Reason, relay-not-permitted or relay-too-many-stations;
     0 when it takes them."""
-    def __init__(self, name: Any = ..., last_heard_ns: int = ..., since_ns: int = ..., orders_executed: int = ..., orders_refused: int = ..., samples_sent: int = ..., may_command: int = ..., is_up: int = ..., orders_open: int = ..., refusal: int = ...) -> None: ...
+    def __init__(self, name: Any = ..., last_heard_ns: int = ..., since_ns: int = ..., last_order_ns: int = ..., orders_executed: int = ..., orders_refused: int = ..., samples_sent: int = ..., may_command: int = ..., is_up: int = ..., orders_open: int = ..., refusal: int = ...) -> None: ...
 
 class RelayStations(_Struct):
     """The stations that a robot is relayed to. Topic `relay/stations`, published on the robot's machine by its relay; at every

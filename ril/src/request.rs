@@ -21,7 +21,8 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use crate::render::json_line;
 use crate::render::messages::object::ReportObject;
 use crate::render::messages::{self, FinalReport, Verb};
-use crate::session::{Session, absent};
+use crate::robot::absence::absent;
+use crate::session::Session;
 
 /// When the exchange is over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -407,7 +408,7 @@ impl<'a, R: Request> Conversation<'a, R> {
     fn send(&mut self, request: &R) -> Result<(), Failure> {
         match self.client.send(request) {
             Ok(_) => Ok(()),
-            Err(SendError::NoServer { .. }) => Err(absent(self.key, self.session.ipc.robot())),
+            Err(SendError::NoServer { .. }) => Err(absent(self.session, self.key)),
             Err(error @ SendError::ServerFull) => Err(Failure::new(ExitCode::Timeout, error)),
             Err(
                 error @ (SendError::TooManyOutstanding

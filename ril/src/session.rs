@@ -20,7 +20,7 @@ use ipc_types::{
 };
 use runtime::args::CommonArgs;
 use runtime::config::resulting::{Origin, Resulting, given};
-use runtime::duration::{self, Shown};
+use runtime::duration;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 
@@ -146,49 +146,6 @@ impl Session {
     pub(crate) fn is_provided(&self, key: &str) -> Result<bool, Failure> {
         Ok(self.provider(key)?.is_some())
     }
-
-    /// The failure that nothing of the topic `key` came in time: no process provides it, or its provider publishes nothing.
-    pub(crate) fn nothing_came(&self, key: &str, timeout: Duration) -> Result<Failure, Failure> {
-        let robot = self.ipc.robot();
-        let timeout = Shown(timeout);
-        let Some(provider) = self.provider(key)? else {
-            return Ok(absent(key, robot));
-        };
-        let (running, next_step) = match process_of(key) {
-            _ if is_relayed(key, &provider) => (
-                "the relay".to_owned(),
-                format!("`ril relay status --robot {robot}` shows its link to the robot"),
-            ),
-            Some(process) => (
-                format!("`ril run {process}`"),
-                format!("`ril status --robot {robot}` shows the link to the DSP"),
-            ),
-            None => (
-                "its module".to_owned(),
-                "wait longer with --timeout".to_owned(),
-            ),
-        };
-        let text = format!(
-            "nothing came from {key} of robot {robot} in {timeout}, although {running} is running"
-        );
-        Ok(Failure::new(ExitCode::Timeout, text).with_next_step(next_step))
-    }
-}
-
-/// The failure that no process provides the service `key`; other robots that are alive are named.
-pub(crate) fn absent(key: &str, robot: RobotId) -> Failure {
-    let (start, absent) = match process_of(key) {
-        Some(process) => (
-            format!("start `ril run {process} --robot {robot}`"),
-            format!("robot {robot}'s {process} is not running"),
-        ),
-        None => (
-            "start the module that provides it".to_owned(),
-            format!("no module of robot {robot} provides {key}"),
-        ),
-    };
-    let text = format!("{absent}{}{}", others_alive(robot), other_domains());
-    Failure::new(ExitCode::ServiceAbsent, text).with_next_step(format!("{start} and try again"))
 }
 
 /// Whether the service `key`, which `provider` provides, comes from another machine. The relay's own topics do not.
@@ -417,19 +374,6 @@ mod tests {
                 expected,
                 "{key} of {process}"
             );
-        }
-    }
-
-    #[test]
-    fn a_missing_process_is_named_with_how_to_start_it() {
-        for (key, process) in [
-            ("hero_telemetry", "ril run status --robot 7"),
-            ("dsp_telemetry", "ril run bridge --robot 7"),
-            ("movement", "ril run bridge --robot 7"),
-        ] {
-            let failure = absent(key, RobotId::new(7).unwrap());
-            assert_eq!(failure.code(), ExitCode::ServiceAbsent);
-            assert!(failure.next_step().contains(process), "{failure:?}");
         }
     }
 

@@ -19,7 +19,7 @@ shared_struct! {
     /// the relay that provides the robot's services there; at every change and at least once a second.
     ///
     /// Times are host monotonic nanoseconds of this machine; 0 stands for "never". Counts begin with the relay's process.
-    pub struct RelayLink("hero.RelayLink.v2") = 264 {
+    pub struct RelayLink("hero.RelayLink.v3") = 272 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publishing process began.
@@ -37,6 +37,8 @@ shared_struct! {
         /// Of the quickest exchange among the recent ones, from this machine to the robot and back, s; means something when
         /// `clock_valid` is 1.
         pub round_trip_s: f64,
+        /// How long the relay's attempt to connect may take, s: at least ten round trips of the link.
+        pub open_timeout_s: f64,
         /// Samples that came from the robot.
         pub samples_received: u64,
         /// Samples that the robot's relay sent and that did not come.
@@ -85,7 +87,7 @@ shared_struct! {
     /// change and at least once a second.
     ///
     /// Times are host monotonic nanoseconds; 0 stands for "never".
-    pub struct RelayStations("hero.RelayStations.v1") = 1440 {
+    pub struct RelayStations("hero.RelayStations.v2") = 1568 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publishing process began.
@@ -103,13 +105,15 @@ shared_struct! {
 
 shared_struct! {
     /// A station as the robot's relay knows it. Counts are of this life of the station.
-    pub struct RelayStation("hero.RelayStation.v1") = 88 {
+    pub struct RelayStation("hero.RelayStation.v2") = 96 {
         /// The station's name, ASCII, filled up with zeros.
         pub name: [u8; STATION_NAME_LEN],
         /// When the last message of the station came.
         pub last_heard_ns: u64,
         /// Since when `is_up` holds.
         pub since_ns: u64,
+        /// When the last request of the station was taken: the station with the latest one commands now.
+        pub last_order_ns: u64,
         /// Requests of the station that were handed to the robot's processes.
         pub orders_executed: u64,
         /// Requests of the station that the relay refused.
@@ -200,6 +204,11 @@ impl RelayStation {
     /// When the last message of the station came, `None` before the first.
     pub fn last_heard(&self) -> Option<MonotonicNs> {
         (self.last_heard_ns != 0).then_some(MonotonicNs(self.last_heard_ns))
+    }
+
+    /// When the last request of the station was taken, `None` before the first.
+    pub fn last_order(&self) -> Option<MonotonicNs> {
+        (self.last_order_ns != 0).then_some(MonotonicNs(self.last_order_ns))
     }
 }
 

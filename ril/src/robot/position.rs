@@ -7,6 +7,7 @@ use ipc_types::payload::{DspTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, TelemetryGroup, Topic};
 use runtime::exit::{ExitCode, Failure};
 
+use crate::robot::absence::nothing_came;
 use crate::session::{Latest, Session};
 
 /// A position from telemetry.
@@ -40,7 +41,7 @@ pub(crate) fn present_position(session: &Session, timeout: Duration) -> Result<P
             let text = "interrupted before the position was known; nothing was sent";
             Err(Failure::new(ExitCode::OutcomeUnknown, text))
         }
-        None => Err(session.nothing_came(DspTelemetry::KEY, timeout)?),
+        None => Err(nothing_came(session, DspTelemetry::KEY, timeout)?),
     }
 }
 
@@ -51,7 +52,7 @@ pub(crate) fn present_position(session: &Session, timeout: Duration) -> Result<P
 /// Code 3 when there is no bridge, 4 when it publishes no state in time, 5 when it has not seen the helicopter on the ground.
 pub(crate) fn ground_altitude_m(session: &Session, timeout: Duration) -> Result<f64, Failure> {
     let Some(state) = newest_state(session, timeout)? else {
-        return Err(session.nothing_came(ModuleState::KEY, timeout)?);
+        return Err(nothing_came(session, ModuleState::KEY, timeout)?);
     };
     state.ground_altitude().ok_or_else(|| {
         let text = "the height above take-off is not known: the bridge has not seen the helicopter on the ground; nothing was sent";

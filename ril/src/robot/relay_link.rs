@@ -4,7 +4,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use ipc_types::code::Reason;
+use ipc_types::code::{Reason, RelayLinkState};
 use ipc_types::payload::RelayLink;
 use ipc_types::{MonotonicNs, Source};
 use runtime::duration::Shown;
@@ -46,6 +46,41 @@ impl LinkReport {
         self.link.is_up() && !self.is_stale()
     }
 
+    /// Why nothing comes over the link, and what to do; `None` if it is up.
+    pub fn trouble(&self) -> Option<(String, String)> {
+        let link = &self.link;
+        let for_ms = since_ms(link.since_ns, self.now);
+        let lasted =
+            for_ms.map_or_else(|| "an unknown time".to_owned(), |ms| shown(ms).to_string());
+        let is_heard = link.last_heard().is_some();
+        let what = match link.state() {
+            _ if self.is_stale() => {
+                let text = "the relay runs and says nothing of its link to the robot";
+                let next_step =
+                    "is it stopped, or is the machine overloaded? If it stays so, restart it";
+                return Some((text.to_owned(), next_step.to_owned()));
+            }
+            Some(RelayLinkState::Up) => return None,
+            Some(RelayLinkState::Connecting) if is_heard => {
+                let text = format!(
+                    "the link to the robot is not up: the robot answers, and is asked for {lasted} already what it has"
+                );
+                return Some((text, "wait some seconds and try again".to_owned()));
+            }
+            Some(RelayLinkState::Connecting) => "connecting",
+            _ => "down",
+        };
+        let over = link.link().unwrap_or(UNREADABLE);
+        let text = format!("the link to the robot is not up: {what} for {lasted} over {over}");
+        let next_step = format!(
+            "the relay tries again by itself; if it does not get there: on the robot's machine `ril relay status` must show a relay that \
+             listens there, `ping` that the network is there. An attempt is given up after {} s: round trips longer than a tenth of that \
+             need a longer `open_timeout_ms`",
+            link.open_timeout_s
+        );
+        Some((text, next_step))
+    }
+
     /// As part of a JSON object.
     pub(crate) fn tree(&self) -> Tree {
         let link = &self.link;
@@ -74,6 +109,7 @@ impl LinkReport {
             ("up", self.is_up().into()),
             ("state_since_ms", since_ms(link.since_ns, self.now).into()),
             ("over", link.link().into()),
+            ("open_timeout_s", link.open_timeout_s.into()),
             ("station", link.station().into()),
             ("robot_there", link.robot.into()),
             ("refusal", refusal_name(link.refusal).into()),

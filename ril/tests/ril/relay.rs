@@ -138,7 +138,7 @@ fn the_link_of_a_station_is_shown_and_its_state_is_the_exit_code() {
     let _relay = StandInRelay::start(&rig.domain, down);
     let shown = look(&rig, "relay status", 6);
     shown.out_says("link        down for ");
-    shown.err_says("the link to the robot is not up");
+    shown.err_says("the link to the robot is not up: down for ");
 }
 
 #[test]
@@ -163,6 +163,80 @@ fn the_stations_of_a_robot_are_shown() {
     let expected = "ground-1: down for ";
     shown.out_says(expected);
     shown.err_says("no station is up");
+}
+
+#[test]
+fn a_station_that_is_still_connecting_says_so_whatever_it_is_asked() {
+    let rig = sandbox();
+    let relay = StandInTopic::<RelayLink>::start(&rig.domain);
+    let now = MonotonicNs::now().0;
+    let connecting = RelayLink {
+        published_ns: now,
+        since_ns: now,
+        last_heard_ns: 0,
+        open_timeout_s: 8.0,
+        state: RelayLinkState::Connecting.code(),
+        ..up()
+    };
+    // It says again and again that it is there: no look is so slow that it takes it for silent.
+    let look = |args: &str| loop {
+        let mut link = connecting;
+        link.published_ns = MonotonicNs::now().0;
+        relay.publish(&link);
+        let finished = rig.start(args).wait_exit();
+        if !says(&finished.stderr, "is the machine overloaded?") {
+            break finished;
+        }
+    };
+    for verb in [
+        "status",
+        "takeoff 10m",
+        "goto 37.4,-5.9,+20m",
+        "echo hero --count 1",
+        "wait flying",
+        "relay status",
+    ] {
+        let finished = look(verb);
+        assert_eq!(finished.code(), Some(6), "{verb}: {finished:#?}");
+        for words in [
+            "the link to the robot is not up: connecting for ",
+            "over tcp/10.0.0.2:7447",
+            "given up after 8 s",
+        ] {
+            finished.err_says(words);
+        }
+        let start = "start `ril run";
+        assert!(!says(&finished.stderr, start), "{verb}: {finished:#?}");
+    }
+    let report = json(&look("relay status --json").stdout[0]);
+    let next_step = report["next_step"].as_str().unwrap();
+    assert!(next_step.contains("on the robot's machine"), "{next_step}");
+    let trouble = report["trouble"].as_str().unwrap();
+    assert!(trouble.contains("connecting"), "{trouble}");
+    let report = json(&look("doctor --json").stdout[0]);
+    let findings = report["findings"].as_array().unwrap().iter();
+    let mut texts = findings.map(|one| one["text"].to_string());
+    assert!(
+        texts.any(|text| text.contains("connecting for ")),
+        "{report}"
+    );
+}
+
+#[test]
+fn names_in_samples_are_printed_as_text() {
+    let rig = sandbox();
+    let relay = StandInTopic::<RelayLink>::start(&rig.domain);
+    relay.publish(&up());
+    let shown = rig.run("echo relay/link --count 1", 0);
+    shown.out_says("station: ground-1");
+    shown.out_says("link: tcp/10.0.0.2:7447");
+    let sample = json(&rig.run("echo relay/link --count 1 --json", 0).stdout[0]);
+    assert_eq!(sample["station"], "ground-1");
+    let mut hostile = up();
+    hostile.station[0] = 0x1b;
+    relay.publish(&hostile);
+    let sample = json(&rig.run("echo relay/link --count 1 --json", 0).stdout[0]);
+    assert_eq!(sample["station"][0], 0x1b, "no text: {sample}");
 }
 
 #[test]

@@ -33,6 +33,7 @@ pub const DEFAULT_FILE: &str = "relay.toml";
 
 runtime::ranged! {
     fn milliseconds(u64) in 50..=60_000;
+    fn open_timeout_ms(u64) in 1000..=60_000;
     fn retry_ms(u64) in 20..=60_000;
     fn buffer_bytes(u32) in 4096..=16_777_216;
     fn deadline_ms(u32) in 100..=86_400_000;
@@ -106,10 +107,10 @@ pub struct NetworkConfig {
     pub discovery: bool,
     /// Group and port of the discovery.
     pub multicast: SocketAddrV4,
-    /// How long an attempt to connect may take.
-    #[serde(deserialize_with = "milliseconds")]
+    /// How long an attempt to connect may take. Within it TCP and QUIC repeat what was lost after one, two and four seconds.
+    #[serde(deserialize_with = "open_timeout_ms")]
     pub open_timeout_ms: u64,
-    /// Pause between two attempts.
+    /// Pause before the second attempt to connect; the later ones are longer.
     #[serde(deserialize_with = "retry_ms")]
     pub retry_ms: u64,
     /// After how long without a byte a connection is closed.
@@ -129,7 +130,7 @@ impl Default for NetworkConfig {
             through: Through::Peers,
             discovery: false,
             multicast: SocketAddrV4::new([224, 0, 0, 224].into(), 7446),
-            open_timeout_ms: 700,
+            open_timeout_ms: 8000,
             retry_ms: 100,
             lease_ms: 3000,
             send_buffer_bytes: 8192,

@@ -1,4 +1,4 @@
-//! [`zenoh_config`]: Zenoh's configuration. A pure function of the configuration, but for [`share_one_thread`].
+//! [`zenoh_config`]: Zenoh's configuration, made of the relay's; [`share_one_thread`]: what Zenoh reads elsewhere.
 
 use runtime::config::Fault;
 use serde_json::{Value, json};
@@ -6,6 +6,7 @@ use zenoh::config::EndPoint;
 
 use crate::access::access_control;
 use crate::config::{Config, Side, Through};
+use crate::random::fresh;
 
 /// Longest message that is put together of fragments, bytes: the longest sample.
 pub const MAX_MESSAGE_BYTES: usize = 2 * 1024 * 1024;
@@ -32,6 +33,21 @@ const ROUTER_WAIT_FOR_ROOM_US: u32 = 1000;
 /// Batches of other messages that may wait to be sent, the most that Zenoh takes: four of the longest requests, which have 16 KiB, or
 /// 16 others, which have one batch at most. What finds no room is dropped, and sent or asked for again.
 const MESSAGE_BATCHES: usize = 16;
+
+/// How long the side that listens waits for the next message of one that connects, ms: one round trip of a slow link, and three of
+/// its losses. Who says nothing for so long, within TLS or after it, loses his connection.
+const HALF_OPEN_MS: u64 = 5000;
+
+/// Connections that may be half open. One more is closed at once, because each takes a file of the process.
+const MOST_HALF_OPEN: usize = 1000;
+
+/// Longest pause between two attempts to connect, ms, unless `retry_ms` is longer. The pauses grow to it, because an attempt that
+/// the other side refuses costs it a tenth of a second in which it accepts nobody else.
+const LONGEST_RETRY_MS: u64 = 2000;
+
+/// By how much the pauses grow at least and at most. Each process has a number of its own between them, so that stations which have
+/// lost a link together do not all come back together.
+const RETRY_GROWTH: [f64; 2] = [1.5, 2.0];
 
 /// Zenoh's thread stands still until a link that it closes has sent everything, for ten seconds unless another time was in the
 /// environment when it was compiled. One station that is out of reach would hold up all others for so long, and its own way back.
@@ -103,17 +119,19 @@ pub(super) fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::
         Side::Robot | Side::Station => (SAMPLE_BATCHES, WAIT_FOR_ROOM_US),
         Side::Router => (ROUTER_SAMPLE_BATCHES, ROUTER_WAIT_FOR_ROOM_US),
     };
+    let [least, most] = RETRY_GROWTH;
+    let growth = least + (most - least) * (fresh() as f64 / u64::MAX as f64);
     let settings = json!({
         "mode": mode,
-        "listen": { "endpoints": with_options(listen) },
+        "listen": { "endpoints": with_options(listen, &format!("tls_handshake_timeout_ms={HALF_OPEN_MS}")) },
         "connect": {
-            "endpoints": with_options(connect),
+            "endpoints": with_options(connect, ""),
             "timeout_ms": -1,
             "exit_on_failure": false,
             "retry": {
                 "period_init_ms": network.retry_ms,
-                "period_max_ms": network.retry_ms,
-                "period_increase_factor": 1,
+                "period_max_ms": network.retry_ms.max(LONGEST_RETRY_MS),
+                "period_increase_factor": growth,
             },
         },
         "scouting": {
@@ -124,7 +142,8 @@ pub(super) fn zenoh_config(config: &Config, side: Side) -> zenoh::Result<zenoh::
         "transport": {
             "unicast": {
                 "open_timeout": network.open_timeout_ms,
-                "accept_timeout": network.open_timeout_ms,
+                "accept_timeout": HALF_OPEN_MS,
+                "accept_pending": MOST_HALF_OPEN,
             },
             "link": {
                 "tx": {
@@ -175,9 +194,14 @@ fn tls(config: &Config) -> Value {
     settings
 }
 
-/// QUIC carries samples as datagrams beside its stream, so that a lost one holds up none that follows.
-fn with_options(endpoints: &[String]) -> Vec<String> {
-    let with_datagrams = |endpoint: &String| {
+/// QUIC carries samples as datagrams beside its stream, so that a lost one holds up none that follows. `of_tls` is an option of
+/// endpoints of TLS, which is behind their own ones.
+fn with_options(endpoints: &[String], of_tls: &str) -> Vec<String> {
+    let with_options = |endpoint: &String| {
+        if endpoint.starts_with("tls/") && !of_tls.is_empty() {
+            let sign = if endpoint.contains('#') { ';' } else { '#' };
+            return format!("{endpoint}{sign}{of_tls}");
+        }
         if !endpoint.starts_with("quic/") || endpoint.contains('?') {
             return endpoint.clone();
         }
@@ -186,7 +210,7 @@ fn with_options(endpoints: &[String]) -> Vec<String> {
         let (address, options) = endpoint.split_at(place);
         format!("{address}?mixed_rel=1{options}")
     };
-    endpoints.iter().map(with_datagrams).collect()
+    endpoints.iter().map(with_options).collect()
 }
 
 #[cfg(test)]
@@ -218,8 +242,38 @@ mod tests {
             ("quic/10.0.0.2:1?mixed_rel=0", "quic/10.0.0.2:1?mixed_rel=0"),
             ("tcp/10.0.0.2:1#iface=eth0", "tcp/10.0.0.2:1#iface=eth0"),
         ] {
-            assert_eq!(with_options(&[endpoint.to_owned()]), [expected]);
+            assert_eq!(with_options(&[endpoint.to_owned()], ""), [expected]);
             assert!(expected.parse::<EndPoint>().is_ok(), "{expected}");
         }
+    }
+
+    #[test]
+    fn half_a_handshake_holds_a_connection_for_five_seconds_at_most() {
+        let text = "[robot]\nlisten = [\"tls/127.0.0.1:1\", \"tls/127.0.0.1:2#iface=lo\", \"tcp/127.0.0.1:3\"]\n";
+        let config: Config = runtime::config::parse(text, "relay.toml").unwrap();
+        let zenoh = zenoh_config(&config, Side::Robot).unwrap();
+        let read = |key| zenoh.get_json(key).unwrap();
+        assert_eq!(read("transport/unicast/accept_timeout"), "5000");
+        assert_eq!(read("transport/unicast/accept_pending"), "1000");
+        for expected in [
+            "tls/127.0.0.1:1#tls_handshake_timeout_ms=5000",
+            "tls/127.0.0.1:2#iface=lo;tls_handshake_timeout_ms=5000",
+            "tcp/127.0.0.1:3\"",
+        ] {
+            assert!(read("listen/endpoints").contains(expected), "{expected}");
+        }
+    }
+
+    #[test]
+    fn the_pauses_between_attempts_to_connect_grow_and_those_of_two_stations_differ() {
+        let growth = || {
+            let zenoh = zenoh_config(&Config::default(), Side::Station).unwrap();
+            let read = |key| zenoh.get_json(key).unwrap();
+            assert_eq!(read("connect/retry/period_init_ms"), "100");
+            assert_eq!(read("connect/retry/period_max_ms"), "2000");
+            read("connect/retry/period_increase_factor").parse::<f64>()
+        };
+        let [one, other] = [growth().unwrap(), growth().unwrap()];
+        assert!((1.5..=2.0).contains(&one) && one != other, "{one} {other}");
     }
 }

@@ -208,6 +208,7 @@ impl RobotSide {
             for output in std::mem::take(out) {
                 match output {
                     Output::Send {
+                        station,
                         service,
                         request_id,
                         is_repeat,
@@ -217,6 +218,10 @@ impl RobotSide {
                             Some(requests) => requests.send(request, is_repeat),
                             None => Err(NotSent::NoServer),
                         };
+                        if sent.is_ok() && !is_repeat {
+                            let station = self.orders.name_of(station);
+                            tracing::info!(request = request_id, station, "request");
+                        }
                         if let Err(reason) = sent {
                             self.orders.not_sent(
                                 service,

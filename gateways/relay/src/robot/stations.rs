@@ -128,6 +128,7 @@ impl Stations {
                 name: ascii_bytes(&station.name),
                 last_heard_ns: station.heard.0,
                 since_ns: station.since.0,
+                last_order_ns: counts.last.0,
                 orders_executed: counts.executed,
                 orders_refused: counts.refused,
                 samples_sent,

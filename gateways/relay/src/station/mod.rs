@@ -154,6 +154,7 @@ struct Remote {
     /// Deadline of a request that says neither when it was issued nor until when it may begin.
     default_deadline: Duration,
     endpoints: String,
+    open_timeout_s: f64,
     replies: Inbox,
     samples: Inbox,
     topics: OwnTopics<RelayLink>,
@@ -195,6 +196,7 @@ impl Remote {
             endpoints: [&config.station.connect[..], &config.station.listen[..]]
                 .concat()
                 .join(" "),
+            open_timeout_s: config.network.open_timeout_ms as f64 / 1e3,
             replies: network.receive(&names::tell(robot.number, station), Vec::new(), ANSWERS)?,
             samples: network.receive(&names::topics(robot.number), Vec::new(), SAMPLES)?,
             topics: OwnTopics::open(&ipc)?,
@@ -440,6 +442,7 @@ impl Remote {
             robot: self.robot.number.get(),
             orders_open: self.orders.open() as u32,
             refusal: self.refusal().code(),
+            open_timeout_s: self.open_timeout_s,
             link: ascii_bytes(&self.endpoints),
             station: ascii_bytes(&self.station),
             ..RelayLink::default()

@@ -1,7 +1,7 @@
 //! What goes wrong between a station and its robot, and what is refused: every request ends once, nothing is executed twice, and
 //! the robot does what it was configured for.
 
-use std::io;
+use std::io::{self, Read};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
 use std::thread;
@@ -9,13 +9,14 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, RelayLinkState};
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations};
 use ril_tests::process::{Finished, Signal};
 use ril_tests::relayed::{
     BridgeLog, SPEED, await_link, free_endpoint, machine, start_robot_relay, start_station_relay,
 };
 use ril_tests::{Process, Rig};
 
+use super::air::Air;
 use super::{rig, ril};
 
 /// Exit code of a verb whose outcome is not known.
@@ -284,6 +285,60 @@ fn a_path_that_was_ordered_before_a_hold_is_not_flown_after_it_when_the_link_com
     station_relay.end();
     robot_relay.end();
     processes.end();
+}
+
+#[test]
+fn a_link_of_six_hundred_ms_round_trip_that_loses_every_fifth_packet_connects_and_carries_orders() {
+    let Some(ril) = ril() else {
+        return;
+    };
+    let (robot, station) = (machine(&ril, "slow"), machine(&ril, "slow"));
+    let processes = robot.start_robot(1, SPEED);
+    let endpoint = free_endpoint();
+    let robot_relay = start_robot_relay(&robot, &endpoint);
+    let air = Air::to(&endpoint);
+    // The air is what is tried here, and not when it counts as silent.
+    station.write("relay.toml", "[network]\nsilent_after_ms = 10000\n");
+    let station_relay = start_station_relay(&station, &air.endpoint);
+    await_link(&station, 1);
+    let link = station.subscribe::<RelayLink>(1).next_sample();
+    assert!(link.round_trip_s > 0.5, "{link:#?}");
+    assert_eq!(link.open_timeout_s, 8.0);
+    station.run("start --timeout 60s", 0);
+    station_relay.end();
+    robot_relay.end();
+    processes.end();
+}
+
+#[test]
+fn the_robot_s_relay_says_which_station_commands() {
+    let Some(mut rig) = rig("who commands", "") else {
+        return;
+    };
+    rig.station.run("start", 0);
+    let relay = rig.robot_relay.as_mut().expect("it runs");
+    relay.wait_for_line(|line| line.text.contains("request=") && line.text.contains("gcs"));
+    let mut stations = rig.robot.subscribe::<RelayStations>(1);
+    stations.until("the order", |sample| {
+        let gcs = sample.stations().first();
+        gcs.is_some_and(|gcs| gcs.last_order().is_some())
+    });
+    rig.end();
+}
+
+#[test]
+fn a_connection_that_says_nothing_is_closed() {
+    let Some(ril) = ril() else {
+        return;
+    };
+    let robot = machine(&ril, "half open");
+    let endpoint = free_endpoint();
+    let relay = start_robot_relay(&robot, &endpoint);
+    let mut silent = TcpStream::connect(address(&endpoint)).expect("it listens");
+    // The end, however it comes; without one this waits for ever.
+    let end = silent.read(&mut [0; 64]);
+    assert!(matches!(end, Ok(0) | Err(_)), "{end:?}");
+    relay.end();
 }
 
 /// How long samples are watched after the robot's relay has given up the station that stands still: beyond the lease of its link,

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use ipc_types::Schema;
+use ipc_types::payload::{Number as NumberType, ascii_text};
 use ipc_types::schema::{Field, Kind, Leaf, Message, Value as Number};
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::Value;
@@ -185,10 +186,11 @@ impl SampleReader<'_> {
                     field,
                 };
                 let values = || leaf.values(self.payload).map(plain).collect();
+                let text = || text_in(field, self.payload.get(offset..offset + field.size)?);
                 Tree::Plain(if self.is_void(path) {
                     Value::Null
                 } else {
-                    values()
+                    text().map_or_else(values, Value::from)
                 })
             }
         };
@@ -214,6 +216,12 @@ impl SampleReader<'_> {
     fn is_void(&self, path: &str) -> bool {
         self.void.iter().any(|name| is_at_or_under(path, name))
     }
+}
+
+/// The text in a field of bytes that is one by its comment; `None` if it is none, or not printable.
+fn text_in<'a>(field: &Field, bytes: &'a [u8]) -> Option<&'a str> {
+    let is_text = field.kind == Kind::Number(NumberType::U8) && field.comment.contains("ASCII");
+    is_text.then(|| ascii_text(bytes))?
 }
 
 /// A number with its own digits: 0.1 and not 0.10000000149011612. One that is not finite is nothing.

@@ -31,7 +31,7 @@ pub(super) fn diagnose(facts: &LinkFacts, robot: u32) -> Vec<Finding> {
         return vec![silent(robot, text)];
     }
     let troubles: Vec<Finding> = [
-        not_up(link, &report, robot),
+        not_up(&report),
         lossy(link, robot),
         untrue(link, robot),
         reset(link, robot),
@@ -52,16 +52,8 @@ fn silent(robot: u32, what: String) -> Finding {
     Finding::error("relay-silent", text, next_step)
 }
 
-fn not_up(link: &RelayLink, report: &LinkReport, robot: u32) -> Option<Finding> {
-    let text = match link.state() {
-        Some(RelayLinkState::Up) => return None,
-        Some(RelayLinkState::Connecting) => {
-            format!("no message of robot {robot} has come over the relay's link yet")
-        }
-        _ => format!("the relay's link to robot {robot} is down"),
-    };
-    let text = format!("{text}: {}", report.in_short());
-    let next_step = "is the relay on the robot's machine running, and its endpoint right? `ping` shows whether the network is there";
+fn not_up(report: &LinkReport) -> Option<Finding> {
+    let (text, next_step) = report.trouble()?;
     Some(Finding::error("relay-link-down", text, next_step))
 }
 

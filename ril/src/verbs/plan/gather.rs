@@ -21,6 +21,7 @@ use super::options::{HomeArg, PlanFileArgs};
 use crate::config::PlanConfig;
 use crate::render::messages::Verb;
 use crate::request::{Conversation, Format, Until};
+use crate::robot::absence::nothing_came;
 use crate::robot::chart::read_plan;
 use crate::robot::position::{Present, newest_state, present_position};
 use crate::robot::running::{self, ConfigOrigin};
@@ -141,7 +142,7 @@ fn robot(
         return Ok(None);
     }
     let Some(state) = newest_state(session, timeout)? else {
-        let failure = session.nothing_came(ModuleState::KEY, timeout)?;
+        let failure = nothing_came(session, ModuleState::KEY, timeout)?;
         return if is_needed { Err(failure) } else { Ok(None) };
     };
     let is_up = state.link.state() == Some(LinkState::Up);

@@ -159,9 +159,11 @@ pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
     } else {
         write!(out, "{report}").map_err(Failure::output)?;
     }
-    match report.exit_code() {
-        ExitCode::Ok => Ok(()),
-        code => Err(Failure::new(code, report.trouble())),
+    match report.trouble() {
+        None => Ok(()),
+        Some((text, next_step)) => {
+            Err(Failure::new(report.exit_code(), text).with_next_step(next_step))
+        }
     }
 }
 

@@ -72,19 +72,18 @@ impl RelayReport {
         }
     }
 
-    /// Why the command ends with another code than 0, and what to do.
-    pub fn trouble(&self) -> &'static str {
-        match &self.link {
-            Some(link) if link.is_stale() => {
-                "the relay runs and says nothing: is it stopped, or is the machine overloaded?"
-            }
-            Some(_) => {
-                "the link to the robot is not up: is the relay on the robot's machine running, and is the network there?"
-            }
-            None => {
-                "no station is up: is the relay on a station's machine running, and is the network there?"
-            }
+    /// Why the command ends with another code than 0, and what to do; `None` if it ends with 0.
+    pub fn trouble(&self) -> Option<(String, String)> {
+        if self.is_up() {
+            return None;
         }
+        let no_station = || {
+            let next_step =
+                "is the relay on a station's machine running, and is the network there?";
+            ("no station is up".to_owned(), next_step.to_owned())
+        };
+        let of_link = self.link.as_ref().and_then(LinkReport::trouble);
+        Some(of_link.unwrap_or_else(no_station))
     }
 }
 
@@ -117,9 +116,12 @@ impl Serialize for RelayReport {
                 ("sample", self.sample_of(stations).tree()),
             ])
         });
+        let (trouble, next_step) = self.trouble().unzip();
         let tree = &Tree::nested([
             ("robot", self.robot.get().into()),
             ("up", self.is_up().into()),
+            ("trouble", trouble.into()),
+            ("next_step", next_step.into()),
             (
                 "link",
                 self.link.as_ref().map_or(Tree::NULL, LinkReport::tree),
@@ -139,6 +141,10 @@ fn station(station: &RelayStation, now: MonotonicNs) -> Tree {
         (
             "last_heard_age_ms",
             heard_ms(station.last_heard(), now).into(),
+        ),
+        (
+            "last_order_age_ms",
+            heard_ms(station.last_order(), now).into(),
         ),
         ("may_command", (station.may_command != 0).into()),
         ("refusal", refusal_name(station.refusal).into()),
@@ -167,9 +173,10 @@ fn write_station(
     }
     writeln!(
         f,
-        ", last message {}\n            \
+        ", last message {}, last order {}\n            \
          {} sent; {} executed, {} refused, {} open",
         ago(heard_ms(station.last_heard(), now)),
+        ago(heard_ms(station.last_order(), now)),
         count(station.samples_sent, "sample"),
         count(station.orders_executed, "order"),
         station.orders_refused,

@@ -23,6 +23,7 @@ fn up() -> RelayLink {
         clock_offset_ns: -3_600_000_001_000,
         clock_uncertainty_s: 0.0008,
         round_trip_s: 0.0123,
+        open_timeout_s: 8.0,
         samples_received: 990,
         samples_lost_on_air: 10,
         samples_lost_in_relay: 2,
@@ -56,6 +57,7 @@ fn stations() -> RelayStations {
         name: ascii_bytes("ground-1"),
         last_heard_ns: ago(120),
         since_ns: ago(3000),
+        last_order_ns: ago(450),
         orders_executed: 12,
         orders_refused: 1,
         samples_sent: 4711,
@@ -125,7 +127,12 @@ fn a_link_of_which_nothing_is_known_says_so() {
     };
     let report = of_link(&link);
     assert_eq!(report.exit_code(), ExitCode::LinkDown);
-    assert!(report.trouble().contains("not up"));
+    let (trouble, next_step) = report.trouble().unwrap();
+    assert!(trouble.contains("not up: connecting for"), "{trouble}");
+    assert!(next_step.contains("`open_timeout_ms`"), "{next_step}");
+    let json = serde_json::to_value(&report).unwrap();
+    assert_eq!(json["trouble"], trouble);
+    assert_eq!(json["next_step"], next_step);
     let text = report.to_string();
     for expected in [
         "link        connecting since an unknown time over , last message never; 0 outages\n",
@@ -145,6 +152,17 @@ fn a_link_of_which_nothing_is_known_says_so() {
 }
 
 #[test]
+fn a_robot_that_answers_and_is_not_described_yet_is_waited_for() {
+    let link = RelayLink {
+        state: RelayLinkState::Connecting.code(),
+        ..up()
+    };
+    let (trouble, next_step) = of_link(&link).trouble().unwrap();
+    assert!(trouble.contains("the robot answers"), "{trouble}");
+    assert!(next_step.starts_with("wait"), "{next_step}");
+}
+
+#[test]
 fn a_relay_that_hangs_has_no_link_that_is_up() {
     let link = RelayLink {
         published_ns: ago(3001),
@@ -152,7 +170,7 @@ fn a_relay_that_hangs_has_no_link_that_is_up() {
     };
     let report = of_link(&link);
     assert_eq!(report.exit_code(), ExitCode::LinkDown);
-    assert!(report.trouble().contains("says nothing"));
+    assert!(report.trouble().unwrap().0.contains("says nothing"));
     assert!(report.to_string().ends_with("3001 ms old, STALE\n"));
     assert!(LinkReport::new(&link, NOW).in_short().ends_with(", STALE"));
     let stations = RelayStations {
@@ -169,11 +187,11 @@ fn stations_are_shown_with_what_they_may_and_did() {
     assert_eq!(report.exit_code(), ExitCode::Ok);
     let expected = "\
 robot       1
-station     ground-1: up for 3s, may command, last message 120 ms ago
+station     ground-1: up for 3s, may command, last message 120 ms ago, last order 450 ms ago
             4711 samples sent; 12 orders executed, 1 refused, 2 open
-station     watcher: down, may not command, last message never
+station     watcher: down, may not command, last message never, last order never
             0 samples sent; 0 orders executed, 0 refused, 0 open
-station     ninth: up for 1s, may command and is refused (relay-too-many-stations), last message 50 ms ago
+station     ninth: up for 1s, may command and is refused (relay-too-many-stations), last message 50 ms ago, last order never
             0 samples sent; 0 orders executed, 0 refused, 0 open
 relay       sample 5, 200 ms old
 ";
@@ -184,7 +202,7 @@ relay       sample 5, 200 ms old
     };
     let report = RelayReport::new(RobotId::DEFAULT, None, Some(&none), NOW);
     assert_eq!(report.exit_code(), ExitCode::LinkDown);
-    assert!(report.trouble().starts_with("no station is up"));
+    assert_eq!(report.trouble().unwrap().0, "no station is up");
     assert!(report.to_string().contains("station     none\n"));
 }
 
@@ -196,6 +214,9 @@ fn programs_get_numbers_and_nothing_for_what_is_not_known() {
         ("/schema", json!("ril.Relay.v2")),
         ("/robot", 1.into()),
         ("/up", true.into()),
+        ("/trouble", Value::Null),
+        ("/next_step", Value::Null),
+        ("/link/open_timeout_s", 8.0.into()),
         ("/link/state", "up".into()),
         ("/link/over", "tcp/10.0.0.2:7447".into()),
         ("/link/station", "ground-1".into()),
@@ -236,6 +257,8 @@ fn programs_get_numbers_and_nothing_for_what_is_not_known() {
     let shown = report["stations"]["stations"].as_array().unwrap();
     assert_eq!(shown.len(), MAX_STATIONS);
     assert_eq!(shown[0]["may_command"], true);
+    assert_eq!(shown[0]["last_order_age_ms"], 450);
+    assert_eq!(shown[1]["last_order_age_ms"], Value::Null);
     assert_eq!(shown[0]["refusal"], Value::Null);
     assert_eq!(shown[2]["refusal"], "relay-too-many-stations");
     assert_eq!(report["link"], Value::Null);

@@ -16,10 +16,11 @@ use crate::options::{EXIT_CODES, duration};
 use crate::render::json_line;
 use crate::render::terminal::{Block, Size};
 use crate::render::words::time_of_day;
+use crate::robot::absence::{absent, nothing_came};
 use crate::robot::pilot::PilotView;
 use crate::robot::relay_link::{LinkReport, LinkWatch};
 use crate::robot::sample_age::is_present;
-use crate::session::{Latest, Session, Topics, absent, configuration};
+use crate::session::{Latest, Session, Topics, configuration};
 
 /// `ril status`
 #[derive(Args, Clone, Debug)]
@@ -70,7 +71,7 @@ pub fn status(args: &StatusArgs) -> Result<(), Failure> {
         return Ok(());
     }
     if newest.samples(&session)?.is_empty() {
-        return Err(session.nothing_came(ModuleState::KEY, timeout)?);
+        return Err(nothing_came(&session, ModuleState::KEY, timeout)?);
     }
     let report = newest.report(&session)?;
     let mut out = io::stdout().lock();
@@ -82,7 +83,7 @@ pub fn status(args: &StatusArgs) -> Result<(), Failure> {
     match report.trouble() {
         None => Ok(()),
         // It names other robots that may be meant.
-        Some((ExitCode::ServiceAbsent, _)) => Err(absent(ModuleState::KEY, session.ipc.robot())),
+        Some((ExitCode::ServiceAbsent, _)) => Err(absent(&session, ModuleState::KEY)),
         Some((code, text)) => Err(Failure::new(code, text)),
     }
 }

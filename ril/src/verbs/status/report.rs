@@ -97,11 +97,8 @@ impl StateReport {
                 format!("no bridge of robot {robot} runs: start `ril bridge --robot {robot}`");
             return Some((ExitCode::ServiceAbsent, text));
         }
-        if self.relay.as_ref().is_some_and(|relay| !relay.is_up()) {
-            let text = format!(
-                "the relay's link to robot {robot} is not up: `ril relay status --robot {robot}` says more"
-            );
-            return Some((ExitCode::LinkDown, text));
+        if let Some((text, next_step)) = self.relay.as_ref().and_then(LinkReport::trouble) {
+            return Some((ExitCode::LinkDown, format!("{text}; {next_step}")));
         }
         let state = self.samples.state.as_ref();
         let Some(state) = state.filter(|state| !self.is_old(state.published())) else {

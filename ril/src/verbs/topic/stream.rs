@@ -20,7 +20,8 @@ use rustix::fs::{FileType, fstat};
 
 use crate::options::duration;
 use crate::recorded::key_of;
-use crate::session::{Session, absent, configuration};
+use crate::robot::absence::{absent, nothing_came};
+use crate::session::{Session, configuration};
 
 /// Reads the key or the short name of a topic.
 pub(super) fn topic_key(text: &str) -> Result<String, String> {
@@ -58,7 +59,7 @@ pub struct StreamArgs {
 pub(super) fn schema_of(session: &Session, key: &str) -> Result<Schema, Failure> {
     let robot = session.ipc.robot();
     match dynamic::schema_of(&session.ipc, key) {
-        Err(LoadError::Missing(_)) if own(key).is_some() => Err(absent(key, robot)),
+        Err(LoadError::Missing(_)) if own(key).is_some() => Err(absent(session, key)),
         Err(LoadError::Missing(_)) => {
             let topics = dynamic::topics(&session.ipc).into_iter();
             let keys: Vec<String> = topics.map(|topic| topic.key).collect();
@@ -139,7 +140,7 @@ impl Stream {
         match end {
             WatchStep::Nothing => {
                 let timeout = self.limits.timeout;
-                Err(watched.session.nothing_came(&watched.key, timeout)?)
+                Err(nothing_came(&watched.session, &watched.key, timeout)?)
             }
             _ => Ok(()),
         }

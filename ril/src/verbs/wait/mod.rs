@@ -18,7 +18,8 @@ use serde::Serialize;
 use self::condition::{Condition, Newest, Standing};
 use crate::options::{EXIT_CODES, duration};
 use crate::render::json_line;
-use crate::session::{Latest, Session, absent, configuration};
+use crate::robot::absence::absent;
+use crate::session::{Latest, Session, configuration};
 
 /// What a condition is, for the end of the help.
 const CONDITIONS: &str = "\
@@ -196,7 +197,7 @@ fn look_for_providers((state, hero): &Needed, session: &Session) -> Result<(), F
     ];
     for key in needed.into_iter().flatten() {
         if !session.is_provided(key)? {
-            return Err(absent(key, session.ipc.robot()));
+            return Err(absent(session, key));
         }
     }
     Ok(())

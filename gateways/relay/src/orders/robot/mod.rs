@@ -132,7 +132,7 @@ impl Robot {
                     _ => Some(Verdict::Busy),
                 };
                 if let Some(session) = self.sessions.of(order.session) {
-                    session.counts.note(verdict);
+                    session.counts.note(verdict, now);
                 }
                 let index = self.records.remember(order, station, verdict, now);
                 if order.is_repeat || traits.ends_movement {
@@ -280,6 +280,7 @@ impl Robot {
         record.go_on(now);
         if let State::PassedOn(passage) = &record.state {
             out.push(Output::Send {
+                station: record.station,
                 service: record.service,
                 request_id: record.request_id,
                 is_repeat: passage.is_repeat,

@@ -32,6 +32,8 @@ pub enum NotSent {
 pub enum Output {
     /// Send a request to its server on the robot. If that fails, `Robot::not_sent` has to be called.
     Send {
+        /// Instance of the station that ordered it.
+        station: u64,
         /// Which service.
         service: u64,
         /// Id of the request.

@@ -27,13 +27,15 @@ pub struct OrderCounts {
     pub refused: u64,
     /// Without a final report yet.
     pub open: usize,
+    /// When the last one came that was handed on; 0 before the first.
+    pub last: MonotonicNs,
 }
 
 impl OrderCounts {
     /// An order is there for the first time.
-    pub(super) fn note(&mut self, verdict: Option<Verdict>) {
+    pub(super) fn note(&mut self, verdict: Option<Verdict>, now: MonotonicNs) {
         match verdict {
-            None => self.executed += 1,
+            None => (self.executed, self.last) = (self.executed + 1, now),
             Some(_) => self.refused += 1,
         }
     }

@@ -583,6 +583,7 @@ fn the_orders_of_a_session_are_counted() {
         executed: 1,
         refused: 1,
         open: 1,
+        last: MonotonicNs(rig.now),
     };
     assert_eq!(rig.robot.counts_of(STATION), Some(counts));
     rig.report(101, Stage::Done, Reason::None);
