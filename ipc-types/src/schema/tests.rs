@@ -298,7 +298,7 @@ fn the_moments_of_the_robot_s_own_structs_are_these() {
         ["published_ns", "since_ns", "last_heard_ns"]
     );
     let stations = names(RelayStations::LAYOUT);
-    assert_eq!(stations.len(), 1 + 2 * MAX_STATIONS);
+    assert_eq!(stations.len(), 1 + 3 * MAX_STATIONS);
     assert_eq!(stations[2], "stations[0].since_ns");
 }
 
