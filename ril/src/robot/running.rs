@@ -1,5 +1,5 @@
-//! What the live processes of a robot run with. [`RunningBridge`]: the configuration of a live bridge, as its journal says it.
-//! [`file_of`]: the file that a live process has read.
+//! What the live processes of a robot run with. `RunningBridge`: the configuration of a live bridge, as its journal says it.
+//! `file_of`: the file that a live process has read.
 //!
 //! A file says what the next start will run with: it may have been changed since, or be another one than that of this folder.
 
