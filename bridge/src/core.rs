@@ -8,12 +8,13 @@
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, LinkState, ModuleId, Reason};
 use ipc_types::payload::{
-    DspErrorCounters, ModuleControl, ModuleState, MovementData, ParameterRequest,
+    ControlSender, DspErrorCounters, ModuleControl, ModuleState, MovementData, ParameterRequest,
 };
 use module_kit::journal::raw;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{BridgeConfig, MovementLimits, Parameters};
+use crate::flight::control::{Sender, Who};
 use crate::flight::request::{
     Parsed, Request, RequestKey, parse_control, parse_movement, parse_parameter,
 };
@@ -23,6 +24,7 @@ use crate::flight::{Context, Flight};
 use crate::link::last_minute::LastMinute;
 use crate::link::session::DspPath;
 use crate::link::{Link, LinkEvent};
+use crate::outline::Outline;
 use crate::outputs::Outputs;
 use crate::safety::fence::Fence;
 use crate::{errors, translate};
@@ -32,7 +34,7 @@ const EARLY: u32 = 5;
 
 /// What the core can be given. A journal has inputs as this enum in postcard's format, see `docs/journal.md`.
 ///
-/// `sender` is the process that sent a request, `None` if it is not known. The core does not look at it; readers of journals do.
+/// `sender` is what is known of the process that sent a request: from it follows who commands.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Input<'a> {
     /// The serial port was opened.
@@ -45,8 +47,8 @@ pub enum Input<'a> {
     Control {
         /// To whom the reports go.
         key: RequestKey,
-        /// Process id.
-        sender: Option<u32>,
+        /// From whom.
+        sender: Sender,
         /// The request.
         #[serde(with = "raw")]
         request: ModuleControl,
@@ -55,8 +57,8 @@ pub enum Input<'a> {
     NewFence {
         /// To whom the reports go.
         key: RequestKey,
-        /// Process id.
-        sender: Option<u32>,
+        /// From whom.
+        sender: Sender,
         /// The request.
         #[serde(with = "raw")]
         request: ModuleControl,
@@ -68,8 +70,8 @@ pub enum Input<'a> {
     Movement {
         /// To whom the reports go.
         key: RequestKey,
-        /// Process id.
-        sender: Option<u32>,
+        /// From whom.
+        sender: Sender,
         /// The request.
         #[serde(with = "raw")]
         request: MovementData,
@@ -78,8 +80,8 @@ pub enum Input<'a> {
     Parameter {
         /// To whom the reports go.
         key: RequestKey,
-        /// Process id.
-        sender: Option<u32>,
+        /// From whom.
+        sender: Sender,
         /// The request.
         #[serde(with = "raw")]
         request: ParameterRequest,
@@ -99,6 +101,8 @@ pub enum Input<'a> {
     Transmitted(usize),
     /// The kernel was made to discard what it had not sent: [`Bridge::take_discard_unsent`].
     DiscardUnsent,
+    /// The process with whose end a sender ends, [`Bridge::controller`], has ended.
+    ControllerGone(u32),
 }
 
 /// A geofence as its text in `bridge.toml`, or the number of the reason.
@@ -144,6 +148,8 @@ pub struct Bridge {
     #[serde(with = "raw")]
     published: ModuleState,
     next_state: MonotonicNs,
+    /// Number of the outline that holds; 0 before the first input.
+    outline: u64,
     /// Something changed that the published state shows at once.
     is_changed: bool,
     /// The port was closed because the bridge ends, which is no trouble.
@@ -167,6 +173,7 @@ impl Bridge {
             last_minute: LastMinute::default(),
             published: ModuleState::default(),
             next_state: MonotonicNs(0),
+            outline: 0,
             is_changed: true,
             is_closed: false,
         }
@@ -200,6 +207,20 @@ impl Bridge {
         self.flight.fence()
     }
 
+    /// What is published of the fence and of the path that is held.
+    pub fn outline(&self) -> Outline<'_> {
+        Outline {
+            number: self.outline,
+            fence: self.fence(),
+            path: self.flight.held_path(),
+        }
+    }
+
+    /// The process with whose end the one ends who commands; `None` if control is free, or the process is not known.
+    pub fn controller(&self) -> Option<u32> {
+        self.flight.control().lives_as()
+    }
+
     /// Takes an input.
     pub fn apply(&mut self, now: MonotonicNs, input: Input<'_>, out: &mut dyn Outputs) {
         let link = &mut self.link;
@@ -214,30 +235,44 @@ impl Bridge {
                 }
                 self.link.end_read(now);
             }
-            Input::Control { key, request, .. } => {
+            Input::Control {
+                key,
+                sender,
+                request,
+            } => {
                 let asked = parse_control(key, &request, None, &self.limits, now);
-                self.request(now, asked, out);
+                self.request(now, sender, asked, out);
             }
             Input::NewFence {
                 key,
+                sender,
                 request,
                 fence,
-                ..
             } => {
                 let asked = parse_control(key, &request, Some(fence), &self.limits, now);
-                self.request(now, asked, out);
+                self.request(now, sender, asked, out);
             }
-            Input::Movement { key, request, .. } => {
+            Input::Movement {
+                key,
+                sender,
+                request,
+            } => {
                 let (header, movement) = parse_movement(key, &request, &self.limits, now);
-                self.request(now, (header, movement.map(Request::Movement)), out);
+                let asked = (header, movement.map(Request::Movement));
+                self.request(now, sender, asked, out);
             }
-            Input::Parameter { key, request, .. } => {
+            Input::Parameter {
+                key,
+                sender,
+                request,
+            } => {
                 let asked = parse_parameter(key, &request, &self.limits, now);
-                self.request(now, asked, out);
+                self.request(now, sender, asked, out);
             }
             Input::SenderGone(key) => self
                 .flight
                 .sender_gone(key, &mut Context { now, link, out }),
+            Input::ControllerGone(process) => self.flight.controller_gone(process),
             Input::Advance => self.advance(now, out),
             Input::WindDown => self.flight.wind_down(&mut Context { now, link, out }),
             Input::Close => {
@@ -308,12 +343,20 @@ impl Bridge {
         self.handle_events(now, out);
     }
 
-    fn request(&mut self, now: MonotonicNs, asked: Parsed<Request>, out: &mut dyn Outputs) {
+    fn request(
+        &mut self,
+        now: MonotonicNs,
+        sender: Sender,
+        asked: Parsed<Request>,
+        out: &mut dyn Outputs,
+    ) {
         self.begin(now, out);
         let (header, request) = asked;
+        let origin = header.issued.origin;
+        let who = Who { origin, sender };
         let link = &mut self.link;
         self.flight
-            .request(&header, request, &mut Context { now, link, out });
+            .request(&header, who, request, &mut Context { now, link, out });
     }
 
     fn advance(&mut self, now: MonotonicNs, out: &mut dyn Outputs) {
@@ -355,6 +398,11 @@ impl Bridge {
     fn publish_if_due(&mut self, now: MonotonicNs, out: &mut dyn Outputs) {
         // A port that closes leaves an event behind.
         self.handle_events(now, out);
+        if self.flight.take_outline_changed() {
+            // In microseconds: another bridge begins later, so it has other numbers.
+            self.outline = (self.outline + 1).max(now.0 / 1000);
+            self.is_changed = true;
+        }
         let is_due = now + self.state_period / EARLY >= self.next_state;
         let is_changed = std::mem::take(&mut self.is_changed)
             | self.link.take_changed()
@@ -391,6 +439,8 @@ impl Bridge {
             ground_altitude_m: flight.ground_altitude_m().unwrap_or_default(),
             ground_valid: u32::from(flight.ground_altitude_m().is_some()),
             last_minute,
+            outline: self.outline,
+            control: flight.control().published(),
             ..ModuleState::default()
         };
         state.movement.distance_valid = u32::from(distance.is_some());
@@ -411,10 +461,13 @@ impl Bridge {
     }
 }
 
-/// Whether something changed that must not wait for the next period. Counters and distances may.
+/// Whether something changed that must not wait for the next period. Counters and distances may, and which of the processes of one
+/// sender was the last.
 fn differs(a: &ModuleState, b: &ModuleState) -> bool {
+    let named = |sender: ControlSender| [sender.origin, sender.session];
     let key = |state: &ModuleState| {
         (
+            (state.holder().map(named), state.asker().map(named)),
             [
                 state.status,
                 state.imi_error,
@@ -435,7 +488,11 @@ fn differs(a: &ModuleState, b: &ModuleState) -> bool {
                 state.safety.pilot_switch,
                 state.safety.fence_areas,
             ],
-            [state.movement.request_id, state.movement.path_id],
+            [
+                state.movement.request_id,
+                state.movement.path_id,
+                state.outline,
+            ],
             [
                 state.movement.kind,
                 state.movement.waypoints_sent,

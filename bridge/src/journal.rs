@@ -140,7 +140,7 @@ impl<R: Outputs> Outputs for Tee<'_, R> {
 }
 
 /// The version of the bytes. Another version of the core has another one.
-const VERSION: u32 = 4;
+const VERSION: u32 = 6;
 
 /// A bridge and its configuration.
 ///

@@ -33,6 +33,7 @@ pub mod flight;
 pub mod geodesy;
 pub mod journal;
 pub mod link;
+pub mod outline;
 pub mod outputs;
 pub mod safety;
 pub mod shell;
@@ -41,4 +42,5 @@ pub mod translate;
 
 pub use config::BridgeConfig;
 pub use core::{Bridge, Input};
+pub use flight::control::Sender;
 pub use outputs::{Output, Outputs, RequestKey};

@@ -8,7 +8,7 @@ use module_kit::journal::raw;
 use serde::{Deserialize, Serialize};
 
 use crate::link::commands::AckData;
-use crate::safety::Violation;
+use crate::safety::{AreaName, Violation};
 
 /// Which request, as the shell knows it: the service that it came through, and a number that no other open request of
 /// that service has. The core only compares and returns it.
@@ -125,5 +125,7 @@ pub enum Notice {
     Safety {
         /// The rule; `None` if all are kept again.
         violation: Option<Violation>,
+        /// The area of the geofence that is broken; empty for none.
+        area: AreaName,
     },
 }

@@ -3,7 +3,7 @@
 
 use crate::rig::{HOME, Rig, aborted, go_to, north, refused};
 use bridge::outputs::Notice;
-use bridge::{BridgeConfig, Input, RequestKey};
+use bridge::{BridgeConfig, Input, RequestKey, Sender};
 use dsp_protocol::{Command, StatusMask, port};
 use ipc_types::code::{
     ControlCommand, DspPathState, Functionality, ImiError, LinkState, ModuleStatus, PilotSwitch,
@@ -134,23 +134,25 @@ fn each_leg_of_a_path_must_keep_to_the_fence() {
         longitude_deg: HOME.longitude_deg + 5e-4,
         ..north(0)
     };
-    // Path, the leg that breaks the fence, the rule.
+    // Path, the leg that breaks the fence, the rule, the area.
     let table = [
-        (vec![north(30)], 1, SafetyRule::FenceExclusion),
-        (vec![aside, high(30)], 2, SafetyRule::FenceCeiling),
+        (vec![north(30)], 1, SafetyRule::FenceExclusion, Some("mast")),
+        (vec![aside, high(30)], 2, SafetyRule::FenceCeiling, None),
         (
             vec![aside, north(0), north(30)],
             3,
             SafetyRule::FenceExclusion,
+            Some("mast"),
         ),
     ];
-    for (path, leg, rule) in table {
+    for (path, leg, rule, area) in table {
         let mut rig = flying_with(FENCE);
         let requests = rig.path(1, &path);
         let request = requests[leg - 1];
         assert_eq!(rig.last(request), refused(Reason::FenceBreach));
         let report = rig.last_report(request);
         assert_eq!((report.rule(), report.waypoint), (Some(rule), leg as u32));
+        assert_eq!(report.area(), area);
         assert!(report.value().unwrap() > 0.0);
         rig.run(500);
         assert!(rig.dsp.waypoints.is_empty());
@@ -260,23 +262,31 @@ fn a_new_fence_ends_a_path_that_breaks_it_and_a_wrong_one_changes_nothing() {
         let key = RequestKey::Control(request_id);
         rig.apply(Input::NewFence {
             key,
-            sender: None,
+            sender: Sender::default(),
             request,
             fence,
         });
         rig.exchange();
         rig.last(request_id)
     };
+    let outline = rig.bridge.outline().number;
     let invalid = reload(&mut rig, 900, Err(Reason::InvalidFence));
     assert_eq!(invalid, refused(Reason::InvalidFence));
+    assert_eq!(rig.bridge.outline().number, outline);
     assert_eq!(rig.last(path[1]).0, Stage::Progress);
     let fence = config(FENCE).fence;
     assert_eq!(reload(&mut rig, 901, Ok(fence)).0, Stage::Done);
     assert_eq!(rig.last(path[1]), aborted(Reason::FenceBreach));
-    assert_eq!(rig.last_report(path[1]).waypoint, 2, "the second leg");
+    let report = rig.last_report(path[1]);
+    assert_eq!((report.waypoint, report.area()), (2, Some("mast")));
     rig.run(100);
     assert!(rig.dsp.held.is_empty());
     assert_eq!(rig.bridge.state().safety.fence_areas, 1);
+    let outline = rig.bridge.outline().number;
+    assert_eq!(rig.bridge.state().outline, outline);
+    // The same fence again changes nothing.
+    reload(&mut rig, 902, Ok(config(FENCE).fence));
+    assert_eq!(rig.bridge.outline().number, outline);
 }
 
 #[test]
@@ -299,6 +309,7 @@ fn a_helicopter_that_is_outside_the_fence_holds_or_lands() {
         }
         if action != "warn" {
             assert_eq!(rig.last(path[0]), aborted(Reason::FenceBreach));
+            assert_eq!(rig.last_report(path[0]).area(), Some("mast"));
         }
     }
 }

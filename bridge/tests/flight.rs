@@ -208,6 +208,18 @@ fn what_is_refused_when() {
 }
 
 #[test]
+fn a_waypoint_that_is_too_far_is_named_with_its_distance() {
+    let mut rig = Rig::flying();
+    rig.waypoint(1, 1, 0, north(10));
+    let request = rig.waypoint(1, 0, 1, north(10_000));
+    let report = rig.last_report(request);
+    assert_eq!(report.reason(), Some(Reason::TooFar));
+    assert_eq!(report.waypoint, 2);
+    let distance_m = report.value().expect("a distance");
+    assert!((distance_m - 11_119.5).abs() < 5.0, "{distance_m}");
+}
+
+#[test]
 fn control_errors_have_their_names() {
     let mut rig = Rig::started();
     let again = rig.control(ControlCommand::Start);

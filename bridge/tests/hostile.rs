@@ -4,81 +4,84 @@
 use std::collections::HashMap;
 
 use bridge::Input;
-
 use dsp_protocol::{Command, port};
+use fastrand::Rng;
 use ipc_types::code::{ControlCommand, MovementKind, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, SharedStruct};
 
-use crate::rig::{HOME, Random, Rig, north};
+use crate::rig::{HOME, Rig, north};
 
 const SEEDS: u64 = 3000;
 const REQUESTS: u64 = 100;
 
-/// Payloads that a faulty client may leave.
-impl Random {
-    /// Any bit pattern.
-    fn payload<T: SharedStruct>(&mut self) -> T {
-        let bytes: Vec<u8> = (0..size_of::<T>()).map(|_| self.next() as u8).collect();
-        T::from_bytes(&bytes).expect("as many bytes as it has")
-    }
-
-    /// Any bit pattern, of which a part was made plausible, so that the rest gets past the first checks.
-    fn movement(&mut self) -> MovementData {
-        let mut data: MovementData = self.payload();
-        if self.below(8) > 0 {
-            data.kind = self.pick(MovementKind::ALL).code();
-            data.path_id = self.below(3);
-            (data.first, data.last) = (self.below(3) as u16, self.below(3) as u16);
-        }
-        let wild = [
-            f64::NAN,
-            f64::INFINITY,
-            f64::MAX,
-            -0.0,
-            1e-320,
-            90.0,
-            -180.0,
-            1e5,
-        ];
-        let mut value = |plausible: f64| match self.below(6) {
-            0 => self.pick(&wild),
-            _ => plausible,
-        };
-        data.latitude_deg = value(HOME.latitude_deg);
-        data.longitude_deg = value(HOME.longitude_deg);
-        data.altitude_m = value(20.0);
-        data.begin_by_ns = self.pick(&[0, 1, 5_000_000_000, u64::MAX, data.begin_by_ns]);
-        data.repeat = self.pick(&[0, 0, 1, data.repeat]);
-        data
-    }
-
-    fn control(&mut self) -> ModuleControl {
-        let mut data: ModuleControl = self.payload();
-        if self.below(2) > 0 {
-            data.command = self.pick(ControlCommand::ALL).code();
-        }
-        data
-    }
+/// Any bit pattern, as a faulty client may leave it.
+fn payload<T: SharedStruct>(random: &mut Rng) -> T {
+    let mut bytes = vec![0; size_of::<T>()];
+    random.fill(&mut bytes);
+    T::from_bytes(&bytes).expect("as many bytes as it has")
 }
 
-fn one_step(rig: &mut Rig, random: &mut Random, request_id: u64) {
-    match random.below(6) {
+/// Any bit pattern, of which a part was made plausible, so that the rest gets past the first checks.
+fn movement(random: &mut Rng) -> MovementData {
+    let mut data: MovementData = payload(random);
+    if random.u8(..8) > 0 {
+        data.kind = random.choice(MovementKind::ALL).unwrap().code();
+        data.path_id = random.u64(..3);
+        (data.first, data.last) = (random.u16(..3), random.u16(..3));
+    }
+    let wild = [
+        f64::NAN,
+        f64::INFINITY,
+        f64::MAX,
+        -0.0,
+        1e-320,
+        90.0,
+        -180.0,
+        1e5,
+    ];
+    let mut value = |plausible: f64| match random.u8(..6) {
+        0 => random.choice(wild).unwrap(),
+        _ => plausible,
+    };
+    data.latitude_deg = value(HOME.latitude_deg);
+    data.longitude_deg = value(HOME.longitude_deg);
+    data.altitude_m = value(20.0);
+    let begin_by_ns = [0, 1, 5_000_000_000, u64::MAX, data.begin_by_ns];
+    data.begin_by_ns = random.choice(begin_by_ns).unwrap();
+    data.repeat = random.choice([0, 0, 1, data.repeat]).unwrap();
+    data
+}
+
+fn control(random: &mut Rng) -> ModuleControl {
+    let mut data: ModuleControl = payload(random);
+    if random.bool() {
+        data.command = random.choice(ControlCommand::ALL).unwrap().code();
+    }
+    data
+}
+
+fn one_step(rig: &mut Rig, random: &mut Rng, request_id: u64) {
+    match random.u64(..6) {
         0 => {
-            let control = random.control();
+            let control = control(random);
             let control = ModuleControl {
                 request_id,
-                issued_ns: random.pick(&[rig.now.0, rig.now.0, control.issued_ns]),
+                issued_ns: random
+                    .choice([rig.now.0, rig.now.0, control.issued_ns])
+                    .unwrap(),
                 ..control
             };
             rig.ask_control(control);
         }
-        1 => rig.run(10 << random.below(6)),
-        2 => rig.dsp.status.flying = random.below(2) > 0,
+        1 => rig.run(10 << random.u64(..6)),
+        2 => rig.dsp.status.flying = random.u64(..2) > 0,
         _ => {
-            let movement = random.movement();
+            let movement = movement(random);
             let movement = MovementData {
                 request_id,
-                issued_ns: random.pick(&[rig.now.0, rig.now.0, movement.issued_ns]),
+                issued_ns: random
+                    .choice([rig.now.0, rig.now.0, movement.issued_ns])
+                    .unwrap(),
                 ..movement
             };
             rig.ask_movement(movement);
@@ -92,15 +95,15 @@ fn any_request_gets_one_final_report_and_nothing_wild_reaches_the_dsp() {
     let (mut waypoints, mut take_offs) = (0, 0);
     for seed in 0..SEEDS {
         let mut rig = Rig::started();
-        let mut random = Random(seed);
-        let first = random.next() | 1 << 63;
+        let mut random = Rng::with_seed(seed);
+        let first = random.u64(..) | 1 << 63;
         for number in 0..REQUESTS {
             one_step(&mut rig, &mut random, first.wrapping_add(number));
         }
         // Zero is no id, but a client may send it.
         let movement = MovementData {
             request_id: 0,
-            ..random.movement()
+            ..movement(&mut random)
         };
         rig.ask_movement(movement);
         rig.run(1000);
@@ -130,33 +133,31 @@ fn any_request_gets_one_final_report_and_nothing_wild_reaches_the_dsp() {
 }
 
 /// Something that may happen in a flight, in whatever order.
-fn any_step(rig: &mut Rig, random: &mut Random) {
-    let point = north(random.below(20) as i32);
-    match random.below(20) {
+fn any_step(rig: &mut Rig, random: &mut Rng) {
+    let point = north(random.u64(..20) as i32);
+    match random.u64(..20) {
         0 => drop(rig.control(ControlCommand::Start)),
         1 => drop(rig.control(ControlCommand::Stop)),
         2 => drop(rig.take_off()),
         3 => drop(rig.land()),
         4..=8 => {
-            let (id, first, last) = (random.below(2), random.below(2), random.below(2));
+            let (id, first, last) = (random.u64(..2), random.u64(..2), random.u64(..2));
             rig.waypoint(id, first as u16, last as u16, point);
         }
-        9 => rig.dsp.acknowledges = random.below(3) > 0,
-        10 => rig.dsp.silent = random.below(3) == 0,
-        11 => rig.dsp.grants = random.below(3) > 0,
-        12 => rig.dsp.status.flying = random.below(2) > 0,
+        9 => rig.dsp.acknowledges = random.u64(..3) > 0,
+        10 => rig.dsp.silent = random.u64(..3) == 0,
+        11 => rig.dsp.grants = random.u64(..3) > 0,
+        12 => rig.dsp.status.flying = random.u64(..2) > 0,
         13 => rig.dsp.at(point),
-        14 => rig.dsp_error([8, 18, 30, 40, 102, 999][random.below(6) as usize]),
-        15 if random.below(4) == 0 => rig.apply(Input::PortClosed),
-        15 if random.below(2) == 0 => rig.apply(Input::PortOpened),
-        16 if random.below(4) == 0 => (rig.dsp.mask, rig.dsp.time_ms) = (0, 0),
+        14 => rig.dsp_error(random.choice([8, 18, 30, 40, 102, 999]).unwrap()),
+        15 if random.u64(..4) == 0 => rig.apply(Input::PortClosed),
+        15 if random.u64(..2) == 0 => rig.apply(Input::PortOpened),
+        16 if random.u64(..4) == 0 => (rig.dsp.mask, rig.dsp.time_ms) = (0, 0),
         17 => {
-            let noise: Vec<u8> = (0..random.below(40))
-                .map(|_| random.below(256) as u8)
-                .collect();
+            let noise: Vec<u8> = (0..random.u64(..40)).map(|_| random.u8(..)).collect();
             rig.apply(Input::Received(&noise));
         }
-        _ => rig.run(10 << random.below(8)),
+        _ => rig.run(10 << random.u64(..8)),
     }
 }
 
@@ -164,7 +165,7 @@ fn any_step(rig: &mut Rig, random: &mut Random) {
 fn every_request_has_exactly_one_final_report() {
     for seed in 0..400 {
         let mut rig = Rig::started();
-        let mut random = Random(seed);
+        let mut random = Rng::with_seed(seed);
         for _ in 0..200 {
             any_step(&mut rig, &mut random);
         }

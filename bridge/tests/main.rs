@@ -4,6 +4,7 @@
 
 mod authority;
 mod config;
+mod control;
 mod dsp_path;
 mod fence;
 mod flight;

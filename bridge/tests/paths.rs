@@ -381,3 +381,31 @@ fn a_path_of_the_greatest_length_is_flown_to_its_end() {
     assert_eq!(report.waypoints_reached as usize, MAX_WAYPOINTS);
     assert_eq!(rig.last(closing).0, Stage::Done);
 }
+
+#[test]
+fn the_outline_has_the_path_as_long_as_it_is_held_and_another_number_with_each_change() {
+    let mut rig = Rig::flying();
+    let held = |rig: &Rig| {
+        let outline = rig.bridge.outline();
+        assert_eq!(rig.bridge.state().outline, outline.number);
+        let path: Vec<f64> = outline.path.iter().map(|at| at.latitude_deg).collect();
+        (outline.number, path)
+    };
+    let none = held(&rig);
+    assert!(none.0 > 0 && none.1.is_empty(), "{none:?}");
+    rig.waypoint(1, 1, 0, north(3));
+    assert_eq!(held(&rig), none, "a path that is still being sent");
+    rig.waypoint(1, 0, 1, north(6));
+    let path = held(&rig);
+    assert!(path.0 > none.0);
+    let latitudes = [north(3), north(6)].map(|at| at.latitude_deg);
+    assert_eq!(path.1, latitudes);
+    rig.run(300);
+    assert_eq!(held(&rig), path, "nothing of it changes as it is flown");
+    rig.preempting(2, north(9));
+    let other = held(&rig);
+    assert!(other.0 > path.0 && other.1 == [north(9).latitude_deg]);
+    rig.hold();
+    let after = held(&rig);
+    assert!(after.0 > other.0 && after.1.is_empty(), "{after:?}");
+}

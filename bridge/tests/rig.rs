@@ -4,7 +4,7 @@
 use std::collections::{HashMap, VecDeque};
 
 use bridge::outputs::Notice;
-use bridge::{Bridge, BridgeConfig, Input, Outputs, RequestKey};
+use bridge::{Bridge, BridgeConfig, Input, Outputs, RequestKey, Sender};
 use dsp_protocol::downlink::{Geographic, ServoPulses, Supply};
 use dsp_protocol::{
     Command, DecodeError, Decoded, Decoder, Downlink, DspErrorCode, FlowControl, Frame, Profile,
@@ -338,6 +338,8 @@ pub struct Rig {
     /// What the DSP has said to a bridge that stands still.
     unread: Option<Vec<u8>>,
     next_request: u64,
+    /// Who sends.
+    pub sender: Sender,
 }
 
 impl Rig {
@@ -379,6 +381,7 @@ impl Rig {
             now: MonotonicNs(1_000_000_000),
             unread: None,
             next_request: 1,
+            sender: Sender::default(),
         }
     }
 
@@ -472,7 +475,7 @@ impl Rig {
 
     /// A control request as it is, and nothing else.
     pub fn ask_control(&mut self, request: ModuleControl) {
-        let (key, sender) = (RequestKey::Control(request.request_id), None);
+        let (key, sender) = (RequestKey::Control(request.request_id), self.sender);
         self.apply(Input::Control {
             key,
             sender,
@@ -482,7 +485,7 @@ impl Rig {
 
     /// A movement request as it is.
     pub fn ask_movement(&mut self, request: MovementData) {
-        let (key, sender) = (RequestKey::Movement(request.request_id), None);
+        let (key, sender) = (RequestKey::Movement(request.request_id), self.sender);
         self.apply(Input::Movement {
             key,
             sender,
@@ -492,7 +495,7 @@ impl Rig {
 
     /// A parameter request as it is.
     pub fn ask_parameter(&mut self, request: ParameterRequest) {
-        let (key, sender) = (RequestKey::Parameter(request.request_id), None);
+        let (key, sender) = (RequestKey::Parameter(request.request_id), self.sender);
         self.apply(Input::Parameter {
             key,
             sender,
@@ -646,34 +649,5 @@ pub fn go_to(point: Waypoint) -> MovementData {
         longitude_deg: point.longitude_deg,
         altitude_m: point.altitude_m,
         ..MovementData::default()
-    }
-}
-
-/// SplitMix64: small, seeded, the same everywhere.
-pub struct Random(pub u64);
-
-impl Random {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        z ^ (z >> 31)
-    }
-
-    pub fn below(&mut self, bound: u64) -> u64 {
-        self.next() % bound
-    }
-
-    pub fn one_in(&mut self, bound: u64) -> bool {
-        self.below(bound) == 0
-    }
-
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * (self.next() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    pub fn pick<T: Copy>(&mut self, values: &[T]) -> T {
-        values[self.below(values.len() as u64) as usize]
     }
 }

@@ -7,7 +7,9 @@
 
 use std::fmt::Debug;
 
-use crate::common::{self, Random, receive_all};
+use fastrand::Rng;
+
+use crate::common::{self, receive_all};
 use dsp_protocol::{
     Command, Decoded, Direction, Downlink, MAX_FRAME_LEN, Profile, Received, Sequence, Uplink,
     crc32,
@@ -86,11 +88,11 @@ fn flip(frame: &[u8], bits: impl IntoIterator<Item = usize>) -> Vec<u8> {
 }
 
 /// Between one and five different places in a frame of `bits` bits.
-fn some_bits(random: &mut Random, bits: usize) -> Vec<usize> {
-    let count = 1 + random.below(5);
+fn some_bits(random: &mut Rng, bits: usize) -> Vec<usize> {
+    let count = 1 + random.usize(..5);
     let mut places = Vec::new();
     while places.len() < count {
-        let place = random.below(bits);
+        let place = random.usize(..bits);
         if !places.contains(&place) {
             places.push(place);
         }
@@ -99,12 +101,12 @@ fn some_bits(random: &mut Random, bits: usize) -> Vec<usize> {
 }
 
 /// The places of a burst of up to 32 bits: its first and its last bit are flipped, and those between at random.
-fn burst(random: &mut Random, bits: usize) -> Vec<usize> {
-    let len = 1 + random.below(BURST.min(bits));
-    let first = random.below(bits - len + 1);
+fn burst(random: &mut Rng, bits: usize) -> Vec<usize> {
+    let len = 1 + random.usize(..BURST.min(bits));
+    let first = random.usize(..bits - len + 1);
     let last = first + len - 1;
     (first..=last)
-        .filter(|bit| [first, last].contains(bit) || random.below(2) == 1)
+        .filter(|bit| [first, last].contains(bit) || random.usize(..2) == 1)
         .collect()
 }
 
@@ -134,7 +136,7 @@ proptest! {
         seed in 1..u64::MAX,
     ) {
         let (own, answered) = (Sequence::new(own), Sequence::new(answered));
-        let mut random = Random::new(seed);
+        let mut random = Rng::with_seed(seed);
         let down_frame = down.encode_in(Profile::Extended, own, answered);
         let up_frame = up.encode_in(Profile::Extended, own);
         for damage in [some_bits, burst] {

@@ -2,7 +2,9 @@
 
 use std::fmt::Debug;
 
-use crate::common::{self, Random, decode_all};
+use fastrand::Rng;
+
+use crate::common::{self, decode_all};
 use dsp_protocol::downlink::{Attitude, Geographic, References, ServoPulses, Status};
 use dsp_protocol::header::{self, is_header, kind_of, of_kind};
 use dsp_protocol::{
@@ -338,12 +340,12 @@ fn a_group_taken_out_of_the_mask_is_missed_about_once_in_128_times_by_a_sum() {
         (Profile::Classic, 3, FRAMES / 128),
         (Profile::Extended, 5, 0),
     ] {
-        let mut random = Random::new(1);
+        let mut random = Rng::with_seed(1);
         let mut missed = 0;
         for _ in 0..FRAMES {
             let status = Status {
-                time_ms: Some(random.next() as u32),
-                sonar_adc: Some(random.below(4096) as u16),
+                time_ms: Some(random.u32(..)),
+                sonar_adc: Some(random.u16(..4096)),
                 ..Status::default()
             };
             let mut bytes = downlink_bytes(profile, &Downlink::Status(status));
@@ -361,16 +363,16 @@ fn a_group_taken_out_of_the_mask_is_missed_about_once_in_128_times_by_a_sum() {
 fn check_noise<M: Direction>(
     profile: Profile,
     seed: u64,
-    byte: impl Fn(&mut Random) -> u8,
+    byte: impl Fn(&mut Rng) -> u8,
 ) -> [usize; 2] {
     const TOTAL: usize = 2_000_000;
-    let mut random = Random::new(seed);
+    let mut random = Rng::with_seed(seed);
     let mut decoder = Decoder::<M>::with_profile(profile);
     let mut slice = Vec::new();
     let (mut fed, mut taken, mut found) = (0, 0, [0; 2]);
     while fed < TOTAL {
         slice.clear();
-        let len = random.below(400);
+        let len = random.usize(..400);
         slice.extend((0..len).map(|_| byte(&mut random)));
         fed += len;
         let mut rest = slice.as_slice();
@@ -434,18 +436,18 @@ fn a_frame_with_a_value_that_cannot_be_is_still_a_frame() {
 #[test]
 fn noise_never_panics_and_every_byte_is_accounted_for() {
     const CLASSIC: [u8; 8] = [0xE9, 0xAA, 0xC3, 0xCC, 0xA5, 0xE6, 0xF0, 0x99];
-    let noise = |random: &mut Random| random.next() as u8;
+    let noise = |random: &mut Rng| random.u8(..);
     // Mostly payload with a real header now and then, so that whole frames come about and their checksum is judged.
-    let frames = |random: &mut Random| match random.below(12) {
-        0 => CLASSIC[random.below(CLASSIC.len())],
-        1..4 => random.below(9) as u8,
-        _ => random.below(128) as u8,
+    let frames = |random: &mut Rng| match random.usize(..12) {
+        0 => CLASSIC[random.usize(..CLASSIC.len())],
+        1..4 => random.u8(..9),
+        _ => random.u8(..128),
     };
     // The same of the extended profile, where kinds are rarer to hit.
-    let extended = |random: &mut Random| match random.below(12) {
-        0 => [0xDA, 0xB3][random.below(2)],
-        1..6 => kind_of(CLASSIC[random.below(CLASSIC.len())]),
-        _ => random.below(128) as u8,
+    let extended = |random: &mut Rng| match random.usize(..12) {
+        0 => random.choice([0xDA, 0xB3]).unwrap(),
+        1..6 => kind_of(CLASSIC[random.usize(..CLASSIC.len())]),
+        _ => random.u8(..128),
     };
     for profile in Profile::ALL {
         for [_, rejected] in [
@@ -471,10 +473,10 @@ fn noise_never_panics_and_every_byte_is_accounted_for() {
 
 #[test]
 fn no_slice_makes_frame_len_or_parse_panic() {
-    let mut random = Random::new(5);
+    let mut random = Rng::with_seed(5);
     for _ in 0..200_000 {
-        let len = random.below(140);
-        let bytes: Vec<u8> = (0..len).map(|_| random.next() as u8).collect();
+        let len = random.usize(..140);
+        let bytes: Vec<u8> = (0..len).map(|_| random.u8(..)).collect();
         let header_first = bytes.first().is_some_and(|byte| is_header(*byte));
         // Noise is no frame: whatever these say, a message needs a header of its direction.
         assert!(header_first || Downlink::parse(&bytes).is_err());

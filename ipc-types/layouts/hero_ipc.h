@@ -17,8 +17,8 @@
 #define HERO_DSP_TELEMETRY_LAYOUT_HASH "25be95d4f5a2c01b"
 #define HERO_HERO_TELEMETRY_LAYOUT "hero.HeroTelemetry.v2"
 #define HERO_HERO_TELEMETRY_LAYOUT_HASH "cc14cf2487fae1b2"
-#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v3"
-#define HERO_MODULE_STATE_LAYOUT_HASH "b4e09f1f99062c73"
+#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v5"
+#define HERO_MODULE_STATE_LAYOUT_HASH "9af1e6e2264f0883"
 #define HERO_MODULE_CONTROL_LAYOUT "hero.ModuleControl.v2/hero.RequestReport.v2"
 #define HERO_MODULE_CONTROL_LAYOUT_HASH "6bfcc9740509a353"
 #define HERO_MOVEMENT_LAYOUT "hero.MovementData.v3/hero.RequestReport.v2"
@@ -27,8 +27,10 @@
 #define HERO_PARAMETERS_LAYOUT_HASH "76e7bccf46c20e2f"
 #define HERO_RELAY_LINK_LAYOUT "hero.RelayLink.v3"
 #define HERO_RELAY_LINK_LAYOUT_HASH "59df1188187319fb"
-#define HERO_RELAY_STATIONS_LAYOUT "hero.RelayStations.v2"
-#define HERO_RELAY_STATIONS_LAYOUT_HASH "6227add971e4f3e5"
+#define HERO_RELAY_STATIONS_LAYOUT "hero.RelayStations.v3"
+#define HERO_RELAY_STATIONS_LAYOUT_HASH "e8399ddf75562eb7"
+#define HERO_BRIDGE_OUTLINE_LAYOUT "hero.BridgeOutline.v1"
+#define HERO_BRIDGE_OUTLINE_LAYOUT_HASH "ddd0ecd9990358d4"
 #define HERO_BRIDGE_JOURNAL_LAYOUT "hero.BridgeJournal.v1"
 #define HERO_BRIDGE_JOURNAL_LAYOUT_HASH "a0a172067737e627"
 #define HERO_STATUS_JOURNAL_LAYOUT "hero.StatusJournal.v1"
@@ -38,6 +40,9 @@ enum hero_control_command {
     HERO_CONTROL_COMMAND_START = 1,
     HERO_CONTROL_COMMAND_STOP = 2,
     HERO_CONTROL_COMMAND_RELOAD_FENCE = 3,
+    HERO_CONTROL_COMMAND_TAKE_CONTROL = 4,
+    HERO_CONTROL_COMMAND_RELEASE_CONTROL = 5,
+    HERO_CONTROL_COMMAND_PASS_CONTROL = 6,
 };
 
 enum hero_movement_kind {
@@ -87,6 +92,12 @@ enum hero_dsp_path_state {
     HERO_DSP_PATH_STATE_UNKNOWN = 1,
     HERO_DSP_PATH_STATE_EMPTY = 2,
     HERO_DSP_PATH_STATE_OURS = 3,
+};
+
+enum hero_outline_kind {
+    HERO_OUTLINE_KIND_FENCE = 1,
+    HERO_OUTLINE_KIND_AREA = 2,
+    HERO_OUTLINE_KIND_PATH = 3,
 };
 
 enum hero_pilot_switch {
@@ -181,6 +192,7 @@ enum hero_reason {
     HERO_REASON_REPLAYED = 42,
     HERO_REASON_SUPERSEDED = 43,
     HERO_REASON_MODULE_GONE = 44,
+    HERO_REASON_NOT_IN_CONTROL = 45,
 };
 
 enum hero_imi_error {
@@ -705,6 +717,38 @@ HERO_ASSERT(offsetof(SafetyState, fence_areas) == 20);
 HERO_ASSERT(offsetof(SafetyState, interventions) == 24);
 HERO_ASSERT(offsetof(SafetyState, reserved) == 28);
 
+#define HERO_CONTROL_SENDER_TYPE_NAME "hero.ControlSender.v1"
+typedef struct ControlSender {
+    uint32_t origin;
+    uint32_t session;
+    uint32_t process;
+} ControlSender;
+HERO_ASSERT(sizeof(ControlSender) == 12);
+HERO_ASSERT(offsetof(ControlSender, origin) == 0);
+HERO_ASSERT(offsetof(ControlSender, session) == 4);
+HERO_ASSERT(offsetof(ControlSender, process) == 8);
+
+#define HERO_CONTROL_STATE_TYPE_NAME "hero.ControlState.v1"
+typedef struct ControlState {
+    uint64_t since_ns;
+    uint64_t last_order_ns;
+    ControlSender holder;
+    ControlSender asker;
+    uint32_t held;
+    uint32_t asked;
+    uint32_t exclusive;
+    uint32_t reserved;
+} ControlState;
+HERO_ASSERT(sizeof(ControlState) == 56);
+HERO_ASSERT(offsetof(ControlState, since_ns) == 0);
+HERO_ASSERT(offsetof(ControlState, last_order_ns) == 8);
+HERO_ASSERT(offsetof(ControlState, holder) == 16);
+HERO_ASSERT(offsetof(ControlState, asker) == 28);
+HERO_ASSERT(offsetof(ControlState, held) == 40);
+HERO_ASSERT(offsetof(ControlState, asked) == 44);
+HERO_ASSERT(offsetof(ControlState, exclusive) == 48);
+HERO_ASSERT(offsetof(ControlState, reserved) == 52);
+
 #define HERO_LAST_MINUTE_TYPE_NAME "hero.LastMinute.v1"
 typedef struct LastMinute {
     uint32_t duration_s;
@@ -720,7 +764,7 @@ HERO_ASSERT(offsetof(LastMinute, rejected) == 8);
 HERO_ASSERT(offsetof(LastMinute, commands_repeated) == 12);
 HERO_ASSERT(offsetof(LastMinute, commands_failed) == 16);
 
-#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v3"
+#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v5"
 typedef struct ModuleState {
     uint64_t sequence;
     uint64_t epoch_ns;
@@ -737,10 +781,12 @@ typedef struct ModuleState {
     DspErrorCounters dsp_errors;
     SafetyState safety;
     double ground_altitude_m;
+    uint64_t outline;
+    ControlState control;
     uint32_t ground_valid;
     LastMinute last_minute;
 } ModuleState;
-HERO_ASSERT(sizeof(ModuleState) == 416);
+HERO_ASSERT(sizeof(ModuleState) == 480);
 HERO_ASSERT(offsetof(ModuleState, sequence) == 0);
 HERO_ASSERT(offsetof(ModuleState, epoch_ns) == 8);
 HERO_ASSERT(offsetof(ModuleState, published_ns) == 16);
@@ -756,8 +802,10 @@ HERO_ASSERT(offsetof(ModuleState, refused) == 184);
 HERO_ASSERT(offsetof(ModuleState, dsp_errors) == 232);
 HERO_ASSERT(offsetof(ModuleState, safety) == 352);
 HERO_ASSERT(offsetof(ModuleState, ground_altitude_m) == 384);
-HERO_ASSERT(offsetof(ModuleState, ground_valid) == 392);
-HERO_ASSERT(offsetof(ModuleState, last_minute) == 396);
+HERO_ASSERT(offsetof(ModuleState, outline) == 392);
+HERO_ASSERT(offsetof(ModuleState, control) == 400);
+HERO_ASSERT(offsetof(ModuleState, ground_valid) == 456);
+HERO_ASSERT(offsetof(ModuleState, last_minute) == 460);
 
 #define HERO_MODULE_CONTROL_TYPE_NAME "hero.ModuleControl.v2"
 typedef struct ModuleControl {
@@ -951,7 +999,7 @@ HERO_ASSERT(offsetof(RelayLink, refusal) == 172);
 HERO_ASSERT(offsetof(RelayLink, link) == 176);
 HERO_ASSERT(offsetof(RelayLink, station) == 240);
 
-#define HERO_RELAY_STATION_TYPE_NAME "hero.RelayStation.v2"
+#define HERO_RELAY_STATION_TYPE_NAME "hero.RelayStation.v3"
 typedef struct RelayStation {
     uint8_t name[32];
     uint64_t last_heard_ns;
@@ -964,8 +1012,10 @@ typedef struct RelayStation {
     uint32_t is_up;
     uint32_t orders_open;
     uint32_t refusal;
+    uint32_t origin;
+    uint32_t reserved;
 } RelayStation;
-HERO_ASSERT(sizeof(RelayStation) == 96);
+HERO_ASSERT(sizeof(RelayStation) == 104);
 HERO_ASSERT(offsetof(RelayStation, name) == 0);
 HERO_ASSERT(offsetof(RelayStation, last_heard_ns) == 32);
 HERO_ASSERT(offsetof(RelayStation, since_ns) == 40);
@@ -977,8 +1027,10 @@ HERO_ASSERT(offsetof(RelayStation, may_command) == 80);
 HERO_ASSERT(offsetof(RelayStation, is_up) == 84);
 HERO_ASSERT(offsetof(RelayStation, orders_open) == 88);
 HERO_ASSERT(offsetof(RelayStation, refusal) == 92);
+HERO_ASSERT(offsetof(RelayStation, origin) == 96);
+HERO_ASSERT(offsetof(RelayStation, reserved) == 100);
 
-#define HERO_RELAY_STATIONS_TYPE_NAME "hero.RelayStations.v2"
+#define HERO_RELAY_STATIONS_TYPE_NAME "hero.RelayStations.v3"
 typedef struct RelayStations {
     uint64_t sequence;
     uint64_t epoch_ns;
@@ -987,13 +1039,67 @@ typedef struct RelayStations {
     uint32_t count;
     uint32_t reserved;
 } RelayStations;
-HERO_ASSERT(sizeof(RelayStations) == 1568);
+HERO_ASSERT(sizeof(RelayStations) == 1696);
 HERO_ASSERT(offsetof(RelayStations, sequence) == 0);
 HERO_ASSERT(offsetof(RelayStations, epoch_ns) == 8);
 HERO_ASSERT(offsetof(RelayStations, published_ns) == 16);
 HERO_ASSERT(offsetof(RelayStations, stations) == 24);
-HERO_ASSERT(offsetof(RelayStations, count) == 1560);
-HERO_ASSERT(offsetof(RelayStations, reserved) == 1564);
+HERO_ASSERT(offsetof(RelayStations, count) == 1688);
+HERO_ASSERT(offsetof(RelayStations, reserved) == 1692);
+
+#define HERO_OUTLINE_POINT_TYPE_NAME "hero.OutlinePoint.v1"
+typedef struct OutlinePoint {
+    double latitude_deg;
+    double longitude_deg;
+    double altitude_m;
+} OutlinePoint;
+HERO_ASSERT(sizeof(OutlinePoint) == 24);
+HERO_ASSERT(offsetof(OutlinePoint, latitude_deg) == 0);
+HERO_ASSERT(offsetof(OutlinePoint, longitude_deg) == 8);
+HERO_ASSERT(offsetof(OutlinePoint, altitude_m) == 16);
+
+#define HERO_BRIDGE_OUTLINE_TYPE_NAME "hero.BridgeOutline.v1"
+typedef struct BridgeOutline {
+    uint64_t sequence;
+    uint64_t epoch_ns;
+    uint64_t published_ns;
+    uint64_t number;
+    uint32_t piece;
+    uint32_t pieces;
+    uint32_t kind;
+    uint32_t area;
+    uint32_t first;
+    uint32_t count;
+    uint32_t total;
+    uint32_t inclusion;
+    double floor_m;
+    double ceiling_m;
+    double radius_m;
+    uint32_t floor_valid;
+    uint32_t ceiling_valid;
+    uint8_t name[64];
+    OutlinePoint points[32];
+} BridgeOutline;
+HERO_ASSERT(sizeof(BridgeOutline) == 928);
+HERO_ASSERT(offsetof(BridgeOutline, sequence) == 0);
+HERO_ASSERT(offsetof(BridgeOutline, epoch_ns) == 8);
+HERO_ASSERT(offsetof(BridgeOutline, published_ns) == 16);
+HERO_ASSERT(offsetof(BridgeOutline, number) == 24);
+HERO_ASSERT(offsetof(BridgeOutline, piece) == 32);
+HERO_ASSERT(offsetof(BridgeOutline, pieces) == 36);
+HERO_ASSERT(offsetof(BridgeOutline, kind) == 40);
+HERO_ASSERT(offsetof(BridgeOutline, area) == 44);
+HERO_ASSERT(offsetof(BridgeOutline, first) == 48);
+HERO_ASSERT(offsetof(BridgeOutline, count) == 52);
+HERO_ASSERT(offsetof(BridgeOutline, total) == 56);
+HERO_ASSERT(offsetof(BridgeOutline, inclusion) == 60);
+HERO_ASSERT(offsetof(BridgeOutline, floor_m) == 64);
+HERO_ASSERT(offsetof(BridgeOutline, ceiling_m) == 72);
+HERO_ASSERT(offsetof(BridgeOutline, radius_m) == 80);
+HERO_ASSERT(offsetof(BridgeOutline, floor_valid) == 88);
+HERO_ASSERT(offsetof(BridgeOutline, ceiling_valid) == 92);
+HERO_ASSERT(offsetof(BridgeOutline, name) == 96);
+HERO_ASSERT(offsetof(BridgeOutline, points) == 160);
 
 #define HERO_BRIDGE_JOURNAL_TYPE_NAME "hero.BridgeJournal.v1"
 typedef struct BridgeJournal {

@@ -10,12 +10,13 @@ import enum
 LAYOUTS = {
     "dsp_telemetry": ("hero.DspTelemetry.v2", "25be95d4f5a2c01b"),
     "hero_telemetry": ("hero.HeroTelemetry.v2", "cc14cf2487fae1b2"),
-    "module_state": ("hero.ModuleState.v3", "b4e09f1f99062c73"),
+    "module_state": ("hero.ModuleState.v5", "9af1e6e2264f0883"),
     "module_control": ("hero.ModuleControl.v2/hero.RequestReport.v2", "6bfcc9740509a353"),
     "movement": ("hero.MovementData.v3/hero.RequestReport.v2", "2af2c004c0511e69"),
     "parameters": ("hero.ParameterRequest.v2/hero.RequestReport.v2", "76e7bccf46c20e2f"),
     "relay/link": ("hero.RelayLink.v3", "59df1188187319fb"),
-    "relay/stations": ("hero.RelayStations.v2", "6227add971e4f3e5"),
+    "relay/stations": ("hero.RelayStations.v3", "e8399ddf75562eb7"),
+    "bridge/outline": ("hero.BridgeOutline.v1", "ddd0ecd9990358d4"),
     "bridge/journal": ("hero.BridgeJournal.v1", "a0a172067737e627"),
     "status/journal": ("hero.StatusJournal.v1", "394f9e703707f1ff"),
 }
@@ -25,6 +26,9 @@ class ControlCommand(enum.IntEnum):
     START = 1
     STOP = 2
     RELOAD_FENCE = 3
+    TAKE_CONTROL = 4
+    RELEASE_CONTROL = 5
+    PASS_CONTROL = 6
 
 
 class MovementKind(enum.IntEnum):
@@ -74,6 +78,12 @@ class DspPathState(enum.IntEnum):
     UNKNOWN = 1
     EMPTY = 2
     OURS = 3
+
+
+class OutlineKind(enum.IntEnum):
+    FENCE = 1
+    AREA = 2
+    PATH = 3
 
 
 class PilotSwitch(enum.IntEnum):
@@ -168,6 +178,7 @@ class Reason(enum.IntEnum):
     REPLAYED = 42
     SUPERSEDED = 43
     MODULE_GONE = 44
+    NOT_IN_CONTROL = 45
 
 
 class ImiError(enum.IntEnum):
@@ -881,6 +892,52 @@ assert SafetyState.interventions.offset == 24
 assert SafetyState.reserved.offset == 28
 
 
+class ControlSender(ctypes.Structure):
+    _fields_ = [
+        ("origin", ctypes.c_uint32),
+        ("session", ctypes.c_uint32),
+        ("process", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.ControlSender.v1"
+
+
+assert ctypes.sizeof(ControlSender) == 12
+assert ControlSender.origin.offset == 0
+assert ControlSender.session.offset == 4
+assert ControlSender.process.offset == 8
+
+
+class ControlState(ctypes.Structure):
+    _fields_ = [
+        ("since_ns", ctypes.c_uint64),
+        ("last_order_ns", ctypes.c_uint64),
+        ("holder", ControlSender),
+        ("asker", ControlSender),
+        ("held", ctypes.c_uint32),
+        ("asked", ctypes.c_uint32),
+        ("exclusive", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.ControlState.v1"
+
+
+assert ctypes.sizeof(ControlState) == 56
+assert ControlState.since_ns.offset == 0
+assert ControlState.last_order_ns.offset == 8
+assert ControlState.holder.offset == 16
+assert ControlState.asker.offset == 28
+assert ControlState.held.offset == 40
+assert ControlState.asked.offset == 44
+assert ControlState.exclusive.offset == 48
+assert ControlState.reserved.offset == 52
+
+
 class LastMinute(ctypes.Structure):
     _fields_ = [
         ("duration_s", ctypes.c_uint32),
@@ -920,16 +977,18 @@ class ModuleState(ctypes.Structure):
         ("dsp_errors", DspErrorCounters),
         ("safety", SafetyState),
         ("ground_altitude_m", ctypes.c_double),
+        ("outline", ctypes.c_uint64),
+        ("control", ControlState),
         ("ground_valid", ctypes.c_uint32),
         ("last_minute", LastMinute),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.ModuleState.v3"
+        return "hero.ModuleState.v5"
 
 
-assert ctypes.sizeof(ModuleState) == 416
+assert ctypes.sizeof(ModuleState) == 480
 assert ModuleState.sequence.offset == 0
 assert ModuleState.epoch_ns.offset == 8
 assert ModuleState.published_ns.offset == 16
@@ -945,8 +1004,10 @@ assert ModuleState.refused.offset == 184
 assert ModuleState.dsp_errors.offset == 232
 assert ModuleState.safety.offset == 352
 assert ModuleState.ground_altitude_m.offset == 384
-assert ModuleState.ground_valid.offset == 392
-assert ModuleState.last_minute.offset == 396
+assert ModuleState.outline.offset == 392
+assert ModuleState.control.offset == 400
+assert ModuleState.ground_valid.offset == 456
+assert ModuleState.last_minute.offset == 460
 
 
 class ModuleControl(ctypes.Structure):
@@ -1196,14 +1257,16 @@ class RelayStation(ctypes.Structure):
         ("is_up", ctypes.c_uint32),
         ("orders_open", ctypes.c_uint32),
         ("refusal", ctypes.c_uint32),
+        ("origin", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.RelayStation.v2"
+        return "hero.RelayStation.v3"
 
 
-assert ctypes.sizeof(RelayStation) == 96
+assert ctypes.sizeof(RelayStation) == 104
 assert RelayStation.name.offset == 0
 assert RelayStation.last_heard_ns.offset == 32
 assert RelayStation.since_ns.offset == 40
@@ -1215,6 +1278,8 @@ assert RelayStation.may_command.offset == 80
 assert RelayStation.is_up.offset == 84
 assert RelayStation.orders_open.offset == 88
 assert RelayStation.refusal.offset == 92
+assert RelayStation.origin.offset == 96
+assert RelayStation.reserved.offset == 100
 
 
 class RelayStations(ctypes.Structure):
@@ -1229,16 +1294,84 @@ class RelayStations(ctypes.Structure):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.RelayStations.v2"
+        return "hero.RelayStations.v3"
 
 
-assert ctypes.sizeof(RelayStations) == 1568
+assert ctypes.sizeof(RelayStations) == 1696
 assert RelayStations.sequence.offset == 0
 assert RelayStations.epoch_ns.offset == 8
 assert RelayStations.published_ns.offset == 16
 assert RelayStations.stations.offset == 24
-assert RelayStations.count.offset == 1560
-assert RelayStations.reserved.offset == 1564
+assert RelayStations.count.offset == 1688
+assert RelayStations.reserved.offset == 1692
+
+
+class OutlinePoint(ctypes.Structure):
+    _fields_ = [
+        ("latitude_deg", ctypes.c_double),
+        ("longitude_deg", ctypes.c_double),
+        ("altitude_m", ctypes.c_double),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.OutlinePoint.v1"
+
+
+assert ctypes.sizeof(OutlinePoint) == 24
+assert OutlinePoint.latitude_deg.offset == 0
+assert OutlinePoint.longitude_deg.offset == 8
+assert OutlinePoint.altitude_m.offset == 16
+
+
+class BridgeOutline(ctypes.Structure):
+    _fields_ = [
+        ("sequence", ctypes.c_uint64),
+        ("epoch_ns", ctypes.c_uint64),
+        ("published_ns", ctypes.c_uint64),
+        ("number", ctypes.c_uint64),
+        ("piece", ctypes.c_uint32),
+        ("pieces", ctypes.c_uint32),
+        ("kind", ctypes.c_uint32),
+        ("area", ctypes.c_uint32),
+        ("first", ctypes.c_uint32),
+        ("count", ctypes.c_uint32),
+        ("total", ctypes.c_uint32),
+        ("inclusion", ctypes.c_uint32),
+        ("floor_m", ctypes.c_double),
+        ("ceiling_m", ctypes.c_double),
+        ("radius_m", ctypes.c_double),
+        ("floor_valid", ctypes.c_uint32),
+        ("ceiling_valid", ctypes.c_uint32),
+        ("name", ctypes.c_uint8 * 64),
+        ("points", OutlinePoint * 32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.BridgeOutline.v1"
+
+
+assert ctypes.sizeof(BridgeOutline) == 928
+assert BridgeOutline.sequence.offset == 0
+assert BridgeOutline.epoch_ns.offset == 8
+assert BridgeOutline.published_ns.offset == 16
+assert BridgeOutline.number.offset == 24
+assert BridgeOutline.piece.offset == 32
+assert BridgeOutline.pieces.offset == 36
+assert BridgeOutline.kind.offset == 40
+assert BridgeOutline.area.offset == 44
+assert BridgeOutline.first.offset == 48
+assert BridgeOutline.count.offset == 52
+assert BridgeOutline.total.offset == 56
+assert BridgeOutline.inclusion.offset == 60
+assert BridgeOutline.floor_m.offset == 64
+assert BridgeOutline.ceiling_m.offset == 72
+assert BridgeOutline.radius_m.offset == 80
+assert BridgeOutline.floor_valid.offset == 88
+assert BridgeOutline.ceiling_valid.offset == 92
+assert BridgeOutline.name.offset == 96
+assert BridgeOutline.points.offset == 160
 
 
 class BridgeJournal(ctypes.Structure):

@@ -9,12 +9,13 @@ import enum
 LAYOUTS = {
     "dsp_telemetry": ("hero.DspTelemetry.v2", "25be95d4f5a2c01b"),
     "hero_telemetry": ("hero.HeroTelemetry.v2", "cc14cf2487fae1b2"),
-    "module_state": ("hero.ModuleState.v3", "b4e09f1f99062c73"),
+    "module_state": ("hero.ModuleState.v5", "9af1e6e2264f0883"),
     "module_control": ("hero.ModuleControl.v2/hero.RequestReport.v2", "6bfcc9740509a353"),
     "movement": ("hero.MovementData.v3/hero.RequestReport.v2", "2af2c004c0511e69"),
     "parameters": ("hero.ParameterRequest.v2/hero.RequestReport.v2", "76e7bccf46c20e2f"),
     "relay/link": ("hero.RelayLink.v3", "59df1188187319fb"),
-    "relay/stations": ("hero.RelayStations.v2", "6227add971e4f3e5"),
+    "relay/stations": ("hero.RelayStations.v3", "e8399ddf75562eb7"),
+    "bridge/outline": ("hero.BridgeOutline.v1", "ddd0ecd9990358d4"),
     "bridge/journal": ("hero.BridgeJournal.v1", "a0a172067737e627"),
     "status/journal": ("hero.StatusJournal.v1", "394f9e703707f1ff"),
 }
@@ -24,6 +25,9 @@ class ControlCommand(enum.IntEnum):
     START = 1
     STOP = 2
     RELOAD_FENCE = 3
+    TAKE_CONTROL = 4
+    RELEASE_CONTROL = 5
+    PASS_CONTROL = 6
 
 
 class MovementKind(enum.IntEnum):
@@ -73,6 +77,12 @@ class DspPathState(enum.IntEnum):
     UNKNOWN = 1
     EMPTY = 2
     OURS = 3
+
+
+class OutlineKind(enum.IntEnum):
+    FENCE = 1
+    AREA = 2
+    PATH = 3
 
 
 class PilotSwitch(enum.IntEnum):
@@ -167,6 +177,7 @@ class Reason(enum.IntEnum):
     REPLAYED = 42
     SUPERSEDED = 43
     MODULE_GONE = 44
+    NOT_IN_CONTROL = 45
 
 
 class ImiError(enum.IntEnum):
@@ -690,6 +701,36 @@ class SafetyState(_Struct):
     spare before, so its name and the layout stay."""
     def __init__(self, amount: float = ..., rule: int = ..., action: int = ..., pilot_switch: int = ..., fence_areas: int = ..., interventions: int = ..., reserved: int = ...) -> None: ...
 
+class ControlSender(_Struct):
+    """A sender of requests: a station, or a session of processes on the robot's machine."""
+    origin: int
+    """The station's number, as in `RelayStation`; 0 on the robot's machine."""
+    session: int
+    """Number of the session, that of its first process; 0 when it is not known."""
+    process: int
+    """The process that sent last; 0 when it is not known."""
+    def __init__(self, origin: int = ..., session: int = ..., process: int = ...) -> None: ...
+
+class ControlState(_Struct):
+    """Who commands the bridge (`docs/safety.md`, *Control*)."""
+    since_ns: int
+    """Since when the holder has control; means something when `held` is 1. [ns]"""
+    last_order_ns: int
+    """When the holder's last movement was taken, 0 when none was. [ns]"""
+    holder: ControlSender
+    """Who has control; means something when `held` is 1."""
+    asker: ControlSender
+    """Who asks the holder for it; means something when `asked` is 1."""
+    held: int
+    """1 when a sender has control."""
+    asked: int
+    """1 when another sender asks for it."""
+    exclusive: int
+    """1 when movements and writes of other senders are refused (`[control] exclusive` of bridge.toml)."""
+    reserved: int
+    """Always zero; keeps the size a multiple of eight."""
+    def __init__(self, since_ns: int = ..., last_order_ns: int = ..., holder: ControlSender = ..., asker: ControlSender = ..., held: int = ..., asked: int = ..., exclusive: int = ..., reserved: int = ...) -> None: ...
+
 class LastMinute(_Struct):
     """Figures of the line to the DSP over the last 60 to 70 seconds, or since the bridge began."""
     duration_s: int
@@ -738,11 +779,15 @@ class ModuleState(_Struct):
     """The rules of flight safety that the bridge enforces."""
     ground_altitude_m: float
     """Telemetry altitude of the ground on which the helicopter stood last, m; meaningful when `ground_valid` is 1. [m]"""
+    outline: int
+    """Number of the outline that holds: `number` of the pieces of the topic `bridge/outline`. To be compared for equality only."""
+    control: ControlState
+    """Who commands."""
     ground_valid: int
     """1 when the bridge has seen the helicopter on the ground."""
     last_minute: LastMinute
     """How the line was of late."""
-    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., module_id: int = ..., status: int = ..., imi_error: int = ..., blocked: int = ..., functionality: int = ..., unable_to_abort: int = ..., movement: MovementState = ..., link: LinkHealth = ..., refused: RefusedCounters = ..., dsp_errors: DspErrorCounters = ..., safety: SafetyState = ..., ground_altitude_m: float = ..., ground_valid: int = ..., last_minute: LastMinute = ...) -> None: ...
+    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., module_id: int = ..., status: int = ..., imi_error: int = ..., blocked: int = ..., functionality: int = ..., unable_to_abort: int = ..., movement: MovementState = ..., link: LinkHealth = ..., refused: RefusedCounters = ..., dsp_errors: DspErrorCounters = ..., safety: SafetyState = ..., ground_altitude_m: float = ..., outline: int = ..., control: ControlState = ..., ground_valid: int = ..., last_minute: LastMinute = ...) -> None: ...
 
 class ModuleControl(_Struct):
     """Start or stop the module (`ModuleControl`). Service `module_control`."""
@@ -877,7 +922,8 @@ class RequestReport(_Struct):
     """Rule broken: by how much, in the rule's unit. Take-off done: the height that was reached over the point of
     take-off, m. Parameter read or written: the value that the port has."""
     port: PortInfo
-    """The port that a parameter request is about; all zero in other reports."""
+    """The port that a parameter request is about. When an area of the geofence was broken: its name, and nothing else. All zero in
+    other reports."""
     def __init__(self, request_id: int = ..., path_id: int = ..., reported_ns: int = ..., stage: int = ..., reason: int = ..., imi_error: int = ..., waypoints_total: int = ..., waypoints_sent: int = ..., waypoints_reached: int = ..., rule: int = ..., waypoint: int = ..., dsp_error_code: int = ..., dsp_error_valid: int = ..., value_valid: int = ..., value: float = ..., port: PortInfo = ...) -> None: ...
 
 class RelayLink(_Struct):
@@ -971,11 +1017,15 @@ class RelayStation(_Struct):
     refusal: int
     """Why the relay takes no requests from the station: a Reason, relay-not-permitted or relay-too-many-stations;
     0 when it takes them."""
-    def __init__(self, name: Any = ..., last_heard_ns: int = ..., since_ns: int = ..., last_order_ns: int = ..., orders_executed: int = ..., orders_refused: int = ..., samples_sent: int = ..., may_command: int = ..., is_up: int = ..., orders_open: int = ..., refusal: int = ...) -> None: ...
+    origin: int
+    """The `origin` that the relay writes into the requests of this life of the station."""
+    reserved: int
+    """Always zero; keeps the size a multiple of eight."""
+    def __init__(self, name: Any = ..., last_heard_ns: int = ..., since_ns: int = ..., last_order_ns: int = ..., orders_executed: int = ..., orders_refused: int = ..., samples_sent: int = ..., may_command: int = ..., is_up: int = ..., orders_open: int = ..., refusal: int = ..., origin: int = ..., reserved: int = ...) -> None: ...
 
 class RelayStations(_Struct):
     """The stations that a robot is relayed to. Topic `relay/stations`, published on the robot's machine by its relay; at every
-    change and at least once a second.
+    change and at least once a second. It is relayed: every station shows who commands.
     
     Times are host monotonic nanoseconds; 0 stands for 'never'."""
     sequence: int
@@ -991,6 +1041,61 @@ class RelayStations(_Struct):
     reserved: int
     """Always zero; keeps the size a multiple of eight."""
     def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., stations: Any = ..., count: int = ..., reserved: int = ...) -> None: ...
+
+class OutlinePoint(_Struct):
+    """A place of an outline."""
+    latitude_deg: float
+    """Latitude, degrees, north positive. [deg]"""
+    longitude_deg: float
+    """Longitude, degrees, east positive. [deg]"""
+    altitude_m: float
+    """Telemetry altitude of a waypoint, m; 0 for the points of an area. [m]"""
+    def __init__(self, latitude_deg: float = ..., longitude_deg: float = ..., altitude_m: float = ...) -> None: ...
+
+class BridgeOutline(_Struct):
+    """A piece of the geofence in force and of the path that the bridge holds. Topic `bridge/outline`: all pieces at each change,
+    when a subscriber has come, and now and then.
+    
+    The pieces of one `number` together are the outline. `ModuleState` repeats the number of the one that holds."""
+    sequence: int
+    """Counts the samples of this publisher from 1."""
+    epoch_ns: int
+    """When the publishing process began. [ns]"""
+    published_ns: int
+    """When this was published. [ns]"""
+    number: int
+    """Which outline: another number with every change of fence or path, also after a restart. To be compared for equality only."""
+    piece: int
+    """Which piece this is, from 0."""
+    pieces: int
+    """Pieces of this outline."""
+    kind: int
+    """What it describes, an OutlineKind."""
+    area: int
+    """Area: which one of the fence, from 0. Fence: how many areas there are."""
+    first: int
+    """Area and path: the first point of this piece among all of the area or path, from 0."""
+    count: int
+    """Points in this piece."""
+    total: int
+    """Points of the whole area or path. Fence: waypoints of the path, 0 when the bridge holds none."""
+    inclusion: int
+    """Area: 1 when the helicopter must stay inside, 0 when it must stay outside."""
+    floor_m: float
+    """Fence and area: it begins at this telemetry altitude, m; meaningful when `floor_valid` is 1. [m]"""
+    ceiling_m: float
+    """Fence and area: it ends at this telemetry altitude, m; meaningful when `ceiling_valid` is 1. [m]"""
+    radius_m: float
+    """Area: radius of a circle, whose only point is its centre, m; 0 for a polygon. [m]"""
+    floor_valid: int
+    """1 when there is a floor."""
+    ceiling_valid: int
+    """1 when there is a ceiling."""
+    name: _Array[int]
+    """Name of the area in ASCII, filled up with zeros; a letter that is not ASCII is `?`."""
+    points: _Array[OutlinePoint]
+    """The points: corners in order, of which the last is joined with the first; the centre of a circle; or waypoints in order."""
+    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., number: int = ..., piece: int = ..., pieces: int = ..., kind: int = ..., area: int = ..., first: int = ..., count: int = ..., total: int = ..., inclusion: int = ..., floor_m: float = ..., ceiling_m: float = ..., radius_m: float = ..., floor_valid: int = ..., ceiling_valid: int = ..., name: Any = ..., points: Any = ...) -> None: ...
 
 class BridgeJournal(_Struct):
     """A piece of the bridge's input journal. Topic `bridge/journal`, published while there is a subscriber: when the piece is

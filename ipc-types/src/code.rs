@@ -82,6 +82,12 @@ codes! {
         Stop = 2 => "stop",
         /// Read the geofence of the configuration again; a path under way is checked against it. Not of the source.
         ReloadFence = 3 => "reload-fence",
+        /// Take control of the bridge, or ask its holder for it. Not of the source, as the two that follow.
+        TakeControl = 4 => "take-control",
+        /// Release control of the bridge, or do not ask for it any more.
+        ReleaseControl = 5 => "release-control",
+        /// Hand control of the bridge over to who has asked for it.
+        PassControl = 6 => "pass-control",
     }
 }
 
@@ -180,6 +186,18 @@ codes! {
         Empty = 2 => "empty",
         /// Waypoints of the path under way.
         Ours = 3 => "ours",
+    }
+}
+
+codes! {
+    /// What a piece of the bridge's outline describes.
+    pub enum OutlineKind {
+        /// The fence as a whole: its limits, how many areas it has, and how many waypoints the path.
+        Fence = 1 => "fence",
+        /// An area of the fence, or a part of one.
+        Area = 2 => "area",
+        /// Waypoints of the path under way.
+        Path = 3 => "path",
     }
 }
 
@@ -376,6 +394,8 @@ codes! {
         Superseded = 43 => "superseded",
         /// The module that serves the request vanished; reported by the client's port, never by the module.
         ModuleGone = 44 => "module-gone",
+        /// Another sender has control of the bridge.
+        NotInControl = 45 => "not-in-control",
     }
 }
 

@@ -13,14 +13,14 @@ use crate::generation;
 use crate::ipc::Ipc;
 use crate::module::{Module as _, RelayModule};
 use crate::open::{Offer, OpenError};
-use crate::payload::Number;
+use crate::payload::{Number, RelayStations};
 use crate::provider::{self, Provider};
 use crate::publisher::{BytesPublisher, Publisher};
 use crate::robot::RobotId;
 use crate::schema::{LoadError, Schema, SchemaError};
 use crate::server::{BytesServer, Server};
 use crate::service::{
-    EPOCH_OFFSET, HISTORY, LATEST, MAX_SUBSCRIBERS, MAX_TOPIC_MEMORY, OWN_NAMES, Pattern,
+    Contract, EPOCH_OFFSET, HISTORY, LATEST, MAX_SUBSCRIBERS, MAX_TOPIC_MEMORY, OWN_NAMES, Pattern,
     REQUEST_ID_OFFSET, SEQUENCE_OFFSET, ServiceId, is_key, own,
 };
 use crate::session::service_folder;
@@ -225,8 +225,14 @@ fn own_module(key: &str, module: &'static str) -> DynamicError {
 }
 
 /// Whether a service of this pattern, with this layout, may have this key. Those of bridge and status may be opened too, because a
-/// relay and a replay provide them; those of the relay are used as structs alone.
+/// relay and a replay provide them; those of the relay are used as structs alone, but for the robot's stations, which are relayed.
 fn check_key(key: &str, pattern: Pattern, layout_hash: u64) -> Result<(), DynamicError> {
+    let stations = Contract::of_topic::<RelayStations>();
+    let is_stations =
+        (key, pattern, layout_hash) == (stations.key, stations.pattern, stations.layout_hash());
+    if is_stations {
+        return Ok(());
+    }
     if is_below(key, RelayModule::NAME) {
         return Err(own_module(key, RelayModule::NAME));
     }

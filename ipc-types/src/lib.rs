@@ -78,6 +78,7 @@ mod lock_file;
 #[allow(unsafe_code)]
 pub mod module;
 pub mod open;
+pub mod outline;
 pub mod payload;
 mod pollable;
 mod port;
@@ -119,6 +120,7 @@ pub use inspect::{Removal, Repair};
 pub use ipc::Ipc;
 pub use journal::JournalPiece;
 pub use journal_tail::{JournalTail, LeftTail};
+pub use limits::{LowLimit, allow_many_files, low_limits};
 pub use module::{ControlOf, Module, RelayModule, StateOf, StatusModule};
 pub use open::OpenError;
 pub use pollable::PortSet;
@@ -136,3 +138,8 @@ pub use session::JoinError;
 pub use subscriber::{ReceiveError, RecvError, Subscriber};
 pub use time::MonotonicNs;
 pub use waiter::{Descriptor, Ready, Source, WaitError, Waiter, Wake};
+
+/// Compiles the consumer that the README shows.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+struct Readme;

@@ -5,7 +5,7 @@ use std::fs;
 
 use rustix::event::{EventfdFlags, eventfd};
 use rustix::io::Errno;
-use rustix::process::{Resource, getrlimit};
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
 /// Files that a process opens to make or enter a service, rounded up.
 const FILES: u64 = 32;
@@ -17,21 +17,73 @@ const FILE_BYTES: u64 = 16 << 20;
 const STACK_BYTES: u64 = 1 << 20;
 const DATA_BYTES: u64 = 64 << 20;
 
+/// Files that a bridge has open with its consumers, rounded up: [`FILES`] for each of its services, and its log.
+const ROBOT_FILES: u64 = 512;
+
+/// Longest file of a robot: a flight record, at the size at which another one is begun unless the operator says otherwise.
+const ROBOT_FILE_BYTES: u64 = 2 << 30;
+
+/// A limit that is less than what may be needed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LowLimit {
+    /// As a shell and a service call it.
+    pub name: &'static str,
+    /// What it is.
+    pub value: u64,
+    /// What may be needed.
+    pub needed: u64,
+}
+
+/// The limits of this process that are less than the processes of a robot may need. Nothing is locked in memory, so that limit does not
+/// matter.
+pub fn low_limits() -> Vec<LowLimit> {
+    lower([
+        ("nofile", Resource::Nofile, ROBOT_FILES),
+        ("fsize", Resource::Fsize, ROBOT_FILE_BYTES),
+        ("stack", Resource::Stack, STACK_BYTES),
+        ("data", Resource::Data, DATA_BYTES),
+        ("as", Resource::As, DATA_BYTES),
+    ])
+}
+
+fn lower(limits: [(&'static str, Resource, u64); 5]) -> Vec<LowLimit> {
+    let low = limits.into_iter().filter_map(|(name, resource, needed)| {
+        let value = getrlimit(resource).current?;
+        (value < needed).then_some(LowLimit {
+            name,
+            value,
+            needed,
+        })
+    });
+    low.collect()
+}
+
 /// The limits of this process that are so low that a failure is laid to them, with their values; empty if none is.
 pub(crate) fn too_low() -> String {
     let open = fs::read_dir("/proc/self/fd").map_or(u64::MAX, |entries| entries.count() as u64);
-    let limits = [
+    let too_low = lower([
         ("nofile", Resource::Nofile, open.saturating_add(FILES)),
         ("fsize", Resource::Fsize, FILE_BYTES),
         ("stack", Resource::Stack, STACK_BYTES),
         ("data", Resource::Data, DATA_BYTES),
         ("as", Resource::As, DATA_BYTES),
-    ];
-    let too_low = limits.into_iter().filter_map(|(name, resource, needed)| {
-        let limit = getrlimit(resource).current?;
-        (limit < needed).then(|| format!("{name} {limit}"))
-    });
-    too_low.collect::<Vec<_>>().join(", ")
+    ]);
+    let named = too_low
+        .iter()
+        .map(|low| format!("{} {}", low.name, low.value));
+    named.collect::<Vec<_>>().join(", ")
+}
+
+/// Raises the limit of open files, usually 1,024, to what the system allows: for a process with more services than one robot has.
+pub fn allow_many_files() {
+    let maximum = getrlimit(Resource::Nofile).maximum;
+    let limit = Rlimit {
+        current: maximum,
+        maximum,
+    };
+    if let Err(error) = setrlimit(Resource::Nofile, limit) {
+        tracing::debug!(%error, "the limit of open files stays as it is");
+    }
 }
 
 /// Whether this process can open no file more.

@@ -118,7 +118,8 @@ impl StatusModule {
 /// The RIL's own module `relay`, whose state is `relay/state`.
 ///
 /// It runs on either side of a link: its other topics are `relay/link` ([`RelayLink`](crate::payload::RelayLink)) on a
-/// station's machine, and `relay/stations` ([`RelayStations`](crate::payload::RelayStations)) on a robot's.
+/// station's machine, and `relay/stations` ([`RelayStations`](crate::payload::RelayStations)) on a robot's and, carried
+/// there, on a station's.
 #[derive(Clone, Copy, Debug)]
 pub struct RelayModule;
 

@@ -79,7 +79,10 @@ impl Manager {
         let rest = match command {
             ControlCommand::Start => self.standing.start(),
             ControlCommand::Stop => self.standing.stop(),
-            ControlCommand::ReloadFence => Err(Refused::UnknownCommand),
+            ControlCommand::ReloadFence
+            | ControlCommand::TakeControl
+            | ControlCommand::ReleaseControl
+            | ControlCommand::PassControl => Err(Refused::UnknownCommand),
         };
         match rest {
             Ok(rest) => self.rest(now, rest),

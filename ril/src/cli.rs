@@ -17,11 +17,13 @@ use clap::{ArgAction, Args, CommandFactory, FromArgMatches, Parser, Subcommand, 
 use runtime::args::CommonArgs;
 use runtime::manual::ManualArgs;
 
-use crate::options::{EXIT_CODES, RequestArgs, duration};
+use crate::options::{EXIT_CODES, duration};
 use crate::verbs::check::options::{DoctorArgs, PreflightArgs};
 use crate::verbs::demo;
 use crate::verbs::log::options::LogArgs;
-use crate::verbs::order::{ControlArgs, FenceArgs, GotoArgs, LandArgs, TakeoffArgs};
+use crate::verbs::order::{
+    ControlArgs, FenceArgs, GotoArgs, HoldArgs, HolderArgs, LandArgs, RtlArgs, TakeoffArgs,
+};
 use crate::verbs::param::ParamArgs;
 use crate::verbs::plan::options::PlanArgs;
 use crate::verbs::record::options::RecordArgs;
@@ -32,6 +34,7 @@ use crate::verbs::status::StatusArgs;
 use crate::verbs::topic::TopicArgs;
 use crate::verbs::topic::echo::EchoArgs;
 use crate::verbs::topic::measure::MeasureArgs;
+use crate::verbs::view::options::{RunViewArgs, ViewArgs};
 use crate::verbs::wait::WaitArgs;
 use crate::verbs::watch::WatchArgs;
 
@@ -170,7 +173,7 @@ fn is_negative_coordinate(text: &str) -> bool {
 pub enum Command {
     /// Fly a whole simulated mission, with nothing else running, and check it
     Demo(demo::DemoArgs),
-    /// Run a process of the RIL in the foreground: bridge, status or sim
+    /// Run a process of the RIL in the foreground: bridge, status, sim or view
     Run(RunArgs),
     /// Run the bridge: short for `ril run bridge`
     Bridge(ProcessArgs<bridge::cli::Args>),
@@ -187,20 +190,27 @@ pub enum Command {
     /// Land on the spot
     Land(LandArgs),
     /// Hover on the spot and stay started; replaces a path that is under way
-    Hold(RequestArgs),
+    Hold(HoldArgs),
     /// Fly a path of one or more waypoints
     Goto(GotoArgs),
+    /// Return to home: fly to where the helicopter was switched on, and hover or land there
+    Rtl(RtlArgs),
     /// Check, show or fly a plan of QGroundControl, Mission Planner, GeoJSON, KML or GPX
     Plan(PlanArgs),
     /// List, read or write the DSP's parameters (virtual ports)
     Param(ParamArgs),
     /// Manage the geofence
     Fence(FenceArgs),
+    /// Show who commands the bridge; take, release or pass control
+    Control(HolderArgs),
     /// Show the state of the module, the link, the DSP, the safety rules and telemetry
-    #[command(visible_alias = "state")]
+    // Hidden: two names of one verb would be one offer of the completion, and that the alias.
+    #[command(alias = "state")]
     Status(StatusArgs),
     /// Watch one or several robots on a terminal, and order hold, land and stop from it
     Watch(WatchArgs),
+    /// Watch robots in a browser, and order from it
+    View(ViewArgs),
     /// Print samples as they come
     Echo(EchoArgs),
     /// Measure how often samples come and how often they are published, and count the lost ones
@@ -269,6 +279,8 @@ pub enum RunCommand {
     Status(ProcessArgs<status::cli::Args>),
     /// Run the simulator of DSP and helicopter, in the foreground
     Sim(ProcessArgs<dsp_sim::cli::SimArgs>),
+    /// Run the server of `ril view`, the page of robots in a browser, in the foreground
+    View(ProcessArgs<RunViewArgs>),
 }
 
 /// `ril completions`

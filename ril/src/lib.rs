@@ -51,7 +51,7 @@ use runtime::signal::end_with_parent;
 use verbs::check::{doctor, preflight};
 use verbs::topic::meter::Quantity;
 use verbs::topic::{self, echo, measure};
-use verbs::{demo, log, order, param, plan, record, relay, replay, robots, wait, watch};
+use verbs::{demo, log, order, param, plan, record, relay, replay, robots, view, wait, watch};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
 ///
@@ -96,9 +96,13 @@ fn process(command: RunCommand) -> Result<(), Failure> {
         RunCommand::Sim(args) if args.prints_config(&args.process.common) => {
             print("sim", &dsp_sim::cli::check_config(&args.process)?)
         }
+        RunCommand::View(args) if args.prints_config(&args.process.server.common()) => {
+            print("view", &view::server::check_config(&args.process.server)?)
+        }
         RunCommand::Bridge(args) => bridge::cli::run(args.process),
         RunCommand::Status(args) => status::cli::run(args.process),
         RunCommand::Sim(args) => dsp_sim::cli::run(args.process),
+        RunCommand::View(args) => view::server::run(&args.process),
     }
 }
 
@@ -123,11 +127,14 @@ fn run(command: cli::Command) -> Result<(), Failure> {
         Command::Land(args) => order::land(&args),
         Command::Hold(args) => order::hold(&args),
         Command::Goto(args) => order::go_to(&args),
+        Command::Rtl(args) => order::rtl(&args),
         Command::Plan(args) => plan::plan(&args.command),
         Command::Param(args) => param::param(&args.command),
         Command::Fence(args) => order::fence(&args.command),
+        Command::Control(args) => order::command_of(&args.command),
         Command::Status(args) => verbs::status::status(&args),
         Command::Watch(args) => watch::watch(&args),
+        Command::View(args) => view::view(&args),
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),

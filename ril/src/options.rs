@@ -202,6 +202,29 @@ pub(crate) fn take_off_height(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A waypoint that is said by how far it is from the one before, the first by how far it is from the helicopter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Move {
+    /// Metres to the north.
+    pub north_m: f64,
+    /// Metres to the east.
+    pub east_m: f64,
+    /// Metres up.
+    pub up_m: f64,
+}
+
+/// The waypoints of a command.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Targets {
+    /// By their positions.
+    At(Vec<Target>),
+    /// By moves.
+    By(Vec<Move>),
+}
+
+/// Longest move, m: what the geofence can judge as one leg.
+const MAX_MOVE_M: f64 = 100_000.0;
+
 /// What a waypoint looks like.
 const EXPECTED: &str = "a waypoint is LAT,LON,ALT, such as 37.41,-6.01,20m";
 
@@ -242,20 +265,99 @@ fn target(numbers: &[String]) -> Result<Target, String> {
     })
 }
 
-/// The waypoints of the words of a command line: three numbers each. None without words: they come from a file.
-pub(crate) fn targets(words: &[String]) -> Result<Vec<Target>, String> {
+/// The waypoints of the words of a command line. None without words: they come from a file.
+pub(crate) fn targets(words: &[String]) -> Result<Targets, String> {
     if words.is_empty() {
-        return Ok(Vec::new());
+        return Ok(Targets::At(Vec::new()));
+    }
+    if let Some(moves) = moves(words)? {
+        return Ok(Targets::By(moves));
     }
     let numbers = numbers(&words.join(" "))?;
     match numbers.len() % 3 {
-        0 => numbers.chunks(3).map(target).collect(),
+        0 => numbers
+            .chunks(3)
+            .map(target)
+            .collect::<Result<_, _>>()
+            .map(Targets::At),
         _ => Err(not_in_threes(numbers.len())),
     }
 }
 
+/// Whether the numbers of one waypoint are a move: each has its sign, and what could be a position too has units.
+///
+/// # Errors
+///
+/// They could be either.
+fn is_move(numbers: &[&str]) -> Result<bool, String> {
+    let (Some(first), Some(second)) = (numbers.first(), numbers.get(1)) else {
+        return Ok(false);
+    };
+    let has_sign = |number: &&str| number.starts_with(['+', '-']);
+    let has_unit = |number: &str| number.ends_with('m') || number.ends_with("ft");
+    if numbers.len() > 3 || !numbers.iter().all(has_sign) {
+        return Ok(false);
+    }
+    let has_plus = first.starts_with('+') || second.starts_with('+');
+    match (numbers.len(), has_unit(first) && has_unit(second)) {
+        (_, true) => Ok(true),
+        (2, _) if has_plus => Ok(true),
+        // A position with its height above take-off.
+        (3, _) if !first.starts_with('+') => Ok(false),
+        _ => Err(format!(
+            "`{}` is a position or a move: write a move with units, such as +50m,-20m or +50m,-20m,+5m, and a position without a plus \
+             sign before the latitude and with an altitude",
+            numbers.join(",")
+        )),
+    }
+}
+
+/// The moves of the words of a command line; `None` if they are positions.
+fn moves(words: &[String]) -> Result<Option<Vec<Move>>, String> {
+    let text = words.join(" ").replace(", ", ",");
+    let mut groups: Vec<Vec<&str>> = text
+        .split_whitespace()
+        .map(|group| group.trim_end_matches(',').split(',').collect())
+        .collect();
+    if groups.iter().all(|group| group.len() == 1) {
+        groups = vec![groups.concat()];
+    }
+    let are_moves: Vec<bool> = groups
+        .iter()
+        .map(|group| is_move(group))
+        .collect::<Result<_, _>>()?;
+    if !are_moves.contains(&true) {
+        return Ok(None);
+    }
+    if are_moves.contains(&false) {
+        return Err("a path has positions or moves, and not both".to_owned());
+    }
+    let move_of = |group: Vec<&str>| {
+        let along = |place: usize, what: &str| match group.get(place) {
+            Some(text) => metres(what, text).and_then(|metres| {
+                let is_short = metres.abs() <= MAX_MOVE_M;
+                is_short.then_some(metres).ok_or_else(|| {
+                    format!("the {what} {text} is out of range: at most {MAX_MOVE_M} m")
+                })
+            }),
+            None => Ok(0.0),
+        };
+        Ok(Move {
+            north_m: along(0, "way north")?,
+            east_m: along(1, "way east")?,
+            up_m: along(2, "way up")?,
+        })
+    };
+    groups
+        .into_iter()
+        .map(move_of)
+        .collect::<Result<_, _>>()
+        .map(Some)
+}
+
 fn not_in_threes(count: usize) -> String {
-    format!("{count} numbers, each waypoint needs three: {EXPECTED}")
+    let numbers = crate::render::words::count(count, "number");
+    format!("{numbers}, each waypoint needs three: {EXPECTED}")
 }
 
 /// Reads the waypoints of a file: one `LAT,LON,ALT` a line, `#` begins a comment.
@@ -359,18 +461,20 @@ mod tests {
             &["-37.5, -6.25, +3 m"],
             &["-37.5,", "-6.25,", "+3", "m,"],
         ] {
-            assert_eq!(parse(words), Ok(vec![first]), "{words:?}");
+            assert_eq!(parse(words), Ok(Targets::At(vec![first])), "{words:?}");
         }
         for words in [
             &["-37.5,-6.25,+3m", "-37.5,-6.25,20"][..],
             &["-37.5", "-6.25", "+3", "-37.5", "-6.25", "20"],
             &["-37.5,", "-6.25,", "+3,", "-37.5,", "-6.25,", "20"],
         ] {
-            assert_eq!(parse(words), Ok(vec![first, second]), "{words:?}");
+            let both = Targets::At(vec![first, second]);
+            assert_eq!(parse(words), Ok(both), "{words:?}");
         }
-        assert_eq!(parse(&[]), Ok(vec![]), "they come from a file");
+        assert_eq!(parse(&[]), Ok(Targets::At(vec![])), "they come from a file");
         for (words, expected) in [
-            (&["37", "-6"][..], "2 numbers, each waypoint needs three"),
+            (&["37"][..], "1 number, each waypoint needs three"),
+            (&["37", "-6"], "2 numbers, each waypoint needs three"),
             (
                 &["37", "-6", "20", "37"],
                 "4 numbers, each waypoint needs three",
@@ -390,6 +494,49 @@ mod tests {
             assert!(error.contains(expected), "{words:?}: {error}");
         }
         assert!(!parse(&["97", "-96", "20"]).unwrap_err().contains("swapped"));
+    }
+
+    #[test]
+    fn moves_have_signs_and_what_could_be_a_position_too_is_refused() {
+        let parse = |words: &[&str]| {
+            let words: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
+            targets(&words)
+        };
+        let by = |north_m, east_m, up_m| Move {
+            north_m,
+            east_m,
+            up_m,
+        };
+        for (words, expected) in [
+            (&["+50,-20"][..], vec![by(50.0, -20.0, 0.0)]),
+            (&["+50,", "-20"], vec![by(50.0, -20.0, 0.0)]),
+            (&["+50", "-20"], vec![by(50.0, -20.0, 0.0)]),
+            (&[" -50,+20"], vec![by(-50.0, 20.0, 0.0)]),
+            (&["-50m,-20m"], vec![by(-50.0, -20.0, 0.0)]),
+            (&["+50m,-20m,+10ft"], vec![by(50.0, -20.0, 3.048)]),
+            (
+                &["+5,+0", "+0,+5"],
+                vec![by(5.0, 0.0, 0.0), by(0.0, 5.0, 0.0)],
+            ),
+        ] {
+            assert_eq!(parse(words), Ok(Targets::By(expected)), "{words:?}");
+        }
+        for (words, expected) in [
+            (&["-37.5,-6.25"][..], "is a position or a move"),
+            (&["+37.41,-6.01,+20"], "is a position or a move"),
+            (
+                &["+5,+5", "37.41,-6.01,20"],
+                "positions or moves, and not both",
+            ),
+            (&["+5,+x"], "the way east `+x` is not a number"),
+            (&["+200000,+0"], "out of range"),
+        ] {
+            let error = parse(words).unwrap_err();
+            assert!(error.contains(expected), "{words:?}: {error}");
+        }
+        for words in [&["-37.5,-6.25,+3m"][..], &["+37.41,-6.01,20"]] {
+            assert!(matches!(parse(words), Ok(Targets::At(_))), "{words:?}");
+        }
     }
 
     #[test]

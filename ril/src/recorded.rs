@@ -88,23 +88,28 @@ float64 latitude_deg
 float64 longitude_deg
 # Telemetry altitude of the waypoint of goto; height above take-off of takeoff; NaN else [m].
 float64 altitude_m
+# Station whose order the relay handed on; empty when a program on the robot gave it, or it is not known.
+string station
 ";
 
 /// Writes a record anew: what `write` gives, onto the disk, into a file that only its owner may write and its group may read.
+/// `next_step` is for a file that is there already.
 ///
 /// # Errors
 ///
 /// Code 2 when the file is there already or cannot be written; what was written of it is removed, because it would look like all.
 pub fn new_file(
     path: &Path,
+    next_step: &str,
     write: impl FnOnce(&mut BufWriter<File>) -> Result<Recovered, ReadError>,
 ) -> Result<Recovered, Failure> {
     let name = path.display();
     let mut options = File::options();
     let file = options.write(true).create_new(true).mode(0o640).open(path);
     let file = file.map_err(|error| match error.kind() {
-        ErrorKind::AlreadyExists => Failure::usage(format!("{name} exists already"))
-            .with_next_step("remove it, or name another file or folder"),
+        ErrorKind::AlreadyExists => {
+            Failure::usage(format!("{name} exists already")).with_next_step(next_step)
+        }
         _ => Failure::usage(format!("{name} cannot be written: {error}")),
     })?;
     let mut to = BufWriter::new(file);
@@ -144,6 +149,8 @@ pub struct RequestEvent<'a> {
     pub text: &'a str,
     /// Latitude, longitude (degrees), altitude (m); NaN where there is none.
     pub position: [f64; 3],
+    /// The station whose order the relay handed on; empty if there is none, or the record does not say.
+    pub station: &'a str,
 }
 
 impl RequestEvent<'_> {
@@ -165,6 +172,7 @@ impl RequestEvent<'_> {
             writer.string(text);
         }
         writer.f64s(&self.position);
+        writer.string(self.station);
         writer.finish()
     }
 }
@@ -185,6 +193,10 @@ impl<'a> RequestEvent<'a> {
             reason: body.string()?,
             text: body.string()?,
             position: [body.f64()?, body.f64()?, body.f64()?],
+            station: match body.is_at_end() {
+                true => "",
+                false => body.string()?,
+            },
         })
     }
 }
@@ -207,21 +219,25 @@ mod tests {
             reason: "",
             text: "land",
             position: [f64::NAN; 3],
+            station: "gcs",
         };
         let bytes = event.write();
         assert_eq!(bytes[4..12], 1_u64.to_le_bytes());
         assert_eq!(bytes[20..28], 3_u64.to_le_bytes());
         assert_eq!(bytes[28..32], 4_u32.to_le_bytes());
         assert_eq!(bytes[32..44], *b"\x08\0\0\0request\0");
-        assert_eq!((bytes.len() - 4) % 8, 0);
         let again = RequestEvent::read(&bytes).map(|event| event.write());
         assert_eq!(again.as_ref(), Some(&bytes));
-        for len in 0..bytes.len() {
+        // A message of a recorder that writes no station ends before it.
+        let without = bytes.len() - 8;
+        for len in (0..bytes.len()).filter(|len| *len != without) {
             assert_eq!(RequestEvent::read(&bytes[..len]), None);
         }
+        let event = RequestEvent::read(&bytes[..without]).unwrap();
+        assert_eq!((event.text, event.station), ("land", ""));
         let fields = REQUEST_EVENT_TEXT.lines();
         let fields = fields.filter(|line| !line.starts_with('#') && !line.is_empty());
-        assert_eq!(fields.count(), 13);
+        assert_eq!(fields.count(), 14);
     }
 
     #[test]

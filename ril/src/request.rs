@@ -6,7 +6,12 @@
 //!
 //! A waypoint before the last is `done` when the bridge has taken the next one. So at most two requests of a path are open,
 //! and when a path is broken, the newest open waypoint is answered with the reason.
+//!
+//! A screen or a page orders by `order`; `ports` send that, and feed what is known of the robot.
 
+pub(crate) mod cruise;
+pub(crate) mod order;
+pub(crate) mod ports;
 #[cfg(test)]
 mod tests;
 
@@ -165,6 +170,19 @@ impl Exchange {
         }
     }
 
+    /// A refusal of one of several requests says which, unless the bridge has said it. The first one is refused for what holds for
+    /// the whole path.
+    fn placed(&self, mut end: FinalReport) -> FinalReport {
+        let id = end.report.request_id;
+        let mut requests = self.requests.iter();
+        let index = requests.position(|request| request.request_id == id);
+        let is_unplaced = end.stage == Stage::Refused && end.report.waypoint == 0;
+        if let Some(later @ 1..) = index.filter(|_| is_unplaced) {
+            end.report.waypoint = later as u32 + 1;
+        }
+        end
+    }
+
     /// How far it is.
     pub fn progress(&self) -> Progress {
         match self.requests.last() {
@@ -244,6 +262,20 @@ pub(crate) trait Companion {
     ///
     /// What ends the command.
     fn look(&mut self) -> Result<(), Failure>;
+
+    /// Takes what it shows off the terminal: something else is printed.
+    ///
+    /// # Errors
+    ///
+    /// When standard output was closed.
+    fn clear(&mut self) -> Result<(), Failure> {
+        Ok(())
+    }
+
+    /// What it adds to the line about a report.
+    fn remark(&self, _report: &RequestReport) -> String {
+        String::new()
+    }
 }
 
 /// A command's conversations with the bridge over one service.
@@ -255,6 +287,10 @@ pub(crate) struct Conversation<'a, R: Request> {
     client: Client<R>,
     inbox: Vec<RequestReport>,
     previous_value: Option<f64>,
+    /// Why the last exchange failed, as its final report says.
+    failed: Option<Reason>,
+    /// Whether each line says which robot it is about: the command is about several.
+    names_robot: bool,
     holds_on_exit: bool,
     /// Not what is sent because a signal came.
     is_interruptible: bool,
@@ -285,6 +321,8 @@ impl<'a, R: Request> Conversation<'a, R> {
             client: session.ipc.client_of(key).or_fail(ExitCode::Internal)?,
             inbox: Vec::new(),
             previous_value: None,
+            failed: None,
+            names_robot: false,
             holds_on_exit: false,
             is_interruptible: true,
         })
@@ -296,9 +334,20 @@ impl<'a, R: Request> Conversation<'a, R> {
         self
     }
 
+    /// Each line says which robot it is about.
+    pub fn name_robot(mut self) -> Self {
+        self.names_robot = true;
+        self
+    }
+
     /// From here on final reports about a parameter show the value that it had before, if that is known.
     pub fn show_previous(&mut self, value: Option<f64>) {
         self.previous_value = value;
+    }
+
+    /// Why the last exchange failed; `None` if it did not, or no final report has come.
+    pub fn failed(&self) -> Option<Reason> {
+        self.failed
     }
 
     /// Sends `requests`, prints the reports about them and returns the final one; `None` if the last request was
@@ -330,23 +379,65 @@ impl<'a, R: Request> Conversation<'a, R> {
         mut companion: Option<&mut dyn Companion>,
     ) -> Result<Option<RequestReport>, Failure> {
         let ids = requests.iter().map(Request::request_id);
+        let exchange = Exchange::new(ids, until, self.timeout);
+        let ended = self.follow_exchange(exchange, requests, format, &mut companion);
+        // When the reader of the output has gone, the outcome is known all the same.
+        let _ = companion.map(|companion| companion.clear());
+        ended
+    }
+
+    /// Sends the first request, so that others can be sent before this one is followed.
+    ///
+    /// # Errors
+    ///
+    /// As [`Conversation::follow`].
+    pub fn begin(&mut self, requests: &[R], until: Until) -> Result<Exchange, Failure> {
+        let ids = requests.iter().map(Request::request_id);
         let mut exchange = Exchange::new(ids, until, self.timeout);
+        if let Some(first) = requests.first() {
+            self.send(first)?;
+            exchange.sent(MonotonicNs::now());
+        }
+        Ok(exchange)
+    }
+
+    /// Follows what was begun.
+    ///
+    /// # Errors
+    ///
+    /// As [`Conversation::follow`].
+    pub fn follow_begun(
+        &mut self,
+        exchange: Exchange,
+        requests: &[R],
+        format: Format,
+    ) -> Result<Option<RequestReport>, Failure> {
+        self.follow_exchange(exchange, requests, format, &mut None)
+    }
+
+    fn follow_exchange(
+        &mut self,
+        mut exchange: Exchange,
+        requests: &[R],
+        format: Format,
+        companion: &mut Option<&mut dyn Companion>,
+    ) -> Result<Option<RequestReport>, Failure> {
         loop {
             let now = MonotonicNs::now();
-            let printed = self.receive(&mut exchange, requests.len(), format, now);
-            if let Some(companion) = &mut companion {
-                companion.look()?;
-            }
+            let printed = self.receive(&mut exchange, requests.len(), format, now, companion);
+            let looked = companion.as_mut().map_or(Ok(()), |one| one.look());
+            // A terminal that is gone must not keep a hold from being sent.
+            let is_closed = printed.is_err() || self.holds_on_exit && looked.is_err();
             match exchange.next(now) {
-                // When the reader of the output has gone, the outcome is known all the same.
-                Next::Over(outcome) => return self.judge(outcome, requests.len()),
-                _ if printed.is_err() => {
+                Next::Over(outcome) => return self.judge(&exchange, outcome),
+                _ if is_closed => {
                     let why = "standard output was closed";
                     return Err(self.leave(why, exchange.progress(), requests.len()));
                 }
                 _ if self.is_interruptible && self.session.termination.requested() => {
                     return Err(self.leave("interrupted", exchange.progress(), requests.len()));
                 }
+                _ if looked.is_err() => return looked.map(|()| None),
                 Next::Send(index) => {
                     self.send(&requests[index])?;
                     exchange.sent(now);
@@ -368,30 +459,35 @@ impl<'a, R: Request> Conversation<'a, R> {
         total: usize,
         format: Format,
         now: MonotonicNs,
+        companion: &mut Option<&mut dyn Companion>,
     ) -> Result<(), Failure> {
         self.client.drain(|report| self.inbox.push(*report));
         let mut printed = Ok(());
         for report in std::mem::take(&mut self.inbox) {
             if let Some(index) = exchange.take(&report, now) {
-                printed = printed.and_then(|()| self.print(index, total, &report, format));
+                let place = (index, total);
+                printed = printed.and_then(|()| self.print(place, &report, format, companion));
             }
         }
         printed
     }
 
+    /// Prints a report about the request of this index, of so many.
     fn print(
         &self,
-        index: usize,
-        total: usize,
+        (index, total): (usize, usize),
         report: &RequestReport,
         format: Format,
+        companion: &mut Option<&mut dyn Companion>,
     ) -> Result<(), Failure> {
+        let robot = self.names_robot.then(|| self.session.ipc.robot().get());
         let mut out = io::stdout().lock();
         match format {
             Format::Silent => Ok(()),
             Format::Json => {
                 let object = ReportObject::new(self.verb, report);
-                json_line(&mut out, &object.with_previous(report, self.previous_value))
+                let object = object.with_previous(report, self.previous_value);
+                json_line(&mut out, &object.of_robot(robot))
             }
             // It is the error that the command ends with, and is printed as that.
             Format::Text if is_failure(report) => Ok(()),
@@ -399,7 +495,13 @@ impl<'a, R: Request> Conversation<'a, R> {
                 None => Ok(()),
                 Some(line) => {
                     let was = messages::previous(report, self.previous_value);
-                    writeln!(out, "{line}{was}").map_err(Failure::output)
+                    let remark = companion.as_ref().map(|companion| companion.remark(report));
+                    if let Some(companion) = companion {
+                        companion.clear()?;
+                    }
+                    let robot = robot.map_or_else(String::new, |robot| format!("robot {robot}: "));
+                    let remark = remark.unwrap_or_default();
+                    writeln!(out, "{robot}{line}{was}{remark}").map_err(Failure::output)
                 }
             },
         }
@@ -419,10 +521,15 @@ impl<'a, R: Request> Conversation<'a, R> {
     }
 
     /// What the command ends with.
-    fn judge(&self, outcome: Outcome, total: usize) -> Result<Option<RequestReport>, Failure> {
+    fn judge(
+        &mut self,
+        exchange: &Exchange,
+        outcome: Outcome,
+    ) -> Result<Option<RequestReport>, Failure> {
+        let total = exchange.requests.len();
         match outcome {
             Outcome::Accepted => Ok(None),
-            Outcome::Final(end) => self.judge_final(&end),
+            Outcome::Final(end) => self.judge_final(&exchange.placed(end)),
             Outcome::NoAnswer(index) => {
                 let robot = self.session.ipc.robot();
                 let which = match total {
@@ -443,10 +550,11 @@ impl<'a, R: Request> Conversation<'a, R> {
         }
     }
 
-    fn judge_final(&self, end: &FinalReport) -> Result<Option<RequestReport>, Failure> {
+    fn judge_final(&mut self, end: &FinalReport) -> Result<Option<RequestReport>, Failure> {
         match end.exit_code() {
             ExitCode::Ok => Ok(Some(end.report)),
             code => {
+                self.failed = Some(end.reason);
                 let (text, next_step) = messages::ending_parts(self.verb, end);
                 let failure = Failure::new(code, text);
                 Err(match next_step {

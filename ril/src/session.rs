@@ -10,9 +10,12 @@ use std::ffi::{OsStr, OsString};
 use std::io;
 use std::os::fd::AsFd;
 use std::path::Path;
+use std::rc::Rc;
 use std::time::Duration;
 
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, MovementData};
+use ipc_types::payload::{
+    DspTelemetry, HeroTelemetry, ModuleState, MovementData, RelayLink, RelayStations,
+};
 use ipc_types::service::{ServiceId, own};
 use ipc_types::{
     Descriptor, Domain, DomainError, Ipc, Module, MonotonicNs, Provider, RelayModule, Request,
@@ -81,19 +84,26 @@ pub(crate) fn print_configuration(of: &str, resulting: &Resulting) -> Result<(),
 pub(crate) struct Session {
     pub(crate) ipc: Ipc,
     waiter: Waiter,
-    pub(crate) termination: Termination,
+    pub(crate) termination: Rc<Termination>,
 }
 
 impl Session {
     /// Takes part. Signals no longer end the process by themselves from here on.
     pub(crate) fn join(common: &CommonArgs) -> Result<Session, Failure> {
         let termination = Termination::install().or_fail(ExitCode::Internal)?;
-        let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
-        let ipc =
-            Ipc::join(&domain, RobotId::from(common.robot()), "ril").or_fail(ExitCode::Internal)?;
         request_slice(SchedulingRole::Consumer);
+        Session::of(common.robot().into(), Rc::new(termination))
+    }
+
+    /// Takes part in the shared memory of another robot as well.
+    pub(crate) fn beside(&self, robot: RobotId) -> Result<Session, Failure> {
+        Session::of(robot, Rc::clone(&self.termination))
+    }
+
+    fn of(robot: RobotId, termination: Rc<Termination>) -> Result<Session, Failure> {
+        let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
         Ok(Session {
-            ipc,
+            ipc: Ipc::join(&domain, robot, "ril").or_fail(ExitCode::Internal)?,
             waiter: Waiter::new(),
             termination,
         })
@@ -146,9 +156,16 @@ impl Session {
     pub(crate) fn is_provided(&self, key: &str) -> Result<bool, Failure> {
         Ok(self.provider(key)?.is_some())
     }
+
+    /// Whether the service `key`, which `provider` provides, comes from another machine. A station shows the stations of the robot's
+    /// relay, and has a link itself.
+    pub(crate) fn is_relayed(&self, key: &str, provider: &Provider) -> Result<bool, Failure> {
+        let may_be_station = key == RelayStations::KEY && provider.process == RelayModule::NAME;
+        Ok(is_relayed(key, provider) || may_be_station && self.is_provided(RelayLink::KEY)?)
+    }
 }
 
-/// Whether the service `key`, which `provider` provides, comes from another machine. The relay's own topics do not.
+/// The same for any topic but `relay/stations`, which a robot's machine and a station's both have. The relay's own do not.
 pub(crate) fn is_relayed(key: &str, provider: &Provider) -> bool {
     let is_own = key.split('/').next() == Some(RelayModule::NAME);
     provider.process == RelayModule::NAME && !is_own
@@ -329,7 +346,8 @@ pub(crate) fn as_user(uid: u32) -> String {
     format!("if its robots are meant, run as that user: `sudo -u '#{uid}' ril ...`")
 }
 
-fn commandable_here() -> Result<Vec<RobotId>, Failure> {
+/// What [`commandable`] finds in the domain of this process.
+pub(crate) fn commandable_here() -> Result<Vec<RobotId>, Failure> {
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     commandable(&domain).or_fail(ExitCode::Internal)
 }

@@ -6,7 +6,6 @@ use std::error::Error;
 use std::io::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use crate::config::ConfigError;
 use crate::signal;
 
 /// The result that a process gives its caller. `docs/reference.md` says what to do about each.
@@ -219,12 +218,6 @@ impl Failure {
             writeln!(to, "  next step: {next_step}")?;
         }
         Ok(())
-    }
-}
-
-impl From<ConfigError> for Failure {
-    fn from(error: ConfigError) -> Failure {
-        Failure::new(ExitCode::Configuration, error)
     }
 }
 

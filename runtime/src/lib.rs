@@ -8,6 +8,7 @@
 //! * [`logging`]: diagnostics on standard error;
 //! * [`manual`]: pages of the manual from the definition of the command line;
 //! * [`notify`]: readiness and watchdog for a supervisor;
+//! * [`session`]: the session that a process belongs to;
 //! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on; limits on file sizes as errors.
 //!
 //! Nothing here knows the helicopter, the serial line or shared memory.
@@ -69,4 +70,5 @@ pub mod finding;
 pub mod logging;
 pub mod manual;
 pub mod notify;
+pub mod session;
 pub mod signal;

@@ -1,5 +1,6 @@
 //! [`Garbage`]: payloads of any bit pattern, as a faulty neighbour may leave them in shared memory.
 
+use fastrand::Rng;
 use ipc_types::payload::SharedStruct;
 
 /// Makes payloads that no sound program makes, always the same for the same seed.
@@ -18,9 +19,7 @@ use ipc_types::payload::SharedStruct;
 /// }
 /// ```
 #[derive(Clone, Debug)]
-pub struct Garbage {
-    state: u64,
-}
+pub struct Garbage(Rng);
 
 /// Eight bytes each: integers of all widths and floats of both find their extremes in them.
 const WORDS: [u64; 16] = [
@@ -46,7 +45,7 @@ const WORDS: [u64; 16] = [
 impl Garbage {
     /// Garbage by this seed; say it when a test fails.
     pub fn new(seed: u64) -> Garbage {
-        Garbage { state: seed }
+        Garbage(Rng::with_seed(seed))
     }
 
     /// A payload of any bit pattern.
@@ -57,9 +56,9 @@ impl Garbage {
     pub fn payload<T: SharedStruct>(&mut self) -> T {
         let mut bytes = vec![0; size_of::<T>()];
         for word in bytes.chunks_mut(8) {
-            let value = match self.below(2) {
-                0 => self.next(),
-                _ => WORDS[self.below(WORDS.len() as u64) as usize],
+            let value = match self.0.bool() {
+                true => self.0.u64(..),
+                false => WORDS[self.0.usize(..WORDS.len())],
             };
             word.copy_from_slice(&value.to_ne_bytes()[..word.len()]);
         }
@@ -68,16 +67,7 @@ impl Garbage {
 
     /// A number less than `bound`, which is not 0.
     pub fn below(&mut self, bound: u64) -> u64 {
-        self.next() % bound
-    }
-
-    /// SplitMix64: small, seeded, the same everywhere.
-    fn next(&mut self) -> u64 {
-        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        self.0.u64(..bound)
     }
 }
 

@@ -25,6 +25,27 @@ pub fn root() -> PathBuf {
     member.parent().expect("a workspace above").to_owned()
 }
 
+/// The documents below `folder`, in an order of their own, without what is built.
+///
+/// # Panics
+///
+/// When a folder cannot be read.
+pub fn documents(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a folder") {
+        let entry = entry.expect("an entry");
+        let (path, name) = (entry.path(), entry.file_name());
+        let name = name.to_string_lossy();
+        let is_built = ["target", "node_modules", "out"].contains(&&*name);
+        match entry.file_type().expect("a type").is_dir() {
+            true if !name.starts_with('.') && !is_built => found.extend(documents(&path)),
+            false if name.ends_with(".md") => found.push(path),
+            _ => {}
+        }
+    }
+    found
+}
+
 /// The target folder of this build, for programs of all kinds; cargo tells tests alone.
 pub fn target_folder() -> PathBuf {
     let program = std::env::current_exe().expect("this program's path");

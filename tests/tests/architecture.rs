@@ -12,7 +12,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// Each crate and the crates of this workspace that it may depend on.
-const ARROWS: [(&str, &[&str]); 17] = [
+const ARROWS: [(&str, &[&str]); 18] = [
     ("dsp-protocol", &[]),
     ("ipc-types", &[]),
     ("runtime", &[]),
@@ -50,8 +50,10 @@ const ARROWS: [(&str, &[&str]); 17] = [
             "ros-messages",
             "runtime",
             "status",
+            "view",
         ],
     ),
+    ("view", &["ipc-types"]),
     ("hero-ril", &["ipc-types", "module-kit", "runtime"]),
     (
         "ril-tests",
@@ -107,6 +109,7 @@ const BANS: [Ban; 5] = [
             "flight-record/recording/src",
             "flight-record/replay/src",
             "gateways/relay/src",
+            "gateways/view/src",
             "flight-record/ros-messages/src",
         ],
         // Between the threads of Zenoh and the relay's own.
@@ -124,6 +127,7 @@ const BANS: [Ban; 5] = [
             "flight-record/recording/src",
             "flight-record/replay/src",
             "gateways/relay/src",
+            "gateways/view/src",
             "flight-record/ros-messages/src",
         ],
         except: &[],
@@ -168,6 +172,8 @@ const BANS: [Ban; 5] = [
             "gateways/relay/src/station/catalog.rs",
             "gateways/relay/src/station/link.rs",
             "gateways/relay/src/robot/stations.rs",
+            "gateways/relay/src/pace.rs",
+            "gateways/view/src",
         ],
         except: &[
             "shell",

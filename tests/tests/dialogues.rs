@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use bridge::{Bridge, BridgeConfig, Input, RequestKey};
+use bridge::{Bridge, BridgeConfig, Input, RequestKey, Sender};
 use dsp_protocol::{
     Command, Decoded, Decoder, Direction, Downlink, Profile, Sequence, StatusMask, Uplink, port,
 };
@@ -413,7 +413,7 @@ impl PcSide {
             at_ms,
             Input::Movement {
                 key: RequestKey::Movement(self.requests),
-                sender: None,
+                sender: Sender::default(),
                 request: data,
             },
         );
@@ -453,7 +453,7 @@ impl Side for PcSide {
                     at_ms,
                     Input::Control {
                         key: RequestKey::Control(self.requests),
-                        sender: None,
+                        sender: Sender::default(),
                         request: control,
                     },
                 );

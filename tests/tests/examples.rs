@@ -4,7 +4,7 @@
 //! [`ril_tests::languages`].
 
 use std::os::unix::net::UnixDatagram;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -504,12 +504,26 @@ fn run_ril(domain: &TestDomain, arguments: &[&str]) -> (Option<i32>, String) {
 
 #[test]
 fn a_module_in_c_keeps_the_rules_of_the_kit_and_carries_each_request_out_once() {
-    let Some(compiler) = or_skip("C", Compiler::c()) else {
-        return;
-    };
-    let folder = PtyFolder::new();
-    let program = folder.link("beacon");
-    compiler.with_shared_library("c/beacon.c", &program);
+    if let Some(compiler) = or_skip("C", Compiler::c()) {
+        let folder = PtyFolder::new();
+        let program = folder.link("beacon");
+        compiler.with_shared_library("c/beacon.c", &program);
+        keeps_the_rules(&folder, &program);
+    }
+}
+
+#[test]
+fn a_module_in_cpp_keeps_the_same_rules() {
+    if let Some(compiler) = or_skip("C++", Compiler::cpp()) {
+        let folder = PtyFolder::new();
+        let program = folder.link("beacon");
+        compiler.with_static_library("cpp/beacon.cpp", &program);
+        keeps_the_rules(&folder, &program);
+    }
+}
+
+/// A beacon is started, stopped and asked.
+fn keeps_the_rules(folder: &PtyFolder, program: &Path) {
     let domain = TestDomain::new();
     let supervisor = UnixDatagram::bind(folder.link("notify")).unwrap();
     supervisor.set_read_timeout(Some(WAIT_LIMIT)).unwrap();
@@ -518,7 +532,7 @@ fn a_module_in_c_keeps_the_rules_of_the_kit_and_carries_each_request_out_once() 
         let length = supervisor.recv(&mut text).unwrap();
         String::from_utf8(text[..length].to_vec()).unwrap()
     };
-    let mut command = Command::new(&program);
+    let mut command = Command::new(program);
     command.env("NOTIFY_SOCKET", folder.link("notify"));
     let mut beacon = Process::spawn(&domain, command);
     assert_eq!(told(), "READY=1");
@@ -552,7 +566,7 @@ fn a_module_in_c_keeps_the_rules_of_the_kit_and_carries_each_request_out_once() 
     let (_, state) = run_ril(&domain, &echo);
     assert!(state.contains("\"module_id\":1002"), "{state}");
     assert!(state.contains("\"blocked\":1"), "{state}");
-    let mut another = Process::spawn(&domain, Command::new(&program));
+    let mut another = Process::spawn(&domain, Command::new(program));
     let refused = another.wait_exit();
     assert_eq!(refused.code(), Some(1));
     let errors = refused.stderr.join("\n");
@@ -755,14 +769,131 @@ fn mypy_finds_a_field_that_is_misspelt() {
     }
 }
 
+/// The blocks of a page in one language, without what they are indented by.
+fn fragments(page: &str, language: &str) -> Vec<String> {
+    let page = std::fs::read_to_string(root().join(page)).unwrap();
+    let parts = page.split("```").skip(1).step_by(2);
+    let texts = parts.filter_map(|part| part.strip_prefix(language)?.strip_prefix('\n'));
+    let found: Vec<String> = texts
+        .map(|text| {
+            let first = text.trim_start_matches(' ');
+            let indent = &text[..text.len() - first.len()];
+            let lines = text
+                .lines()
+                .map(|line| line.strip_prefix(indent).unwrap_or(line));
+            lines.map(|line| format!("{line}\n")).collect()
+        })
+        .collect();
+    assert!(!found.is_empty(), "no {language}");
+    found
+}
+
 #[test]
-fn the_module_on_the_page_about_modules_is_the_example() {
-    let read = |path: &str| std::fs::read_to_string(root().join(path)).unwrap();
-    let page = read("docs/modules.md");
-    let shown = page.split("```python\n").nth(1).unwrap();
-    let (shown, _) = shown.split_once("```").unwrap();
-    let example = read("examples/python/battery_watch.py");
-    assert!(example.ends_with(shown), "{shown}");
+fn the_fragments_of_the_page_about_c_and_cpp_compile() {
+    let folder = PtyFolder::new();
+    let page = "bindings/c/README.md";
+    let mut programs = Vec::new();
+    let c = or_skip("C", Compiler::c()).map(|found| (found, "c", "hero_ril.h"));
+    let cpp = or_skip("C++", Compiler::cpp()).map(|found| (found, "cpp", "hero_ril.hpp"));
+    for (compiler, language, header) in c.into_iter().chain(cpp) {
+        for fragment in fragments(page, language) {
+            let source = folder.link(&format!("{}.{language}", programs.len()));
+            let text = format!(
+                "#include <stdio.h>\n#include <{header}>\nint main(void) {{\n{fragment}return 0;\n}}\n"
+            );
+            std::fs::write(&source, text).unwrap();
+            compiler.with_static_library(
+                source.to_str().unwrap(),
+                &folder.link(&format!("program-{}", programs.len())),
+            );
+            programs.push(source);
+        }
+    }
+}
+
+/// Runs the fragments of bindings/python/README.md one after the other. One that goes on for ever is left after ten lines; a request
+/// comes as soon as it is served.
+const FRAGMENTS: &str = r#"
+import builtins, ctypes, sys, threading
+import hero_ril
+
+class Enough(Exception):
+    pass
+
+lines = []
+
+def show(*words):
+    lines.append(words)
+    if len(lines) >= 10:
+        raise Enough
+
+class SetLimit(ctypes.Structure):
+    _fields_ = [("request_id", ctypes.c_uint64), ("least_v", ctypes.c_double)]
+
+    @staticmethod
+    def type_name():
+        return "battery_watch.SetLimit.v1"
+
+def ask():
+    with hero_ril.Robot(name="client") as client:
+        client.send("battery_watch/limits", SetLimit(least_v=3.5)).wait()
+
+class Robot(hero_ril.Robot):
+    def serve(self, key, struct):
+        server = super().serve(key, struct)
+        threading.Thread(target=ask).start()
+        yield next(iter(server))
+        server.close()
+
+limits = []
+with Robot(name="page") as robot:
+    names = {"ctypes": ctypes, "hero_ril": hero_ril, "print": show, "robot": robot, "SetLimit": SetLimit,
+             "set_limit": limits.append, "control": lambda: show("tick")}
+    for number, path in enumerate(sys.argv[1:]):
+        lines.clear()
+        # The first one has a robot of its own.
+        scope = {"print": show} if number == 0 else names
+        try:
+            exec(compile(open(path).read(), path, "exec"), scope)
+        except Enough:
+            pass
+        builtins.print("ran", path)
+assert limits == [3.5], limits
+"#;
+
+#[test]
+fn the_fragments_of_the_page_about_python_run() {
+    let Some(python) = or_skip("Python", python()) else {
+        return;
+    };
+    let rig = Sandbox::of(ril());
+    let mut recorder = rig.start("record --min-free 0 --output log");
+    recorder.wait_for_text("recording file=");
+    let robot = rig.start_robot(1, SPEED);
+    let mut command = Command::new(python);
+    command.arg("-B").arg(rig.write("fragments.py", FRAGMENTS));
+    let fragments = fragments("bindings/python/README.md", "python");
+    let (flight, live): (Vec<_>, Vec<_>) = fragments
+        .iter()
+        .partition(|text| text.contains("flight.mcap"));
+    for (number, fragment) in live.iter().enumerate() {
+        command.arg(rig.write(&format!("{number}.py"), fragment));
+    }
+    let finished = rig.spawn(command).exits(0);
+    assert_eq!(finished.stdout.len(), live.len(), "{finished:#?}");
+    recorder.end();
+    let mut records = std::fs::read_dir(rig.path("log")).unwrap();
+    let record = records.next().unwrap().unwrap().path();
+    std::fs::rename(record, rig.path("flight.mcap")).unwrap();
+    for fragment in flight {
+        let mut command = Command::new(python);
+        command
+            .args(["-B", "-c", fragment])
+            .env("MPLBACKEND", "Agg")
+            .env("MPLCONFIGDIR", rig.folder());
+        rig.spawn(command).exits(0);
+    }
+    robot.end();
 }
 
 /// Installs what is built already, with a stand-in for cargo, and says which name the library was to get.
@@ -826,9 +957,9 @@ fn the_installed_library_has_a_versioned_name_and_is_found_by_pkg_config_and_cma
         source.join("mission.c"),
     )
     .unwrap();
-    let page = std::fs::read_to_string(root().join("bindings/c/README.md")).unwrap();
-    let shown = page.split("```cmake\n").nth(1).unwrap();
-    let (shown, _) = shown.split_once("```").unwrap();
+    let [shown] = &fragments("bindings/c/README.md", "cmake")[..] else {
+        panic!("one project");
+    };
     let project = format!("cmake_minimum_required(VERSION 3.16)\nproject(mission C)\n{shown}");
     std::fs::write(source.join("CMakeLists.txt"), project).unwrap();
     let cmake = |arguments: &[&str]| {
@@ -854,7 +985,7 @@ fn the_installed_library_has_a_versioned_name_and_is_found_by_pkg_config_and_cma
 }
 
 /// The program starts with the library that it finds.
-fn starts_and_ends(program: &std::path::Path) {
+fn starts_and_ends(program: &Path) {
     let domain = TestDomain::new();
     let mut printing = Process::spawn(&domain, Command::new(program));
     printing.wait_for_text("subscribed");

@@ -17,6 +17,7 @@ const CRATES: &[&str] = &[
     "flight-record/report",
     "flight-record/ros-messages",
     "gateways/relay",
+    "gateways/view",
     "ipc-types",
     "module-kit",
     "plans",
@@ -235,6 +236,39 @@ fn no_files_of_a_crate_import_in_circles() {
     }
 }
 
+/// The same of folders: of two siblings, files or folders, at most one needs the other. A parent may name its children, and they it.
+#[test]
+fn no_folders_of_a_crate_import_in_circles() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    for name in CRATES {
+        let imports = imports(&modules(&root.join(name).join("src"), &[]));
+        for (folder, siblings) in siblings(&imports) {
+            let found = on_circles(siblings);
+            let found = found.join("\n");
+            assert!(found.is_empty(), "{name}, in `{folder}`:\n{found}");
+        }
+    }
+}
+
+/// By folder, which of its files and folders need which others there.
+fn siblings(imports: &Imports) -> BTreeMap<Module, Imports> {
+    let mut folders: BTreeMap<Module, Imports> = BTreeMap::new();
+    for (module, needs) in imports {
+        for need in needs {
+            let both = module.split("::").zip(need.split("::"));
+            let same: Vec<&str> = both.take_while(|(a, b)| a == b).map(|(a, _)| a).collect();
+            let sibling = |path: &str| path.split("::").nth(same.len()).map(str::to_owned);
+            let (Some(from), Some(to)) = (sibling(module), sibling(need)) else {
+                continue;
+            };
+            let folder = folders.entry(same.join("::")).or_default();
+            folder.entry(to.clone()).or_default();
+            folder.entry(from).or_default().insert(to);
+        }
+    }
+    folders
+}
+
 /// What verbs share lies beside them: a verb that imports another one could not be read, or removed, alone.
 #[test]
 fn no_verb_imports_another_verb() {
@@ -279,6 +313,22 @@ fn a_circle_through_three_files_is_found() {
         r#"c::inner imports {"a"}"#,
     ];
     assert_eq!(found, expected);
+}
+
+#[test]
+fn two_folders_whose_files_are_on_no_circle_may_be_on_one() {
+    let sources = [
+        ("a::one", "use crate::b::one;"),
+        ("b::one", ""),
+        ("b::two", "use crate::a::two;"),
+        ("a::two", "use super::c;"),
+        ("a", "mod two; use two::Two;"),
+    ];
+    let modules = sources.map(|(module, source)| (module.to_owned(), source.to_owned()));
+    let imports = imports(&BTreeMap::from(modules));
+    assert!(on_circles(imports.clone()).is_empty());
+    let found = on_circles(siblings(&imports).remove("").unwrap());
+    assert_eq!(found, [r#"a imports {"b"}"#, r#"b imports {"a"}"#]);
 }
 
 #[test]

@@ -1,11 +1,8 @@
 //! The documents are right: every test that `docs/requirements.md` names exists, and every link leads somewhere.
 
 use std::fs;
-use std::path::{Path, PathBuf};
 
-fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
-}
+use ril_tests::languages::{documents, root};
 
 /// What a row names after "shown by": a file in backticks, and after it perhaps functions, with commas between.
 fn named_tests(row: &str) -> Vec<(String, Option<String>)> {
@@ -26,6 +23,28 @@ fn named_tests(row: &str) -> Vec<(String, Option<String>)> {
     named
 }
 
+/// Whether `name` is a test in `source`: one by its attribute, or one of the list of a program that runs its tests itself.
+fn is_test(source: &str, name: &str) -> bool {
+    let lines: Vec<&str> = source.lines().map(str::trim).collect();
+    let functions = (0..lines.len()).filter(|at| lines[*at].contains(&format!("fn {name}(")));
+    let has_attribute = |at: usize| {
+        let above = lines[..at].iter().rev();
+        let mut above = above.take_while(|line| line.starts_with("#[") || line.starts_with("//"));
+        above.any(|line| *line == "#[test]")
+    };
+    let is_listed = source.contains("const TESTS") && lines.contains(&&*format!("{name},"));
+    let mut functions = functions.peekable();
+    functions.peek().is_some() && (is_listed || functions.any(has_attribute))
+}
+
+#[test]
+fn a_test_is_one_by_its_attribute_or_by_the_list_of_its_program() {
+    let source = "#[test]\n// Why.\n#[ignore]\nfn one() {}\nfn two() {}\n";
+    assert!(is_test(source, "one") && !is_test(source, "two") && !is_test(source, "three"));
+    let source = "const TESTS: &[Test] = &tests![\n    two,\n];\nfn two() {}\nfn three() {}\n";
+    assert!(is_test(source, "two") && !is_test(source, "three"));
+}
+
 #[test]
 fn every_test_that_the_table_names_is_there() {
     let table = fs::read_to_string(root().join("docs/requirements.md")).unwrap();
@@ -35,7 +54,7 @@ fn every_test_that_the_table_names_is_there() {
             checked += 1;
             let source = fs::read_to_string(root().join(&file)).unwrap_or_default();
             let found = match &function {
-                Some(function) => source.contains(&format!("fn {function}(")),
+                Some(function) => is_test(&source, function),
                 None => source.contains("#[test]"),
             };
             if !found {
@@ -48,23 +67,6 @@ fn every_test_that_the_table_names_is_there() {
         missing.is_empty(),
         "docs/requirements.md names tests that are not there: {missing:#?}"
     );
-}
-
-/// The documents below `folder`.
-fn documents(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
-    entries
-        .flat_map(|entry| {
-            let (path, name) = (entry.path(), entry.file_name());
-            let name = name.to_string_lossy();
-            let is_source = !name.starts_with('.') && name != "target" && name != "node_modules";
-            match entry.file_type().unwrap().is_dir() {
-                true if is_source => documents(&path),
-                false if name.ends_with(".md") => vec![path],
-                _ => vec![],
-            }
-        })
-        .collect()
 }
 
 /// Whether `document` has a heading with this anchor, as GitHub makes it.

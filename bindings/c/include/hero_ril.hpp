@@ -11,6 +11,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <exception>
+#include <iterator>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -287,6 +288,11 @@ class Client {
         return sent(hero_ril_go_to, path.data(), path.size(), preempt ? 1 : 0);
     }
 
+    /* Waypoints in any other row: an array, or a std::span of C++20. */
+    template <class Path> auto go_to(const Path &path, bool preempt = false) -> decltype(std::data(path), Request(nullptr, 0)) {
+        return sent(hero_ril_go_to, std::data(path), std::size(path), preempt ? 1 : 0);
+    }
+
     /* A request as its struct. */
     template <class T> Request send(const T &request) { return send(RequestOf<T>::get(), request); }
 
@@ -395,9 +401,10 @@ template <class T> class Server {
     static_assert(std::is_trivially_copyable_v<T>, "a request is a plain struct");
 
   public:
-    Server(hero_ril_robot *robot, const hero_ril_service &service) {
+    /* `serve` is hero_ril_serve or hero_ril_module_serve. */
+    Server(hero_ril_robot *robot, const hero_ril_service &service, decltype(hero_ril_serve) *serve = hero_ril_serve) {
         hero_ril_server *server = nullptr;
-        detail::check(hero_ril_serve(robot, &service, &server));
+        detail::check(serve(robot, &service, &server));
         handle_.reset(server);
     }
 
@@ -433,6 +440,42 @@ template <class T> class Server {
     std::vector<std::uint64_t> vanished_;
 };
 
+/* A module: its state, its control, and the one wait of its loop. See docs/modules.md. */
+class Module {
+  public:
+    Module(hero_ril_robot *robot, const char *name, std::uint32_t id, bool takes_signals) : robot_(robot) {
+        hero_ril_module *module = nullptr;
+        detail::check(hero_ril_module_open(robot, name, id, takes_signals ? 1 : 0, &module));
+        handle_.reset(module);
+    }
+
+    /* A server that takes each request once. The robot must be there. */
+    template <class T> Server<T> serve() { return Server<T>(robot_, RequestOf<T>::get(), hero_ril_module_serve); }
+
+    /* Sleeps until something happens: HERO_RIL_STARTED, _STOPPED, _ENDING, _OK when a source may have something, or _NOTHING when the
+     * time is over. */
+    template <class... Sources> hero_ril_result wait(Milliseconds timeout, const Sources &...sources) {
+        std::array<hero_ril_source, sizeof...(Sources) + 1> all{static_cast<hero_ril_source>(sources)...};
+        return static_cast<hero_ril_result>(detail::check(
+            hero_ril_module_wait(handle_.get(), all.data(), sizeof...(Sources), detail::milliseconds(timeout))));
+    }
+
+    /* Whether the module may command anything. */
+    bool is_started() { return detail::check(hero_ril_module_is_started(handle_.get())) != 0; }
+
+    /* Begins work; false, and none begins, when the module was not started. */
+    bool begin(std::uint32_t functionality, const char *doing, hero_ril_on_stop on_stop = HERO_RIL_ABORTS) {
+        return detail::check(hero_ril_module_begin(handle_.get(), functionality, doing, on_stop)) == HERO_RIL_OK;
+    }
+
+    void done() { detail::check(hero_ril_module_done(handle_.get())); }
+    void fail(std::uint32_t error) { detail::check(hero_ril_module_fail(handle_.get(), error)); }
+
+  private:
+    hero_ril_robot *robot_;
+    detail::Handle<hero_ril_module, hero_ril_module_close> handle_;
+};
+
 /* A part in the shared memory of a robot. */
 class Robot {
   public:
@@ -452,6 +495,11 @@ class Robot {
         hero_ril_service service = RequestOf<T>::get();
         service.key = key;
         return Server<T>(handle_.get(), service);
+    }
+
+    /* Becomes the module `name` with an `id` from 1000 to 9999; SIGINT, SIGTERM and SIGHUP end its wait if it takes them. */
+    Module module(const char *name, std::uint32_t id, bool takes_signals = true) {
+        return Module(handle_.get(), name, id, takes_signals);
     }
 
   private:

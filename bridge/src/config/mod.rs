@@ -33,10 +33,12 @@ macro_rules! checked {
     };
 }
 
+mod control;
 mod link;
 mod movement;
 pub(crate) mod parameters;
 
+pub use control::ControlConfig;
 pub use link::{ATTEMPTS, CoherenceRule, LinkConfig, SerialConfig, StatusConfig};
 pub use movement::{
     ArrivalConfig, BreachAction, MovementLimits, STOP_WITHIN, SafetyConfig, SupplyLimits,
@@ -65,6 +67,8 @@ pub struct BridgeConfig {
     pub trajectory: TrajectoryConfig,
     /// Limits of movements.
     pub movement: MovementLimits,
+    /// Whose movements are taken.
+    pub control: ControlConfig,
     /// Rules of flight safety.
     pub safety: SafetyConfig,
     /// Where the helicopter may fly.

@@ -11,6 +11,7 @@ use ipc_types::payload::MovementState;
 use super::dsp_order::{Doubt, DspOrder};
 use super::motion::{Action, Event, Motion, Order, PathStep, Rest};
 use super::report::{Detail, Verdict};
+use super::safety::Intervention;
 use super::verification::Counted;
 use super::{Context, Flight, FlightTimer};
 use crate::geodesy::{distance_m, here};
@@ -18,7 +19,7 @@ use crate::link::FlightCommand;
 use crate::link::commands::ALWAYS;
 use crate::link::session::DspPath;
 use crate::outputs::Notice;
-use crate::safety::Violation;
+use crate::safety::AreaName;
 
 /// Pause between two looks at the port of a take-off or landing, while the order is not confirmed or the rotor runs down.
 const LOOK_PERIOD: Duration = Duration::from_millis(250);
@@ -47,7 +48,9 @@ impl Flight {
                     Motion::Following { .. } => self.movement.waypoints_reached as usize + 1,
                     _ => 0,
                 };
-                self.intervene(violation, leg, cx);
+                let area = self.safety.present_area(&self.observation, cx.now);
+                let intervention = self.safety.intervene(violation, leg, area);
+                self.intervene(intervention, cx);
             }
             Action::Hold(order) => self.undefer(order, Flight::order_hold, cx),
             Action::Land(order) if order.requester.is_some() => {
@@ -161,6 +164,8 @@ impl Flight {
         };
         self.route.clear();
         self.change_motion(Motion::Idle(then));
+        self.control.wait(cx.now);
+        self.arm_control();
         if let Some(requester) = requester {
             self.report(&requester, verdict, cx);
         }
@@ -168,6 +173,8 @@ impl Flight {
 
     /// The one place where the motion changes as a whole; its timers go with it.
     pub(super) fn change_motion(&mut self, motion: Motion) {
+        let paths = [self.motion.path_step(), motion.path_step()];
+        self.is_outline_changed |= paths.iter().any(Option::is_some);
         self.motion = motion;
         for timer in [FlightTimer::Begin, FlightTimer::Limit, FlightTimer::Step] {
             self.timers.stop(timer);
@@ -504,14 +511,20 @@ impl Flight {
         let present = self.safety.present;
         if is_new {
             self.is_changed = true;
-            cx.out.notice(&Notice::Safety { violation: present });
+            cx.out.notice(&Notice::Safety {
+                violation: present,
+                area: self.safety.present_area(&self.observation, cx.now),
+            });
         }
         // The start-up has emptied the DSP's path buffer, so the helicopter hovers.
         if cx.link.is_up()
             && let Some(violation) = self.safety.link_back(cx.now)
         {
             let violation = Some(violation);
-            cx.out.notice(&Notice::Safety { violation });
+            cx.out.notice(&Notice::Safety {
+                violation,
+                area: AreaName::default(),
+            });
             if violation.is_some_and(|violation| violation.action == SafetyAction::Land) {
                 self.happen(Event::SafetyLand, cx);
             }
@@ -526,9 +539,9 @@ impl Flight {
         }
     }
 
-    /// Ends the movement because of a rule that the leg breaks. The module stays started.
-    pub(super) fn intervene(&mut self, violation: Violation, leg: usize, cx: &mut Context<'_>) {
-        let refusal = Verdict::from(self.safety.intervene(violation, leg));
+    /// Ends the movement because of a rule that is broken. The module stays started.
+    pub(super) fn intervene(&mut self, intervention: Intervention, cx: &mut Context<'_>) {
+        let refusal = Verdict::from(intervention);
         self.give_up(&refusal.at(Stage::Aborted), Rest::Ready, cx);
     }
 

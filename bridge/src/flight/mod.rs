@@ -7,6 +7,7 @@
 mod actions;
 pub mod arrival;
 pub mod assembly;
+pub mod control;
 pub mod dsp_order;
 pub mod motion;
 pub mod observation;
@@ -18,6 +19,7 @@ pub mod safety;
 pub mod trajectory;
 pub mod verification;
 
+use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, Reason, Stage};
@@ -34,10 +36,11 @@ use crate::outputs::{Notice, Outputs};
 use crate::safety::fence::Fence;
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
+use control::{Asks, Control, Who};
 use motion::{Action, Asked, Event, Facts, Motion, Order, Rest};
 use observation::{Observation, known_position};
 use parameters::ParameterRequests;
-use report::{Answers, Verdict, in_time};
+use report::{Answers, Detail, Verdict, in_time};
 use request::{Movement, Request, RequestHeader, RequestKey, Segment};
 use route::{NotASnapshot, Route};
 use safety::Safety;
@@ -56,6 +59,8 @@ timers! {
         Step,
         /// The answer to the parameter request under way.
         Parameter,
+        /// The end of the time that the holder of control may be silent.
+        Control,
     }
 }
 
@@ -81,6 +86,7 @@ pub struct Flight {
     observation: Observation,
     safety: Safety,
     parameters: ParameterRequests,
+    control: Control,
     #[serde(with = "raw")]
     movement: MovementState,
     timers: TimerTable<FlightTimer>,
@@ -91,6 +97,8 @@ pub struct Flight {
     /// The bridge is ending: no request is taken any more.
     is_ending: bool,
     is_changed: bool,
+    /// The fence in force or the path under way is another one.
+    is_outline_changed: bool,
 }
 
 impl Flight {
@@ -105,6 +113,7 @@ impl Flight {
             observation: Observation::default(),
             safety: Safety::new(config),
             parameters: ParameterRequests::default(),
+            control: Control::new(&config.control),
             movement: MovementState::default(),
             timers: TimerTable::new(),
             refusal: ImiError::None,
@@ -112,6 +121,7 @@ impl Flight {
             escalated: 0,
             is_ending: false,
             is_changed: true,
+            is_outline_changed: true,
         }
     }
 
@@ -128,6 +138,7 @@ impl Flight {
         self.route.configure(&config.arrival, trajectory)?;
         self.safety.configure(config, fence);
         self.answers.configure();
+        self.control.configure(&config.control);
         self.config = config.clone();
         Ok(())
     }
@@ -213,6 +224,13 @@ impl Flight {
                 let end = self.parameters.expire(cx.now, cx.link);
                 self.parameter_ended(end, cx);
             }
+            FlightTimer::Control => {
+                match self.motion.movement_order() {
+                    Some(_) => self.control.wait(cx.now),
+                    None => self.is_changed |= self.control.expire(cx.now),
+                }
+                self.arm_control();
+            }
         }
         true
     }
@@ -226,31 +244,17 @@ impl Flight {
     pub fn request(
         &mut self,
         header: &RequestHeader,
+        who: Who,
         request: Result<Request, Reason>,
         cx: &mut Context<'_>,
     ) {
         if !self.is_new(header, cx) {
             return;
         }
-        let outcome = match request {
-            Err(reason) => Err(reason.into()),
-            Ok(Request::Start) => self.start(header, cx),
-            Ok(Request::Stop) => self.stop(header, cx),
-            Ok(Request::NewFence(fence)) => self.new_fence(header, fence, cx),
-            Ok(Request::Movement(movement)) => self.take_movement(header, &movement, cx),
-            Ok(Request::Port {
-                operation,
-                port,
-                value,
-            }) => {
-                let facts = self.facts(cx);
-                let taken = self.parameters.take(header, operation, port, value, &facts);
-                taken.map(|verdict| {
-                    self.report(header, &verdict, cx);
-                    self.parameter_ended(None, cx);
-                })
-            }
-        };
+        let carried_out = |request| self.carry_out(header, who, request, cx);
+        let outcome = request.map_err(Verdict::from).and_then(carried_out);
+        self.is_changed = true;
+        self.arm_control();
         if let Err(refusal) = outcome {
             // A path with a hole is never flown: a refused waypoint takes its open path along.
             let is_of_open_path = self.assembler.open_path() == Some(header.path_id);
@@ -261,9 +265,45 @@ impl Flight {
             if refusal.error != ImiError::None {
                 self.refusal = refusal.error;
             }
-            self.is_changed = true;
             self.report(header, &refusal, cx);
         }
+    }
+
+    /// Carries a request out, if its sender may have that now.
+    fn carry_out(
+        &mut self,
+        header: &RequestHeader,
+        who: Who,
+        request: Request,
+        cx: &mut Context<'_>,
+    ) -> Result<(), Verdict> {
+        let asks = request.asks();
+        let is_movement = matches!(request, Request::Movement(_));
+        if let Request::Control(_) = request {
+            in_time(header, cx.now)?;
+        }
+        self.control.ask(who, asks, cx.now)?;
+        match request {
+            Request::Control(_) => self.report(header, &Verdict::DONE, cx),
+            Request::Start => self.start(header, cx)?,
+            Request::Stop => self.stop(header, cx)?,
+            Request::NewFence(fence) => self.new_fence(header, fence, cx)?,
+            Request::Movement(movement) => self.take_movement(header, &movement, cx)?,
+            Request::Port {
+                operation,
+                port,
+                value,
+            } => {
+                let facts = self.facts(cx);
+                let verdict = (self.parameters).take(header, operation, port, value, &facts)?;
+                self.report(header, &verdict, cx);
+                self.parameter_ended(None, cx);
+            }
+        }
+        if asks == Asks::Order {
+            self.control.took(who, is_movement, cx.now);
+        }
+        Ok(())
     }
 
     fn start(&mut self, header: &RequestHeader, cx: &mut Context<'_>) -> Result<(), Verdict> {
@@ -313,14 +353,17 @@ impl Flight {
         cx: &mut Context<'_>,
     ) -> Result<(), Verdict> {
         in_time(header, cx.now)?;
-        self.safety.fence = fence?;
+        let fence = fence?;
+        self.is_outline_changed |= fence != self.safety.fence;
+        self.safety.fence = fence;
         self.report(header, &Verdict::DONE, cx);
         if let (Some(_), Some(position)) =
             (self.motion.path_step(), self.observation.position(cx.now))
-            && let Some((leg, violation)) = self.safety.check_path(&position, self.route.ahead())
+            && let Some((leg, breach)) = self.safety.check_path(&position, self.route.ahead())
         {
             let reached = self.movement.waypoints_reached as usize;
-            self.intervene(violation, reached + leg, cx);
+            let intervention = self.safety.breach(breach, reached + leg);
+            self.intervene(intervention, cx);
         }
         Ok(())
     }
@@ -380,8 +423,13 @@ impl Flight {
             return Err(Reason::NotFlying.into());
         }
         let position = self.known_position(cx)?;
-        if ground_distance_m(&position, &segment.waypoint) > self.config.movement.max_distance_m {
-            return Err(Reason::TooFar.into());
+        let distance_m = ground_distance_m(&position, &segment.waypoint);
+        if distance_m > self.config.movement.max_distance_m {
+            return Err(Verdict::from(Reason::TooFar).about(Detail {
+                waypoint: self.number_in_path(segment) as u32,
+                value: Some(distance_m),
+                ..Detail::default()
+            }));
         }
         let header = self.part_of_path(header, segment, cx.now)?;
         // First, so that a waypoint that is refused disturbs no path of another client.
@@ -431,12 +479,20 @@ impl Flight {
         Ok(header)
     }
 
+    /// Which waypoint of its path it is, from 1.
+    fn number_in_path(&self, segment: &Segment) -> usize {
+        match self.assembler.continues(segment) {
+            true => self.assembler.waypoints().len() + 1,
+            false => 1,
+        }
+    }
+
     /// The leg that ends at this waypoint, against the geofence and the ground.
     fn check_leg_to(&mut self, segment: &Segment, position: &Geographic) -> Result<(), Verdict> {
-        let waypoints = self.assembler.waypoints();
-        let (from, leg) = match waypoints.last() {
-            Some(last) if self.assembler.continues(segment) => (*last, waypoints.len() + 1),
-            _ => (here(position), 1),
+        let leg = self.number_in_path(segment);
+        let from = match self.assembler.waypoints().last() {
+            Some(last) if leg > 1 => *last,
+            _ => here(position),
         };
         let ground_m = self.observation.ground_altitude_m();
         self.safety
@@ -462,6 +518,25 @@ impl Flight {
         {
             self.break_path(Reason::PathBroken, cx);
         }
+    }
+
+    /// The processes of a sender have ended, who may have had control.
+    pub fn controller_gone(&mut self, process: u32) {
+        self.is_changed |= self.control.gone(process);
+        self.arm_control();
+    }
+
+    /// The holder's silence is counted from another moment, or there is none.
+    fn arm_control(&mut self) {
+        match self.control.silent_from() {
+            Some(from) => self.timers.arm(FlightTimer::Control, from),
+            None => self.timers.stop(FlightTimer::Control),
+        }
+    }
+
+    /// Who commands.
+    pub(crate) fn control(&self) -> &Control {
+        &self.control
     }
 
     /// The bridge is about to end: the DSP's path buffer is emptied, and no request is taken any more. What is under way gets its
@@ -625,6 +700,19 @@ impl Flight {
     /// The geofence in force.
     pub(crate) fn fence(&self) -> &Fence {
         &self.safety.fence
+    }
+
+    /// The waypoints of the path under way; empty if there is none.
+    pub(crate) fn held_path(&self) -> &[Waypoint] {
+        match self.motion.path_step() {
+            Some(_) => self.route.tracker.path(),
+            None => &[],
+        }
+    }
+
+    /// Whether [the fence](Flight::fence) or [the path](Flight::held_path) changed since the last time; asking resets it.
+    pub(crate) fn take_outline_changed(&mut self) -> bool {
+        std::mem::take(&mut self.is_outline_changed)
     }
 
     /// What the module does.

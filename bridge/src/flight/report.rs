@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::request::{IssueMark, RequestHeader};
 use super::safety::Intervention;
-use crate::safety::Violation;
+use crate::safety::{AreaName, Violation};
 
 /// Final reports that are remembered: of two whole paths of 1024 waypoints, 280 KiB.
 const REMEMBERED: usize = 2048;
@@ -34,11 +34,14 @@ pub struct Verdict {
 pub struct Detail {
     /// The safety rule that was broken, and by how much.
     pub violation: Option<Violation>,
+    /// The area of the geofence that was broken; empty for none.
+    pub area: AreaName,
     /// The waypoint, or the leg that leads to it, counted from 1; 0 for none.
     pub waypoint: u32,
     /// The DSP's error.
     pub dsp_error: Option<DspErrorCode>,
-    /// The height that was reached, m, the value of the port, or by how many seconds the request is late.
+    /// The height that was reached, m, the value of the port, by how many seconds the request is late, or how many
+    /// metres away the waypoint is.
     pub value: Option<f64>,
     /// The port of a parameter request.
     pub port: Option<Port>,
@@ -59,6 +62,7 @@ impl Verdict {
             error: ImiError::None,
             detail: Detail {
                 violation: None,
+                area: [0; 32],
                 waypoint: 0,
                 dsp_error: None,
                 value: None,
@@ -113,6 +117,7 @@ impl Verdict {
     pub fn write(&self, report: &mut RequestReport) {
         let Detail {
             violation,
+            area,
             waypoint,
             dsp_error,
             value,
@@ -128,7 +133,11 @@ impl Verdict {
         let value = violation.map(|violation| violation.amount).or(value);
         report.value_valid = value.is_some().into();
         report.value = value.unwrap_or_default();
-        report.port = port.map_or_else(PortInfo::default, info);
+        let of_area = PortInfo {
+            name: area,
+            ..PortInfo::default()
+        };
+        report.port = port.map_or(of_area, info);
     }
 }
 
@@ -145,9 +154,15 @@ impl From<Refused> for Verdict {
 }
 
 impl From<Intervention> for Verdict {
-    fn from(Intervention { violation, leg }: Intervention) -> Verdict {
+    fn from(intervention: Intervention) -> Verdict {
+        let Intervention {
+            violation,
+            leg,
+            area,
+        } = intervention;
         Verdict::from(violation.reason()).about(Detail {
             violation: Some(violation),
+            area,
             waypoint: leg,
             ..Detail::default()
         })

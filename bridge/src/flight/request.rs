@@ -16,6 +16,7 @@ use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason};
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 use serde::{Deserialize, Serialize};
 
+use super::control::Asks;
 use crate::config::{MovementLimits, STOP_WITHIN};
 pub use crate::outputs::RequestKey;
 use crate::safety::fence::Fence;
@@ -157,6 +158,8 @@ pub enum Request {
     Start,
     /// Stop the module.
     Stop,
+    /// Take, release or hand over control.
+    Control(Asks),
     /// Keep to this geofence: that of the configuration, read again, or why it cannot be used.
     NewFence(Result<Fence, Reason>),
     /// Move the helicopter.
@@ -171,6 +174,25 @@ pub enum Request {
         /// What is written.
         value: f64,
     },
+}
+
+impl Request {
+    /// What it is to the control.
+    pub fn asks(&self) -> Asks {
+        match self {
+            Request::Control(asks) => *asks,
+            Request::Movement(Movement::TakeOff { .. } | Movement::Waypoint(_))
+            | Request::Port {
+                operation: ParameterOperation::Write,
+                ..
+            } => Asks::Order,
+            Request::Movement(Movement::Land | Movement::Hold)
+            | Request::Start
+            | Request::Stop
+            | Request::NewFence(_)
+            | Request::Port { .. } => Asks::Everyones,
+        }
+    }
 }
 
 /// A request as it was read, with what is asked for or why that cannot be.
@@ -206,6 +228,9 @@ pub fn parse_control(
         (Some(fence), command) => Ok(Request::NewFence(command.and(fence))),
         (None, Ok(ControlCommand::Start)) => Ok(Request::Start),
         (None, Ok(ControlCommand::Stop)) => Ok(Request::Stop),
+        (None, Ok(ControlCommand::TakeControl)) => Ok(Request::Control(Asks::Take)),
+        (None, Ok(ControlCommand::ReleaseControl)) => Ok(Request::Control(Asks::Release)),
+        (None, Ok(ControlCommand::PassControl)) => Ok(Request::Control(Asks::Pass)),
         // The shell reads the configuration and gives the fence.
         (None, Ok(ControlCommand::ReloadFence)) => Err(Reason::InvalidFence),
         (None, Err(reason)) => Err(reason),
@@ -429,7 +454,10 @@ mod tests {
             (2, Ok(Request::Stop)),
             (0, Err(Reason::InvalidRequest)),
             (3, Err(Reason::InvalidFence)),
-            (4, Err(Reason::InvalidRequest)),
+            (4, Ok(Request::Control(Asks::Take))),
+            (5, Ok(Request::Control(Asks::Release))),
+            (6, Ok(Request::Control(Asks::Pass))),
+            (7, Err(Reason::InvalidRequest)),
         ] {
             let control = ModuleControl {
                 command: code,

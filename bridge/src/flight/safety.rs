@@ -11,15 +11,15 @@ use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{PilotSwitch, Reason, SafetyAction, SafetyRule};
-use ipc_types::payload::SafetyState;
+use ipc_types::payload::{PortInfo, SafetyState};
 use serde::{Deserialize, Serialize};
 
 use super::observation::Observation;
 use super::request::Movement;
 use crate::config::{BreachAction, BridgeConfig, SafetyConfig, SupplyLimits};
 use crate::geodesy::here;
-use crate::safety::Violation;
 use crate::safety::fence::{Breach, Fence, FenceRule};
+use crate::safety::{AreaName, Violation};
 
 /// A movement that a broken rule refuses or ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +28,8 @@ pub struct Intervention {
     pub violation: Violation,
     /// The leg that breaks it, by the number of the waypoint at its end, counted from 1; 0 for none.
     pub leg: u32,
+    /// The area of the geofence, as a report names it; empty for another rule.
+    pub area: AreaName,
 }
 
 /// The judge of the rules.
@@ -74,9 +76,8 @@ impl Safety {
         &self,
         from: &Geographic,
         path: &[Waypoint],
-    ) -> Option<(usize, Violation)> {
-        let (leg, breach) = self.fence.check_path(&here(from), path)?;
-        Some((leg, refuse(breach)))
+    ) -> Option<(usize, Breach)> {
+        self.fence.check_path(&here(from), path)
     }
 
     /// A path ended because the link or the DSP was lost.
@@ -107,12 +108,12 @@ impl Safety {
         now: MonotonicNs,
     ) -> Result<(), Intervention> {
         if let Some(violation) = self.pilot(observation, now) {
-            return Err(self.intervene(violation, 0));
+            return Err(self.intervene(violation, 0, AreaName::default()));
         }
         let must_be_allowed = matches!(movement, Movement::Land | Movement::Hold);
         match self.present {
             Some(violation) if !must_be_allowed && is_about_supply(violation) => {
-                Err(self.intervene(violation, 0))
+                Err(self.intervene(violation, 0, AreaName::default()))
             }
             _ => Ok(()),
         }
@@ -128,7 +129,7 @@ impl Safety {
             ..here(from)
         };
         match self.fence.check_point(&top) {
-            Some(breach) => Err(self.intervene(refuse(breach), 0)),
+            Some(breach) => Err(self.breach(breach, 0)),
             None => Ok(()),
         }
     }
@@ -147,16 +148,45 @@ impl Safety {
         let ground_m = ground_m.filter(|_| !self.config.below_take_off);
         let into_ground = ground_m.and_then(|ground_m| Breach::of_ground(to, ground_m));
         match into_ground.or_else(|| self.fence.check_leg(from, to)) {
-            Some(breach) => Err(self.intervene(refuse(breach), leg)),
+            Some(breach) => Err(self.breach(breach, leg)),
             None => Ok(()),
         }
     }
 
-    /// A rule refuses or ends a movement.
-    pub(super) fn intervene(&mut self, violation: Violation, leg: usize) -> Intervention {
+    /// The geofence refuses or ends a movement.
+    pub(super) fn breach(&mut self, breach: Breach, leg: usize) -> Intervention {
+        let area = self.name_of(&breach);
+        self.intervene(refuse(breach), leg, area)
+    }
+
+    /// A rule refuses or ends a movement; `area` is that of the geofence that is broken.
+    pub(super) fn intervene(
+        &mut self,
+        violation: Violation,
+        leg: usize,
+        area: AreaName,
+    ) -> Intervention {
         self.count_intervention();
         let leg = leg as u32;
-        Intervention { violation, leg }
+        Intervention {
+            violation,
+            leg,
+            area,
+        }
+    }
+
+    /// The area of the geofence, if that is the rule that is broken now: the one that the helicopter is in, or the one that it left.
+    pub(super) fn present_area(&self, observation: &Observation, now: MonotonicNs) -> AreaName {
+        let is_fence = |violation: &Violation| violation.reason() == Reason::FenceBreach;
+        let position = observation.position(now);
+        let breach = self.present.filter(is_fence).zip(position);
+        let breach = breach.and_then(|(_, position)| self.fence.check_point(&here(&position)));
+        breach.map_or(AreaName::default(), |breach| self.name_of(&breach))
+    }
+
+    fn name_of(&self, breach: &Breach) -> AreaName {
+        let name = breach.area.and_then(|area| self.fence.area_name(area));
+        name.map_or(AreaName::default(), PortInfo::name_bytes)
     }
 
     /// One more movement was refused or ended.

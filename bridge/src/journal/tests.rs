@@ -8,6 +8,7 @@ use module_kit::journal::{Entry, Reader};
 use proptest::prelude::*;
 
 use super::*;
+use crate::Sender;
 
 const START: MonotonicNs = MonotonicNs(86_400_000_000_000);
 
@@ -79,7 +80,7 @@ fn a_fence_that_was_read_again_is_of_the_snapshot() {
     let fence: Fence = runtime::config::parse("ceiling_m = 50.0", "a test").unwrap();
     let reload = Input::NewFence {
         key,
-        sender: None,
+        sender: Sender::default(),
         request,
         fence: Ok(fence.clone()),
     };
@@ -109,7 +110,10 @@ fn what_is_no_snapshot_is_refused() {
 }
 
 fn inputs() -> Vec<Input<'static>> {
-    let sender = Some(4711);
+    let sender = Sender {
+        process: Some(4711),
+        session: Some(300),
+    };
     let key = RequestKey::Movement(u64::MAX);
     let request = ModuleControl {
         issued_ns: START.0,
@@ -122,7 +126,7 @@ fn inputs() -> Vec<Input<'static>> {
         Input::Received(b"bytes"),
         Input::Control {
             key: RequestKey::Control(3),
-            sender: None,
+            sender: Sender::default(),
             request,
         },
         Input::NewFence {
@@ -158,6 +162,7 @@ fn inputs() -> Vec<Input<'static>> {
         Input::Transmit,
         Input::Transmitted(300),
         Input::DiscardUnsent,
+        Input::ControllerGone(300),
     ]
 }
 

@@ -146,10 +146,10 @@ impl BrokenRule {
 /// The table that makes this fence.
 impl From<Fence> for FenceConfig {
     fn from(fence: Fence) -> FenceConfig {
-        let end = |altitude_m: f64| altitude_m.is_finite().then_some(altitude_m);
+        let (floor_m, ceiling_m) = fence.limits();
         FenceConfig {
-            floor_m: end(fence.band.floor_m),
-            ceiling_m: end(fence.band.ceiling_m),
+            floor_m,
+            ceiling_m,
             area: fence.areas,
         }
     }
@@ -165,6 +165,17 @@ impl TryFrom<FenceConfig> for Fence {
 }
 
 impl Fence {
+    /// Floor and ceiling that hold everywhere, metres.
+    pub fn limits(&self) -> (Option<f64>, Option<f64>) {
+        let end = |altitude_m: f64| altitude_m.is_finite().then_some(altitude_m);
+        (end(self.band.floor_m), end(self.band.ceiling_m))
+    }
+
+    /// What each area was made of, in their order.
+    pub fn area_configs(&self) -> impl Iterator<Item = &AreaConfig> {
+        self.areas.iter().map(Area::config)
+    }
+
     /// First breach along the straight leg from `from` to `to`, both included.
     ///
     /// It takes time in proportion to the fence's edges, and allocates for what it finds.

@@ -8,6 +8,9 @@ pub mod fence;
 use ipc_types::code::{Reason, SafetyAction, SafetyRule};
 use serde::{Deserialize, Serialize};
 
+/// The name of an area of the geofence as it lies in a report: what does not fit is cut off.
+pub type AreaName = [u8; 32];
+
 /// A rule that is broken.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Violation {

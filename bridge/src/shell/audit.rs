@@ -1,9 +1,9 @@
 //! The audit trail: every request, refusal, phase, DSP error, safety rule and link change is one structured log line
 //! (requirement H8).
 //!
-//! A request is logged with its id and the process that sent it; every later line about it has the same id. What repeats
-//! quickly is logged at onset and then once a second with the number of repetitions, so that a flood from the line cannot fill
-//! a disk.
+//! A request is logged with its id, the process that sent it and, when it came over the relay, the station that ordered it; every later
+//! line about it has the same id. What repeats quickly is logged at onset and then once a second with the number of repetitions, so that
+//! a flood from the line cannot fill a disk.
 
 use std::time::Duration;
 
@@ -13,8 +13,10 @@ use ipc_types::code::{
     Functionality, LinkState, ModuleStatus, MovementKind, ParameterOperation, Reason, Stage,
 };
 use ipc_types::payload::{
-    ModuleControl, ModuleState, MovementData, ParameterRequest, RequestReport,
+    ControlSender, ModuleControl, ModuleState, MovementData, ParameterRequest, RelayStations,
+    RequestReport, ascii_text,
 };
+use ipc_types::{Ipc, OpenError, Subscriber};
 
 use crate::outputs::{Notice, RequestKey};
 
@@ -23,6 +25,51 @@ const REPETITION_PERIOD: Duration = Duration::from_secs(1);
 
 /// DSP errors that have a count of their own; more than the documented ones. Others share the last place.
 const ERROR_CODES: usize = 32;
+
+/// Who sent a request.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Sender {
+    /// The process; `None` if it is not known.
+    pub pid: Option<u32>,
+    /// The station whose order the relay handed on; `None` if a program on the robot gave it.
+    pub station: Option<String>,
+}
+
+/// The stations that the relay knows, which it says before the first request of each.
+pub struct Stations {
+    port: Subscriber<RelayStations>,
+    newest: RelayStations,
+}
+
+impl Stations {
+    /// Opens the port, whether there is a relay or not.
+    pub fn open(ipc: &Ipc) -> Result<Stations, OpenError> {
+        Ok(Stations {
+            port: ipc.subscriber()?,
+            newest: RelayStations::default(),
+        })
+    }
+
+    /// Takes what the relay says. Nothing waits for it: a look now and then connects the port long before a station's first order.
+    /// What cannot be read leaves the log without names.
+    pub fn drain(&mut self) {
+        if let Ok(Some(newest)) = self.port.latest() {
+            self.newest = newest;
+        }
+    }
+
+    /// The station whose requests have this `origin`.
+    pub fn name_of(&self, origin: u32) -> Option<String> {
+        if origin == 0 {
+            return None;
+        }
+        let name = self
+            .newest
+            .of_origin(origin)
+            .and_then(|station| station.name());
+        Some(name.unwrap_or("unknown").to_owned())
+    }
+}
 
 /// What the log has, so that each change is logged once.
 #[derive(Debug, Default)]
@@ -57,10 +104,11 @@ fn service(key: RequestKey) -> &'static str {
 
 impl Audit {
     /// A control request arrived.
-    pub fn control(&self, sender: Option<u32>, request: &ModuleControl) {
+    pub fn control(&self, sender: &Sender, request: &ModuleControl) {
         tracing::info!(
             request = request.request_id,
-            sender,
+            sender = sender.pid,
+            station = sender.station,
             command = request
                 .command()
                 .map_or("unknown", |command| command.name()),
@@ -69,13 +117,14 @@ impl Audit {
     }
 
     /// A movement request arrived. Only values that its kind uses are logged.
-    pub fn movement(&self, sender: Option<u32>, movement: &MovementData) {
+    pub fn movement(&self, sender: &Sender, movement: &MovementData) {
         let kind = movement.kind();
         let waypoint = (kind == Some(MovementKind::GoToWaypoint)).then_some(movement);
         let take_off = (kind == Some(MovementKind::TakeOff)).then_some(movement);
         tracing::info!(
             request = movement.request_id,
-            sender,
+            sender = sender.pid,
+            station = sender.station,
             command = kind.map_or("unknown", MovementKind::name),
             height_m = take_off.map(|to| to.altitude_m),
             path = waypoint.map(|to| to.path_id),
@@ -92,14 +141,15 @@ impl Audit {
 
     /// A parameter request arrived. The description of a port is looked up for each name that an operator gives, and
     /// commands nothing.
-    pub fn parameter(&self, sender: Option<u32>, request: &ParameterRequest) {
+    pub fn parameter(&self, sender: &Sender, request: &ParameterRequest) {
         let id = request.request_id;
         let port = request.port;
         match request.operation() {
             Some(ParameterOperation::List) => {
                 tracing::debug!(
                     request = id,
-                    sender,
+                    sender = sender.pid,
+                    station = sender.station,
                     command = "list",
                     index = port,
                     "request"
@@ -109,7 +159,8 @@ impl Audit {
                 let value = request.value;
                 tracing::info!(
                     request = id,
-                    sender,
+                    sender = sender.pid,
+                    station = sender.station,
                     command = "write",
                     port,
                     value,
@@ -117,9 +168,22 @@ impl Audit {
                 );
             }
             Some(ParameterOperation::Read) => {
-                tracing::info!(request = id, sender, command = "read", port, "request");
+                tracing::info!(
+                    request = id,
+                    sender = sender.pid,
+                    station = sender.station,
+                    command = "read",
+                    port,
+                    "request"
+                );
             }
-            None => tracing::info!(request = id, sender, command = "unknown", "request"),
+            None => tracing::info!(
+                request = id,
+                sender = sender.pid,
+                station = sender.station,
+                command = "unknown",
+                "request"
+            ),
         }
     }
 
@@ -138,7 +202,8 @@ impl Audit {
         let reason = named!(Reason, report.reason);
         let rule = report.rule().map(|rule| rule.name());
         let waypoint = (report.waypoint > 0).then_some(report.waypoint);
-        let (dsp_error, value) = (report.dsp_error(), report.value());
+        let (dsp_error, area) = (report.dsp_error(), report.area());
+        let value = report.value().map(rounded);
         let request = report.request_id;
         let is_description = report.port.count > 0 && value.is_none();
         match report.stage() {
@@ -154,7 +219,7 @@ impl Audit {
                 tracing::info!(request, stage, value, "report");
             }
             _ => tracing::warn!(
-                request, stage, reason, rule, waypoint, dsp_error, value, "report"
+                request, stage, reason, rule, area, waypoint, dsp_error, value, "report"
             ),
         }
     }
@@ -162,6 +227,7 @@ impl Audit {
     /// The state is published: its changes of phase, link and path buffer.
     pub fn state(&mut self, state: &ModuleState) {
         let before = std::mem::replace(&mut self.state, *state);
+        let who = |sender: ControlSender| [sender.origin, sender.session];
         let phase = |state: &ModuleState| {
             (
                 state.functionality,
@@ -178,6 +244,15 @@ impl Audit {
                 error = %state.imi_error(),
                 blocked = state.is_blocked(),
                 "phase"
+            );
+        }
+        if before.holder().map(who) != state.holder().map(who) {
+            let holder = state.holder();
+            tracing::info!(
+                session = holder.map(|holder| holder.session),
+                sender = holder.map(|holder| holder.process),
+                origin = holder.map(|holder| holder.origin),
+                "control"
             );
         }
         if before.link.state != state.link.state {
@@ -224,13 +299,17 @@ impl Audit {
             }
             Notice::Safety {
                 violation: Some(violation),
+                area,
             } => tracing::warn!(
                 rule = violation.rule.name(),
                 action = violation.action.name(),
-                amount = violation.amount,
+                amount = rounded(violation.amount),
+                area = ascii_text(area).filter(|area| !area.is_empty()),
                 "safety rule"
             ),
-            Notice::Safety { violation: None } => tracing::info!("all safety rules are kept again"),
+            Notice::Safety {
+                violation: None, ..
+            } => tracing::info!("all safety rules are kept again"),
         }
     }
 
@@ -267,6 +346,11 @@ fn log_dsp_error(code: DspErrorCode, starting: bool, unlogged: u32) {
     );
 }
 
+/// To the third decimal: the log is read by people, and a millimetre or a millivolt is the least that the DSP measures.
+fn rounded(value: f64) -> f64 {
+    (value * 1000.0).round() / 1000.0
+}
+
 /// Name and value of the parameter that a command writes.
 fn parameter(write: &Command) -> (&'static str, f64) {
     match *write {
@@ -277,5 +361,22 @@ fn parameter(write: &Command) -> (&'static str, f64) {
         Command::Write32 { port, value } => dsp_protocol::port::port32(port)
             .map_or(("unknown", value.into()), |port| (port.name, value.into())),
         _ => ("unknown", 0.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_is_rounded_to_what_the_dsp_measures() {
+        for (value, expected) in [
+            (0.501_000_000_000_001_2, "0.501"),
+            (-12.345_678, "-12.346"),
+            (5.0, "5"),
+        ] {
+            assert_eq!(rounded(value).to_string(), expected);
+        }
+        assert!(rounded(f64::NAN).is_nan());
     }
 }

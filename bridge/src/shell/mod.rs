@@ -3,9 +3,12 @@
 //! One thread, one wait. A wake drains what it is about: the line alone, or the line to its end, the three request services and the
 //! core's deadlines. The bound of each wait drains everything: the safety net for a wake-up that the shared-memory library can lose.
 //!
-//! This file has the loop; [`serial`] the port; `publish` the core's outputs on shared memory; `audit` what the log has.
+//! This file has the loop; [`serial`] the port; `publish` the core's outputs on shared memory; `outline` what it
+//! holds; `controller` who sends; `audit` what the log has.
 
 mod audit;
+mod controller;
+mod outline;
 mod publish;
 pub mod serial;
 
@@ -25,6 +28,8 @@ use crate::core::Input;
 use crate::journal::Journaled;
 use crate::link::commands::ATTEMPTS;
 use crate::safety::fence::Fence;
+use controller::Controller;
+use outline::OutlinePort;
 use publish::Services;
 use serial::SerialPort;
 
@@ -47,6 +52,8 @@ pub enum Waker {
     Service,
     /// The serial port.
     Line,
+    /// The end of the process with which control ends.
+    Controller,
 }
 
 /// After this many headers of the other profile without a valid message we report a profile mismatch.
@@ -95,7 +102,9 @@ pub fn run(
     let mut shell = Shell {
         bridge: Journaled::new(config, JournalPort::<BridgeJournal>::writer()),
         services: Services::open(ipc)?,
+        outline: OutlinePort::open(ipc)?,
         journal: JournalPort::open(ipc)?,
+        controller: Controller::default(),
         port: Port::new(&config.serial),
         inbox: Vec::new(),
         buffer: vec![0; DRAIN_LEN],
@@ -114,7 +123,9 @@ pub fn run(
 struct Shell<'a> {
     bridge: Journaled,
     services: Services,
+    outline: OutlinePort,
     journal: JournalPort<BridgeJournal>,
+    controller: Controller,
     port: Port,
     inbox: Vec<Input<'static>>,
     buffer: Vec<u8>,
@@ -135,9 +146,13 @@ impl Process for Shell<'_> {
         for service in self.services.sources() {
             sources.port(service);
         }
+        sources.port(self.outline.source());
         sources.port(self.journal.source());
         if let Some(line) = &self.port.open {
             sources.descriptor(Waker::Line, line.as_fd());
+        }
+        if let Some(controller) = self.controller.descriptor() {
+            sources.descriptor(Waker::Controller, controller);
         }
     }
 
@@ -154,11 +169,17 @@ impl Process for Shell<'_> {
         let now = self.read(serves);
         self.serve(now);
         let now = MonotonicNs::now();
+        if wake.has(Waker::Controller) {
+            self.controller_gone(self.controller.ended(), now);
+        }
         self.bridge.apply(now, Input::Advance, &mut self.services);
         self.services.end_batch();
         self.open_port(now)?;
         self.write();
+        let is_gone = self.controller.follow(self.bridge.controller());
+        self.controller_gone(is_gone, now);
         self.services.wake_senders();
+        self.outline.publish(&self.bridge.outline(), now);
         self.journal.publish(self.bridge.writer(), now);
         self.log_other_profile();
         Ok(())
@@ -175,11 +196,16 @@ impl Process for Shell<'_> {
 
     fn deadline(&self) -> Option<MonotonicNs> {
         let journal = self.journal.deadline(self.bridge.journal());
-        [self.end, self.port.next_try, journal]
-            .into_iter()
-            .flatten()
-            .chain([self.bridge.deadline()])
-            .min()
+        [
+            self.end,
+            self.port.next_try,
+            self.outline.deadline(),
+            journal,
+        ]
+        .into_iter()
+        .flatten()
+        .chain([self.bridge.deadline()])
+        .min()
     }
 
     /// Some time after it was asked to be, when the DSP holds nothing, or cannot be made to hold nothing.
@@ -216,6 +242,13 @@ impl Shell<'_> {
                 };
             }
             self.bridge.apply(now, input, &mut self.services);
+        }
+    }
+
+    fn controller_gone(&mut self, process: Option<u32>, now: MonotonicNs) {
+        if let Some(process) = process {
+            let gone = Input::ControllerGone(process);
+            self.bridge.apply(now, gone, &mut self.services);
         }
     }
 

@@ -8,8 +8,10 @@ use ipc_types::{
     Ticket,
 };
 
-use super::audit::Audit;
+use super::audit::{self, Audit, Stations};
+use super::controller::sender_of;
 use crate::core::Input;
+use crate::flight::control::Sender;
 use crate::outputs::{Notice, Outputs, RequestKey};
 
 /// The bridge's services.
@@ -20,10 +22,11 @@ pub struct Services {
     movement: Server<MovementData>,
     parameters: Server<ParameterRequest>,
     audit: Audit,
+    stations: Stations,
 }
 
 impl Services {
-    /// Opens all five. Fails when another bridge of the same robot lives.
+    /// Opens all. Fails when another bridge of the same robot lives.
     pub fn open(ipc: &Ipc) -> Result<Services, OpenError> {
         Ok(Services {
             telemetry: ipc.publisher()?,
@@ -32,6 +35,7 @@ impl Services {
             movement: ipc.server()?,
             parameters: ipc.server()?,
             audit: Audit::default(),
+            stations: Stations::open(ipc)?,
         })
     }
 
@@ -60,14 +64,22 @@ impl Services {
 
     /// Takes everything that is there into `inbox`, which keeps its memory.
     pub fn drain(&mut self, inbox: &mut Vec<Input<'static>>) {
-        let audit = &self.audit;
+        self.stations.drain();
+        let (log, stations) = (&self.audit, &self.stations);
         drain(
             &mut self.control,
             inbox,
-            audit,
+            log,
             RequestKey::Control,
             |key, sender, request| {
-                audit.control(sender, &request);
+                let station = stations.name_of(request.origin);
+                log.control(
+                    &audit::Sender {
+                        pid: sender.process,
+                        station,
+                    },
+                    &request,
+                );
                 Input::Control {
                     key,
                     sender,
@@ -78,10 +90,17 @@ impl Services {
         drain(
             &mut self.movement,
             inbox,
-            audit,
+            log,
             RequestKey::Movement,
             |key, sender, request| {
-                audit.movement(sender, &request);
+                let station = stations.name_of(request.origin);
+                log.movement(
+                    &audit::Sender {
+                        pid: sender.process,
+                        station,
+                    },
+                    &request,
+                );
                 Input::Movement {
                     key,
                     sender,
@@ -92,10 +111,17 @@ impl Services {
         drain(
             &mut self.parameters,
             inbox,
-            audit,
+            log,
             RequestKey::Parameter,
             |key, sender, request| {
-                audit.parameter(sender, &request);
+                let station = stations.name_of(request.origin);
+                log.parameter(
+                    &audit::Sender {
+                        pid: sender.process,
+                        station,
+                    },
+                    &request,
+                );
                 Input::Parameter {
                     key,
                     sender,
@@ -112,7 +138,7 @@ fn drain<R: Request>(
     inbox: &mut Vec<Input<'static>>,
     audit: &Audit,
     key: fn(u64) -> RequestKey,
-    incoming: impl Fn(RequestKey, Option<u32>, R) -> Input<'static>,
+    incoming: impl Fn(RequestKey, Sender, R) -> Input<'static>,
 ) {
     server.vanished(|ticket, request_id| {
         let key = key(ticket.to_bits());
@@ -123,7 +149,7 @@ fn drain<R: Request>(
     let drained: Result<usize, ServeError> =
         server.drain(|ticket, request| requests.push((ticket, *request)));
     for (ticket, request) in requests {
-        let sender = server.sender(ticket);
+        let sender = sender_of(server.sender(ticket));
         inbox.push(incoming(key(ticket.to_bits()), sender, request));
     }
     if let Err(error) = drained {

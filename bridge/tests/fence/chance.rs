@@ -4,8 +4,7 @@ use std::f64::consts::TAU;
 
 use bridge::safety::fence::{AreaConfig, AreaKind, Breach, Fence, FenceRule};
 use dsp_protocol::Waypoint;
-
-use crate::rig::Random;
+use fastrand::Rng;
 
 use super::oracle::{GREY_M, Oracle, Site, metres_per_degree, normal_deg};
 
@@ -34,7 +33,7 @@ struct Counts {
 fn compare(seed: u64, legs: u64) -> Counts {
     let mut counts = Counts::default();
     for site_number in 0..legs.div_ceil(LEGS_PER_SITE) {
-        let mut random = Random(seed ^ site_number.wrapping_mul(0xD6E8_FEB8_6659_FD93));
+        let mut random = Rng::with_seed(seed ^ site_number.wrapping_mul(0xD6E8_FEB8_6659_FD93));
         let place = Place::random(&mut random);
         let site = place.site(&mut random);
         let (fence, oracle) = (site.fence(), Oracle::new(&site));
@@ -121,17 +120,17 @@ struct Place {
 }
 
 impl Place {
-    fn random(random: &mut Random) -> Place {
-        let latitude_deg = random.between(-84.0, 84.0);
-        let longitude_deg = if random.one_in(4) {
-            normal_deg(random.between(179.99, 180.01))
+    fn random(random: &mut Rng) -> Place {
+        let latitude_deg = between(random, -84.0, 84.0);
+        let longitude_deg = if random.u64(..4) == 0 {
+            normal_deg(between(random, 179.99, 180.01))
         } else {
-            random.between(-180.0, 180.0)
+            between(random, -180.0, 180.0)
         };
         Place {
             origin_deg: [latitude_deg, longitude_deg],
             scale: metres_per_degree(latitude_deg),
-            size_m: random.pick(&[20.0, 200.0, 2000.0]),
+            size_m: random.choice([20.0, 200.0, 2000.0]).unwrap(),
         }
     }
 
@@ -143,19 +142,19 @@ impl Place {
         ]
     }
 
-    fn anywhere(&self, random: &mut Random) -> [f64; 2] {
+    fn anywhere(&self, random: &mut Rng) -> [f64; 2] {
         let size_m = self.size_m * 1.5;
         [
-            random.between(-size_m, size_m),
-            random.between(-size_m, size_m),
+            between(random, -size_m, size_m),
+            between(random, -size_m, size_m),
         ]
     }
 
-    fn site(&self, random: &mut Random) -> Site {
-        let count = 1 + random.below(5);
-        let altitude = |random: &mut Random, low, high| {
-            let value = random.between(low, high);
-            random.one_in(3).then_some(value)
+    fn site(&self, random: &mut Rng) -> Site {
+        let count = 1 + random.u64(..5);
+        let altitude = |random: &mut Rng, low, high| {
+            let value = between(random, low, high);
+            (random.u64(..3) == 0).then_some(value)
         };
         Site {
             floor_m: altitude(random, 0.0, 20.0),
@@ -170,12 +169,14 @@ impl Place {
         }
     }
 
-    fn area(&self, name: String, random: &mut Random) -> AreaConfig {
-        let kind = random.pick(&[AreaKind::Inclusion, AreaKind::Exclusion]);
+    fn area(&self, name: String, random: &mut Rng) -> AreaConfig {
+        let kind = random
+            .choice([AreaKind::Inclusion, AreaKind::Exclusion])
+            .unwrap();
         // Inclusion areas are larger, so that some legs stay inside.
         let size_m = match kind {
-            AreaKind::Inclusion => self.size_m * random.between(0.7, 1.5),
-            AreaKind::Exclusion => self.size_m * random.between(0.1, 0.6),
+            AreaKind::Inclusion => self.size_m * between(random, 0.7, 1.5),
+            AreaKind::Exclusion => self.size_m * between(random, 0.1, 0.6),
         };
         let spread = if kind == AreaKind::Inclusion {
             0.3
@@ -183,10 +184,10 @@ impl Place {
             0.6
         };
         let [north_m, east_m] = self.anywhere(random).map(|metres| metres * spread);
-        let outline = match random.below(3) {
+        let outline = match random.u64(..3) {
             0 => None,
             1 => Some(star(random)),
-            _ => Some(comb(1 + random.below(4) as usize, random)),
+            _ => Some(comb(1 + random.u64(..4) as usize, random)),
         };
         let vertex = |[north, east]: [f64; 2]| {
             self.degrees([north_m + north * size_m, east_m + east * size_m])
@@ -203,7 +204,7 @@ impl Place {
     }
 
     /// A leg that is anywhere, or aims at what is difficult.
-    fn leg(&self, site: &Site, random: &mut Random) -> (Waypoint, Waypoint) {
+    fn leg(&self, site: &Site, random: &mut Rng) -> (Waypoint, Waypoint) {
         let altitudes: Vec<f64> = site
             .areas
             .iter()
@@ -211,14 +212,16 @@ impl Place {
             .chain([site.floor_m, site.ceiling_m])
             .flatten()
             .collect();
-        let altitude_m = |random: &mut Random| match random.below(8) {
-            0 if !altitudes.is_empty() => random.pick(&altitudes),
-            1 if !altitudes.is_empty() => random.pick(&altitudes) + random.between(-0.02, 0.02),
-            _ => random.between(5.0, 95.0),
+        let altitude_m = |random: &mut Rng| match random.u64(..8) {
+            0 if !altitudes.is_empty() => *random.choice(&altitudes).unwrap(),
+            1 if !altitudes.is_empty() => {
+                *random.choice(&altitudes).unwrap() + between(random, -0.02, 0.02)
+            }
+            _ => between(random, 5.0, 95.0),
         };
         let [start, end] = self.ground(site, random);
         let low_m = altitude_m(random);
-        let level = random.one_in(3);
+        let level = random.u64(..3) == 0;
         let high_m = if level { low_m } else { altitude_m(random) };
         let waypoint = |[latitude_deg, longitude_deg]: [f64; 2], altitude_m| Waypoint {
             latitude_deg,
@@ -229,7 +232,7 @@ impl Place {
     }
 
     /// Begin and end of a leg on the ground, degrees.
-    fn ground(&self, site: &Site, random: &mut Random) -> [[f64; 2]; 2] {
+    fn ground(&self, site: &Site, random: &mut Rng) -> [[f64; 2]; 2] {
         let any = [self.anywhere(random), self.anywhere(random)].map(|point| self.degrees(point));
         let edges: Vec<[[f64; 2]; 2]> = site
             .areas
@@ -241,17 +244,21 @@ impl Place {
             })
             .collect();
         if edges.is_empty() {
-            return if random.one_in(10) { [any[0]; 2] } else { any };
+            return if random.u64(..10) == 0 {
+                [any[0]; 2]
+            } else {
+                any
+            };
         }
-        let [a, b] = random.pick(&edges);
+        let [a, b] = *random.choice(&edges).unwrap();
         let on_line = |t: f64| {
             let east_deg = normal_deg(b[1] - a[1]);
             [a[0] + t * (b[0] - a[0]), normal_deg(a[1] + t * east_deg)]
         };
-        match random.below(12) {
+        match random.u64(..12) {
             // To a vertex; to a point of an edge.
             0 => [any[0], a],
-            1 => [any[0], on_line(random.between(0.0, 1.0))],
+            1 => [any[0], on_line(between(random, 0.0, 1.0))],
             // Through a vertex.
             2 => {
                 let opposite_deg = 2.0 * normal_deg(any[0][1] - a[1]);
@@ -262,12 +269,12 @@ impl Place {
             }
             // Along an edge and beyond it; part of an edge; the edge itself.
             3 => [
-                on_line(random.between(-1.0, 0.0)),
-                on_line(random.between(1.0, 2.0)),
+                on_line(between(random, -1.0, 0.0)),
+                on_line(between(random, 1.0, 2.0)),
             ],
             4 => [
-                on_line(random.between(0.0, 0.5)),
-                on_line(random.between(0.5, 1.0)),
+                on_line(between(random, 0.0, 0.5)),
+                on_line(between(random, 0.5, 1.0)),
             ],
             5 => [a, b],
             // Beside an edge, at about the distance that counts as touching.
@@ -277,10 +284,10 @@ impl Place {
                     normal_deg(b[1] - a[1]) * self.scale[1],
                 ];
                 let edge_m = along[0].hypot(along[1]);
-                let beside = random.between(-0.02, 0.02) / edge_m;
+                let beside = between(random, -0.02, 0.02) / edge_m;
                 // Short, because the other judge walks all of it in millimetres.
-                let begin = random.between(-0.1, 1.0);
-                let end = begin + random.between(0.0, 5.0) / edge_m;
+                let begin = between(random, -0.1, 1.0);
+                let end = begin + between(random, 0.0, 5.0) / edge_m;
                 [on_line(begin), on_line(end)].map(|[lat, lon]| {
                     [
                         lat + along[1] * beside / self.scale[0],
@@ -297,22 +304,22 @@ impl Place {
 }
 
 /// A polygon round the origin whose vertices lie in all directions at any distance up to 1; most are concave.
-fn star(random: &mut Random) -> Vec<[f64; 2]> {
-    let count = 3 + random.below(10);
+fn star(random: &mut Rng) -> Vec<[f64; 2]> {
+    let count = 3 + random.u64(..10);
     (0..count)
         .map(|index| {
             // Steps below half a turn keep it simple.
-            let angle = TAU * (index as f64 + random.between(0.0, 0.49)) / count as f64;
-            let radius = random.between(0.2, 1.0);
+            let angle = TAU * (index as f64 + between(random, 0.0, 0.49)) / count as f64;
+            let radius = between(random, 0.2, 1.0);
             [radius * angle.cos(), radius * angle.sin()]
         })
         .collect()
 }
 
 /// A comb: right angles, and edges on one line.
-fn comb(teeth: usize, random: &mut Random) -> Vec<[f64; 2]> {
+fn comb(teeth: usize, random: &mut Rng) -> Vec<[f64; 2]> {
     let width = 2.0 / (2 * teeth - 1) as f64;
-    let gap_depth = random.between(-0.8, 0.8);
+    let gap_depth = between(random, -0.8, 0.8);
     let mut outline = vec![[-1.0, 1.0], [-1.0, -1.0]];
     for tooth in 0..teeth {
         let left = -1.0 + 2.0 * width * tooth as f64;
@@ -354,7 +361,7 @@ fn an_independent_judge_agrees_on_random_legs() {
 
 #[test]
 fn no_numbers_make_it_panic_and_every_amount_is_a_length() {
-    let mut random = Random(7);
+    let mut random = Rng::with_seed(7);
     for _ in 0..200 {
         let place = Place::random(&mut random);
         let site = place.site(&mut random);
@@ -367,11 +374,11 @@ fn no_numbers_make_it_panic_and_every_amount_is_a_length() {
                 &mut to.longitude_deg,
                 &mut to.altitude_m,
             ] {
-                let any = f64::from_bits(random.next());
+                let any = f64::from_bits(random.u64(..));
                 let edge = [f64::NAN, f64::MIN_POSITIVE, -0.0, 180.0, -85.0, 1e5];
-                *value = match random.below(3) {
+                *value = match random.u64(..3) {
                     0 => any,
-                    1 => random.pick(&edge),
+                    1 => *random.choice(&edge).unwrap(),
                     _ => *value,
                 };
             }
@@ -384,4 +391,9 @@ fn no_numbers_make_it_panic_and_every_amount_is_a_length() {
             );
         }
     }
+}
+
+/// A number from `low` up to, but not including, `high`.
+fn between(random: &mut Rng, low: f64, high: f64) -> f64 {
+    low + (high - low) * random.f64()
 }

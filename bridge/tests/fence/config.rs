@@ -162,7 +162,7 @@ struct File {
 fn the_example_of_the_documentation_is_a_fence_of_two_areas() {
     let blocks = include_str!("../../../docs/safety.md").split("```");
     let example = blocks
-        .filter_map(|block| block.strip_prefix("toml\n"))
+        .filter_map(|block| block.strip_prefix("toml bridge.toml\n"))
         .find(|block| block.contains("[fence]"))
         .unwrap();
     let fence = runtime::config::parse::<File>(example, "bridge.toml")

@@ -3,11 +3,12 @@
 
 use bridge::{BridgeConfig, Input};
 use dsp_protocol::{Downlink, FlowControl, StatusMask};
+use fastrand::Rng;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, Reason, Stage};
 use ipc_types::payload::{MovementData, RequestReport};
 
-use crate::rig::{Random, Rig, go_to, north};
+use crate::rig::{Rig, go_to, north};
 
 /// What the sequences had in them.
 #[derive(Debug, Default)]
@@ -103,7 +104,7 @@ fn is_in(spans: &[[MonotonicNs; 2]], now: MonotonicNs) -> bool {
 pub fn play(first: u64, count: u64) -> Seen {
     let mut seen = Seen::default();
     for seed in first..first + count {
-        let mut sequence = Sequence::new(&mut Random(seed));
+        let mut sequence = Sequence::new(&mut Rng::with_seed(seed));
         sequence.run(seed);
         sequence.judge(seed, &mut seen);
     }
@@ -111,7 +112,7 @@ pub fn play(first: u64, count: u64) -> Seen {
 }
 
 impl Sequence {
-    fn new(random: &mut Random) -> Sequence {
+    fn new(random: &mut Rng) -> Sequence {
         let mut config = BridgeConfig::default();
         config.movement.begin_within_ms = BEGIN_WITHIN_MS;
         let mut rig = Rig::up(&config);
@@ -122,39 +123,39 @@ impl Sequence {
         let begin = rig.now;
         let after = |ms: u64| MonotonicNs(begin.0 + ms * MS);
         let mut span = |longest_ms: u64| {
-            let from = random.below(TROUBLE_MS - longest_ms);
-            [after(from), after(from + random.below(longest_ms))]
+            let from = random.u64(..TROUBLE_MS - longest_ms);
+            [after(from), after(from + random.u64(..longest_ms))]
         };
         let spans = [span(1500), span(1500), span(1500), span(1500)];
-        let stalls = spans[..random.below(3) as usize].to_vec();
-        let pauses = spans[2..2 + random.below(3) as usize].to_vec();
+        let stalls = spans[..random.u64(..3) as usize].to_vec();
+        let pauses = spans[2..2 + random.u64(..3) as usize].to_vec();
 
         // Senders on the robot have its clock; each station's has an error of its own.
-        let senders: Vec<(u32, u64, u64)> = (0..1 + random.below(4))
-            .map(|number| match random.below(2) {
+        let senders: Vec<(u32, u64, u64)> = (0..1 + random.u64(..4))
+            .map(|number| match random.u64(..2) {
                 0 => (0, 0, 0),
                 _ => {
-                    let within = random.below(MOST_UNCERTAIN_MS * MS);
-                    (number as u32 + 1, within, random.below(within + 1))
+                    let within = random.u64(..MOST_UNCERTAIN_MS * MS);
+                    (number as u32 + 1, within, random.u64(..within + 1))
                 }
             })
             .collect();
-        let mut times: Vec<u64> = (0..2 + random.below(6))
-            .map(|_| random.below(ORDERS_MS * MS))
+        let mut times: Vec<u64> = (0..2 + random.u64(..6))
+            .map(|_| random.u64(..ORDERS_MS * MS))
             .collect();
         times.sort_unstable();
-        let is_bad = random.below(3) > 0;
+        let is_bad = random.u64(..3) > 0;
         let (mut orders, mut messages) = (vec![], vec![]);
         for (number, time) in times.into_iter().enumerate() {
             let issued = MonotonicNs(begin.0 + time);
-            let (origin, within, error) = senders[random.below(senders.len() as u64) as usize];
-            let what = match random.below(8) {
+            let (origin, within, error) = senders[random.usize(..senders.len())];
+            let what = match random.u64(..8) {
                 0 => What::Land,
                 1 | 2 => What::Hold,
                 _ => What::Path,
             };
-            let begin_by_ns = match random.below(3) {
-                0 => issued.0 + random.below(3000 * MS),
+            let begin_by_ns = match random.u64(..3) {
+                0 => issued.0 + random.u64(..3000 * MS),
                 _ => 0,
             };
             let moments = |request_id: u64, data: MovementData| MovementData {
@@ -170,7 +171,7 @@ impl Sequence {
                 What::Hold => vec![moments(id, MovementData::hold(0))],
                 What::Land => vec![moments(id, MovementData::land(0))],
                 What::Path => {
-                    let count = 1 + random.below(3);
+                    let count = 1 + random.u64(..3);
                     let waypoint = |index: u64| MovementData {
                         path_id: id,
                         first: u16::from(index == 0),
@@ -185,17 +186,17 @@ impl Sequence {
             // Its requests arrive one after the other, as their sender waits for answers; those of two orders in any order.
             let mut arrives = issued;
             for index in 0..requests.len() {
-                let delay_ms = match is_bad && random.one_in(3) {
-                    true => random.below(1800),
-                    false => random.below(30),
+                let delay_ms = match is_bad && random.u64(..3) == 0 {
+                    true => random.u64(..1800),
+                    false => random.u64(..30),
                 };
                 arrives = MonotonicNs(arrives.0 + delay_ms * MS);
-                if is_bad && random.one_in(10) {
+                if is_bad && random.u64(..10) == 0 {
                     break;
                 }
                 messages.push((arrives, number, index));
-                if is_bad && random.one_in(6) {
-                    let again = MonotonicNs(arrives.0 + random.below(1500) * MS);
+                if is_bad && random.u64(..6) == 0 {
+                    let again = MonotonicNs(arrives.0 + random.u64(..1500) * MS);
                     messages.push((again, number, index));
                 }
             }

@@ -253,27 +253,3 @@ pub fn decode_all<'a, M: Direction>(
         })
         .collect()
 }
-
-/// Reproducible random bytes (xorshift64*, Vigna).
-pub struct Random(u64);
-
-impl Random {
-    /// `seed` must not be 0.
-    pub fn new(seed: u64) -> Self {
-        assert_ne!(seed, 0);
-        Random(seed)
-    }
-
-    /// The next 64 random bits.
-    pub fn next(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
-    }
-
-    /// A number below `bound`.
-    pub fn below(&mut self, bound: usize) -> usize {
-        ((self.next() >> 32) as usize) % bound
-    }
-}

@@ -3,6 +3,7 @@
 
 use std::sync::mpsc::{Receiver, channel};
 
+use ipc_types::MonotonicNs;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapResult, WriteOptions, Writer};
 
@@ -44,8 +45,11 @@ pub(crate) struct Encoder {
 
 impl Encoder {
     /// A file that has no messages yet, and what is to be written.
+    ///
+    /// The recording began at `begun`: what a topic had published before is logged at that time.
     pub(crate) fn begin(
         anchor: Anchor,
+        begun: MonotonicNs,
         info: FlightInfo,
         channels: &[Channel],
     ) -> McapResult<(Encoder, Vec<Part>)> {
@@ -59,7 +63,7 @@ impl Encoder {
             len: 0,
             file_len: 0,
             channels: Vec::new(),
-            latest_ns: 0,
+            latest_ns: anchor.unix_ns_of(begun),
             chunks: 0,
         };
         encoder.describe(&info, anchor.unix_ns)?;

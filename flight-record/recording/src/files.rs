@@ -30,6 +30,8 @@ pub(crate) struct Files {
     pub(crate) inbox: Inbox,
     /// What the clocks showed at the last wake.
     pub(crate) anchor: Anchor,
+    /// When the recording began.
+    begun: MonotonicNs,
     /// The time of the last call.
     pub(crate) now: MonotonicNs,
     goal: Goal,
@@ -79,6 +81,7 @@ impl Files {
             settings,
             info,
             anchor,
+            begun: anchor.monotonic,
             now: anchor.monotonic,
             goal: Goal::Record,
             is_ending: false,

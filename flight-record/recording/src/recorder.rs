@@ -47,7 +47,8 @@ impl Recorder {
     /// Records a message: `cdr` is the message with its header of four bytes, `at` the time in it.
     ///
     /// `at`, or `now` if that is earlier, becomes its `publish_time`. Its `log_time` is the same, or later when messages of later times
-    /// are in the file already: within a file, `log_time` never goes back. Nor is it ever later than `now`.
+    /// are in the file already: within a file, `log_time` never goes back. Nor is it ever later than `now`, or earlier than the
+    /// recording.
     ///
     /// When the queue is full the message is dropped and counted; the file gets an event in its place.
     pub fn add(

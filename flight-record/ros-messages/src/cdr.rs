@@ -150,6 +150,11 @@ impl<'a> Reader<'a> {
         std::str::from_utf8(bytes.strip_suffix(&[0])?).ok()
     }
 
+    /// Whether no field is left.
+    pub fn is_at_end(&self) -> bool {
+        self.position == self.bytes.len()
+    }
+
     fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
         self.take(N, N)?.try_into().ok()
     }

@@ -6,14 +6,13 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use clap::{Args, Subcommand};
-use ipc_types::{WaitError, Wake};
+use ipc_types::{WaitError, Wake, allow_many_files};
 use module_kit::SetUp;
 use module_kit::process::{self, Process, Sources};
 use runtime::args::CommonArgs;
 use runtime::config::Fault;
 use runtime::config::resulting::{Origin, Resulting};
 use runtime::exit::{ExitCode, Failure, OrFail};
-use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
 use crate::access;
 use crate::certificate_files;
@@ -119,6 +118,7 @@ pub fn run(command: Command) -> Result<(), Failure> {
     if matches!(command, Command::Robot(_) | Command::Station(_)) {
         network::share_one_thread();
     }
+    // Each service takes some 22.
     allow_many_files();
     match command {
         Command::Robot(args) => robot(args),
@@ -293,18 +293,6 @@ impl Process for Router {
     fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
         self.network.drained();
         Ok(())
-    }
-}
-
-/// Raises the limit of open files, usually 1,024, to what the system allows: each service takes some 22.
-fn allow_many_files() {
-    let maximum = getrlimit(Resource::Nofile).maximum;
-    let limit = Rlimit {
-        current: maximum,
-        maximum,
-    };
-    if let Err(error) = setrlimit(Resource::Nofile, limit) {
-        tracing::debug!(%error, "the limit of open files stays as it is");
     }
 }
 

@@ -30,6 +30,7 @@ pub mod names;
 pub mod network;
 pub mod orders;
 mod own_topics;
+pub mod pace;
 mod queue;
 mod random;
 pub mod request;

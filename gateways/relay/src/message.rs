@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::orders::message::Answer;
 
 /// Version of all messages. A relay ignores those of another version, and says so once.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 
 /// Longest message, bytes: an [`Order`](crate::orders::message::Order).
 pub const MAX_BYTES: usize = MAX_ORDER_BYTES;
@@ -112,6 +112,8 @@ pub struct Ping {
     pub suspended_ns: u64,
     /// Whether the robot is to send the latest sample of each topic again, because the station may have none.
     pub wants_latest: bool,
+    /// By how much longer the last exchange took than the quickest one of late, or is overdue, ms: what waits on the way.
+    pub late_ms: u32,
 }
 
 /// From a robot to one station.

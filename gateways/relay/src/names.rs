@@ -12,7 +12,8 @@
 
 use std::fmt::Display;
 
-use ipc_types::Schema;
+use ipc_types::payload::RelayStations;
+use ipc_types::{Module, RelayModule, Schema, Topic};
 
 /// Everything.
 pub const ALL: &str = "hero/**";
@@ -40,6 +41,17 @@ pub fn order<R: Display>(robot: R, station: &str) -> String {
 /// What a robot answers to a station.
 pub fn tell<R: Display>(robot: R, station: &str) -> String {
     format!("hero/{robot}/tell/{station}")
+}
+
+/// Whether a service is one that relays carry. Of the relay's own, which each machine has itself, only the robot's stations are: so every
+/// station shows who commands.
+pub fn is_carried(key: &str) -> bool {
+    key == RelayStations::KEY || key.split('/').next() != Some(RelayModule::NAME)
+}
+
+/// The `origin` of the requests of an instance of a station: never 0, which stands for the robot's own clock.
+pub fn origin(station_instance: u64) -> u32 {
+    (station_instance as u32).max(1)
 }
 
 /// What a request service is called in orders, whatever its index in an instance of the robot's relay: a hash of its key and of the

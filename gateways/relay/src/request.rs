@@ -76,11 +76,16 @@ impl RequestFields {
         moment(request, self.issued)
     }
 
-    /// Says when the order was issued, by how much later it may have been, and by which clock.
-    pub fn set_issued(&self, request: &mut [u8], at: MonotonicNs, within_ns: u32, origin: u32) {
+    /// Says when the order was issued, and by how much later it may have been.
+    pub fn set_issued(&self, request: &mut [u8], at: MonotonicNs, within_ns: u32) {
         write(request, self.issued, &at.0.to_le_bytes());
         write(request, self.issued_within, &within_ns.to_le_bytes());
-        write(request, self.origin, &origin.to_le_bytes());
+    }
+
+    /// Says by which clock the order was issued, in a request that says when it was.
+    pub fn set_origin(&self, request: &mut [u8], origin: u32) {
+        let place = self.origin.filter(|_| self.issued.is_some());
+        write(request, place, &origin.to_le_bytes());
     }
 
     /// Until when the request may begin. `None` if it does not say.
@@ -130,7 +135,8 @@ mod tests {
         let mut request = movement.bytes().to_vec();
         assert_eq!(fields.issued(&request), None);
         assert_eq!(fields.begin_by(&request), None);
-        fields.set_issued(&mut request, SOME, 9, 5);
+        fields.set_issued(&mut request, SOME, 9);
+        fields.set_origin(&mut request, 5);
         fields.set_begin_by(&mut request, LATER);
         fields.set_repeat(&mut request);
         assert_eq!(fields.issued(&request), Some(SOME));
@@ -155,7 +161,8 @@ mod tests {
         control.set_repeat(&mut bytes);
         assert_eq!(bytes, request.bytes());
         assert!(!control.traits(&bytes).is_repeatable);
-        control.set_issued(&mut [], SOME, 9, 5);
+        control.set_issued(&mut [], SOME, 9);
+        control.set_origin(&mut [], 5);
         control.set_begin_by(&mut [0; 12], SOME);
         assert_eq!(control.issued(&[]), None);
         assert!(!control.traits(&[]).ends_movement);

@@ -4,7 +4,7 @@
 //!
 //! | lost | where it is counted | cure |
 //! |---|---|---|
-//! | left out on purpose | [`SampleSender`]: the configured rate | a higher rate |
+//! | left out on purpose | [`SampleSender`]: the configured rate, or the [`Pace`] of a narrow link | a higher rate, a better link |
 //! | in the relay | by the sequence of the topic's publisher on the robot | a faster robot |
 //! | on the air | [`SampleReceiver`]: by the numbers that the sender gave | a better link, a lower rate |
 //! | at the consumer | by the sequence of the topic on the station's machine | a faster consumer |
@@ -14,17 +14,31 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 
 use crate::message::SampleHeader;
+use crate::pace::Pace;
 
 /// Samples of one wake that are all sent. When more have piled up, the relay was held up, and only the newest of them goes
 /// out: at 50 samples a second this is 0.3 s.
 pub const MAX_BACKLOG: usize = 16;
 
+/// Pieces that wait for a way out; of further ones the oldest is left out. A topic in pieces is published as a whole again later.
+pub const MAX_PIECES: usize = 128;
+
+/// Which samples of a topic go out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Selection {
+    /// All, and the newest when more have piled up.
+    All,
+    /// The newest of each period.
+    Newest(Duration),
+    /// All, however slowly: each is a piece of something that only all of them are.
+    Pieces,
+}
+
 /// One topic on its way out of the robot.
 #[derive(Debug)]
 pub struct SampleSender {
     robot_instance: u64,
-    /// Shortest time between two samples. `None` if all are sent.
-    period: Option<Duration>,
+    selection: Selection,
     /// Not before then.
     next: MonotonicNs,
     /// Samples that came and were not sent yet, oldest first. With a period only the newest is kept.
@@ -36,11 +50,11 @@ pub struct SampleSender {
 }
 
 impl SampleSender {
-    /// A topic of which every sample is sent, or one each `period`.
-    pub fn new(robot_instance: u64, period: Option<Duration>) -> SampleSender {
+    /// A topic of which nothing has come yet.
+    pub fn new(robot_instance: u64, selection: Selection) -> SampleSender {
         SampleSender {
             robot_instance,
-            period,
+            selection,
             next: MonotonicNs(0),
             waiting: Vec::new(),
             latest: None,
@@ -51,43 +65,84 @@ impl SampleSender {
 
     /// A sample has come.
     pub fn take(&mut self, sample: &[u8]) {
-        let room = if self.period.is_some() {
-            1
-        } else {
-            MAX_BACKLOG
+        let waiting = self.waiting.len();
+        let dropped = match self.selection {
+            Selection::Newest(_) => waiting,
+            Selection::All if waiting >= MAX_BACKLOG => waiting,
+            Selection::Pieces if waiting >= MAX_PIECES => 1,
+            Selection::All | Selection::Pieces => 0,
         };
-        if self.waiting.len() >= room {
-            self.left_out += self.waiting.len() as u64;
-            self.waiting.clear();
-        }
+        self.left_out += dropped as u64;
+        self.waiting.drain(..dropped);
         self.waiting.push(sample.to_vec());
     }
 
-    /// Hands on each sample that is to be sent now. `lost` is what the topic's publisher has published and the relay never had.
+    /// Hands on each sample that is to be sent now. Of those that `pace` holds back, the newest goes later and the others are left out.
+    /// `lost` counts the samples that the topic's publisher has published and the relay has missed.
     pub fn send(
         &mut self,
         now: MonotonicNs,
         lost: u64,
+        pace: &mut Pace,
         mut send: impl FnMut(&SampleHeader, &[u8]),
     ) {
         if self.waiting.is_empty() || now < self.next {
             return;
         }
-        if let Some(period) = self.period {
+        if self.selection == Selection::Pieces {
+            let mut pieces = std::mem::take(&mut self.waiting).into_iter();
+            while pieces.len() > 0
+                && pace.is_open(now)
+                && let Some(piece) = pieces.next()
+            {
+                self.send_one(piece, now, lost, pace, &mut send);
+            }
+            self.waiting = pieces.collect();
+            if !self.waiting.is_empty() {
+                pace.hold();
+            }
+            return;
+        }
+        if !pace.is_open(now) {
+            pace.hold();
+            let older = self.waiting.len() - 1;
+            self.left_out += older as u64;
+            self.waiting.drain(..older);
+            return;
+        }
+        if let Selection::Newest(period) = self.selection {
             // On the grid of the period, so that a sample that comes a little early is not left out for it.
             let on_grid = self.next + period;
             self.next = if on_grid > now { on_grid } else { now + period };
         }
         for sample in std::mem::take(&mut self.waiting) {
-            self.number += 1;
-            send(&self.header(lost), &sample);
-            self.latest = Some(sample);
+            self.send_one(sample, now, lost, pace, &mut send);
         }
     }
 
+    fn send_one(
+        &mut self,
+        sample: Vec<u8>,
+        now: MonotonicNs,
+        lost: u64,
+        pace: &mut Pace,
+        send: &mut impl FnMut(&SampleHeader, &[u8]),
+    ) {
+        self.number += 1;
+        pace.spend(sample.len(), now);
+        send(&self.header(lost), &sample);
+        self.latest = Some(sample);
+    }
+
     /// Hands on the sample that was sent last, under its own number, for a station that may not have it.
-    pub fn send_again(&self, lost: u64, send: impl FnOnce(&SampleHeader, &[u8])) {
+    pub fn send_again(
+        &self,
+        (now, lost): (MonotonicNs, u64),
+        pace: &mut Pace,
+        send: impl FnOnce(&SampleHeader, &[u8]),
+    ) {
         if let Some(latest) = &self.latest {
+            pace.spend(latest.len(), now);
             send(&self.header(lost), latest);
         }
     }
@@ -102,8 +157,8 @@ impl SampleSender {
     }
 
     /// When a sample is due that has come already.
-    pub fn deadline(&self) -> Option<MonotonicNs> {
-        (!self.waiting.is_empty()).then_some(self.next)
+    pub fn deadline(&self, pace: &Pace) -> Option<MonotonicNs> {
+        (!self.waiting.is_empty()).then_some(self.next.max(pace.opens()))
     }
 
     /// Samples that were sent.
@@ -190,7 +245,7 @@ mod tests {
 
     fn sent(sender: &mut SampleSender, now: MonotonicNs) -> Vec<(u64, u8)> {
         let mut sent = Vec::new();
-        sender.send(now, 0, |header, sample| {
+        sender.send(now, 0, &mut Pace::default(), |header, sample| {
             sent.push((header.number, sample[0]));
         });
         sent
@@ -206,18 +261,18 @@ mod tests {
 
     #[test]
     fn without_a_rate_every_sample_is_sent_in_order() {
-        let mut sender = SampleSender::new(INSTANCE, None);
+        let mut sender = SampleSender::new(INSTANCE, Selection::All);
         for sample in 1..=3 {
             sender.take(&[sample]);
         }
         assert_eq!(sent(&mut sender, at(0)), [(1, 1), (2, 2), (3, 3)]);
         assert_eq!(sent(&mut sender, at(0)), []);
-        assert_eq!(sender.deadline(), None);
+        assert_eq!(sender.deadline(&Pace::default()), None);
     }
 
     #[test]
     fn what_has_piled_up_is_left_out_and_the_newest_goes() {
-        let mut sender = SampleSender::new(INSTANCE, None);
+        let mut sender = SampleSender::new(INSTANCE, Selection::All);
         for sample in 0..=MAX_BACKLOG as u8 {
             sender.take(&[sample]);
         }
@@ -226,21 +281,68 @@ mod tests {
     }
 
     #[test]
+    fn of_what_the_pace_holds_back_the_newest_goes_when_there_is_room() {
+        let mut sender = SampleSender::new(INSTANCE, Selection::All);
+        let mut pace = Pace::default();
+        for second in 0..9 {
+            pace.hear(1, 1000, at(second * 1000));
+        }
+        let now = at(9000);
+        pace.spend(3000, now);
+        let mut sent = Vec::new();
+        for sample in 1..=3 {
+            sender.take(&[sample]);
+            sender.send(now, 0, &mut pace, |header, sample| {
+                sent.push((header.number, sample[0]));
+            });
+        }
+        assert_eq!((sent.len(), sender.left_out), (0, 2));
+        let room = sender.deadline(&pace).unwrap();
+        assert!(room > now);
+        sender.send(room, 0, &mut pace, |header, sample| {
+            sent.push((header.number, sample[0]));
+        });
+        assert_eq!(sent, [(1, 3)]);
+    }
+
+    #[test]
+    fn pieces_are_held_back_and_all_of_them_go_out_in_order() {
+        let mut sender = SampleSender::new(INSTANCE, Selection::Pieces);
+        let mut pace = Pace::default();
+        for second in 0..9 {
+            pace.hear(1, 1000, at(second * 1000));
+        }
+        let (mut now, mut sent) = (at(9000), Vec::new());
+        pace.spend(3000, now);
+        for sample in 0..=MAX_PIECES as u8 {
+            sender.take(&[sample; 900]);
+        }
+        let mut times = 0;
+        while let Some(due) = sender.deadline(&pace) {
+            now = due;
+            sender.send(now, 0, &mut pace, |_, sample| sent.push(sample[0]));
+            times += 1;
+        }
+        assert_eq!(sent, (1..=MAX_PIECES as u8).collect::<Vec<_>>());
+        assert_eq!((times, sender.left_out), (MAX_PIECES, 1), "one at a time");
+    }
+
+    #[test]
     fn with_a_rate_the_newest_goes_when_it_is_due() {
-        let mut sender = SampleSender::new(INSTANCE, Some(Duration::from_millis(100)));
+        let mut sender = SampleSender::new(INSTANCE, Selection::Newest(Duration::from_millis(100)));
         sender.take(&[1]);
         assert_eq!(sent(&mut sender, at(1000)), [(1, 1)]);
         sender.take(&[2]);
         sender.take(&[3]);
         assert_eq!(sent(&mut sender, at(1050)), []);
-        assert_eq!(sender.deadline(), Some(at(1100)));
+        assert_eq!(sender.deadline(&Pace::default()), Some(at(1100)));
         assert_eq!(sent(&mut sender, at(1100)), [(2, 3)]);
         assert_eq!(sender.left_out, 1);
     }
 
     #[test]
     fn fifty_hertz_become_ten_though_the_samples_jitter() {
-        let mut sender = SampleSender::new(INSTANCE, Some(Duration::from_millis(100)));
+        let mut sender = SampleSender::new(INSTANCE, Selection::Newest(Duration::from_millis(100)));
         let mut count = 0;
         for index in 0..500 {
             sender.take(&[0]);
@@ -253,12 +355,15 @@ mod tests {
 
     #[test]
     fn the_latest_is_sent_again_under_its_own_number() {
-        let mut sender = SampleSender::new(INSTANCE, None);
-        sender.send_again(0, |_, _| panic!("there is none"));
+        let mut sender = SampleSender::new(INSTANCE, Selection::All);
+        let pace = &mut Pace::default();
+        sender.send_again((at(0), 0), pace, |_, _| panic!("there is none"));
         sender.take(&[9]);
         let _ = sent(&mut sender, at(0));
         let mut again = None;
-        sender.send_again(3, |header, sample| again = Some((header.number, sample[0])));
+        sender.send_again((at(0), 3), pace, |header, sample| {
+            again = Some((header.number, sample[0]));
+        });
         assert_eq!(again, Some((1, 9)));
         let mut receiver = SampleReceiver::default();
         assert!(receiver.take(&header(1)) && !receiver.take(&header(1)));

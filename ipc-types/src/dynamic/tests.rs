@@ -251,6 +251,8 @@ fn what_is_no_topic_of_a_module_is_not_published() {
         assert!(refusal("a/Voltages", VOLTAGES).contains("is no key"));
         let own = refusal("relay/voltages", VOLTAGES);
         assert!(own.contains("own module `relay`"), "{own}");
+        let stations = refusal("relay/stations", VOLTAGES);
+        assert!(stations.contains("own module `relay`"), "{stations}");
         for key in ["status/state", "bridge/anything", "bridge/a/b"] {
             let own = refusal(key, VOLTAGES);
             assert!(own.contains("the RIL's own module"), "{own}");

@@ -22,6 +22,8 @@ mod journal;
 #[allow(unsafe_code)]
 mod module_state;
 #[allow(unsafe_code)]
+mod outline;
+#[allow(unsafe_code)]
 mod relay;
 #[allow(unsafe_code)]
 mod request;
@@ -34,6 +36,7 @@ pub use journal::{BRIDGE_JOURNAL_ROOM, BridgeJournal, STATUS_JOURNAL_ROOM, Statu
 pub use layout::{FieldKind, FieldLayout, Layout, MAX_PAYLOAD_SIZE};
 pub use module_state::*;
 pub use number::Number;
+pub use outline::{BridgeOutline, OUTLINE_NAME_LEN, OUTLINE_POINTS, OutlinePoint};
 pub use relay::{
     LINK_TEXT_LEN, MAX_STATIONS, RelayLink, RelayStation, RelayStations, STATION_NAME_LEN,
 };

@@ -11,7 +11,7 @@ shared_struct! {
     /// State of a module. Service `module_state`, written by the bridge at every change and at least once a second.
     ///
     /// Times are host monotonic nanoseconds; 0 stands for "never", which the counter beside it says as well.
-    pub struct ModuleState("hero.ModuleState.v3") = 416 {
+    pub struct ModuleState("hero.ModuleState.v5") = 480 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publishing process began.
@@ -42,10 +42,48 @@ shared_struct! {
         pub safety: SafetyState,
         /// Telemetry altitude of the ground on which the helicopter stood last, m; meaningful when `ground_valid` is 1.
         pub ground_altitude_m: f64,
+        /// Number of the outline that holds: `number` of the pieces of the topic `bridge/outline`. To be compared for equality only.
+        pub outline: u64,
+        /// Who commands.
+        pub control: ControlState,
         /// 1 when the bridge has seen the helicopter on the ground.
         pub ground_valid: u32,
         /// How the line was of late.
         pub last_minute: LastMinute,
+    }
+}
+
+shared_struct! {
+    /// Who commands the bridge (`docs/safety.md`, *Control*).
+    pub struct ControlState("hero.ControlState.v1") = 56 {
+        /// Since when the holder has control; means something when `held` is 1.
+        pub since_ns: u64,
+        /// When the holder's last movement was taken, 0 when none was.
+        pub last_order_ns: u64,
+        /// Who has control; means something when `held` is 1.
+        pub holder: ControlSender,
+        /// Who asks the holder for it; means something when `asked` is 1.
+        pub asker: ControlSender,
+        /// 1 when a sender has control.
+        pub held: u32,
+        /// 1 when another sender asks for it.
+        pub asked: u32,
+        /// 1 when movements and writes of other senders are refused (`[control] exclusive` of bridge.toml).
+        pub exclusive: u32,
+        /// Always zero; keeps the size a multiple of eight.
+        pub reserved: u32,
+    }
+}
+
+shared_struct! {
+    /// A sender of requests: a station, or a session of processes on the robot's machine.
+    pub struct ControlSender("hero.ControlSender.v1") = 12 {
+        /// The station's number, as in `RelayStation`; 0 on the robot's machine.
+        pub origin: u32,
+        /// Number of the session, that of its first process; 0 when it is not known.
+        pub session: u32,
+        /// The process that sent last; 0 when it is not known.
+        pub process: u32,
     }
 }
 
@@ -226,6 +264,16 @@ impl ModuleState {
     /// Telemetry altitude of the ground on which the helicopter stood last, m, if it is known.
     pub const fn ground_altitude(&self) -> Option<f64> {
         given(self.ground_valid != 0, self.ground_altitude_m)
+    }
+
+    /// Who has control; `None` if control is free.
+    pub const fn holder(&self) -> Option<ControlSender> {
+        given(self.control.held != 0, self.control.holder)
+    }
+
+    /// Who asks the holder for control; `None` if no sender does.
+    pub const fn asker(&self) -> Option<ControlSender> {
+        given(self.control.asked != 0, self.control.asker)
     }
 
     /// Whether all that is published of this robot is a recorded flight that is played.

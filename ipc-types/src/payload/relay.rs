@@ -84,10 +84,10 @@ shared_struct! {
 
 shared_struct! {
     /// The stations that a robot is relayed to. Topic `relay/stations`, published on the robot's machine by its relay; at every
-    /// change and at least once a second.
+    /// change and at least once a second. It is relayed: every station shows who commands.
     ///
     /// Times are host monotonic nanoseconds; 0 stands for "never".
-    pub struct RelayStations("hero.RelayStations.v2") = 1568 {
+    pub struct RelayStations("hero.RelayStations.v3") = 1696 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publishing process began.
@@ -105,7 +105,7 @@ shared_struct! {
 
 shared_struct! {
     /// A station as the robot's relay knows it. Counts are of this life of the station.
-    pub struct RelayStation("hero.RelayStation.v2") = 96 {
+    pub struct RelayStation("hero.RelayStation.v3") = 104 {
         /// The station's name, ASCII, filled up with zeros.
         pub name: [u8; STATION_NAME_LEN],
         /// When the last message of the station came.
@@ -129,6 +129,10 @@ shared_struct! {
         /// Why the relay takes no requests from the station: a [`Reason`], relay-not-permitted or relay-too-many-stations;
         /// 0 when it takes them.
         pub refusal: u32 => refusal: Reason,
+        /// The `origin` that the relay writes into the requests of this life of the station.
+        pub origin: u32,
+        /// Always zero; keeps the size a multiple of eight.
+        pub reserved: u32,
     }
 }
 
@@ -166,6 +170,18 @@ impl RelayLink {
         (sent > 0).then(|| self.samples_lost_on_air as f64 / sent as f64)
     }
 
+    /// What the link has carried since the `earlier` sample of it: samples that came, and samples that were lost on the air. `None` if
+    /// the relay has begun anew meanwhile, or no sample was sent.
+    pub fn since(&self, earlier: &RelayLink) -> Option<(u64, u64)> {
+        let came = self
+            .samples_received
+            .checked_sub(earlier.samples_received)?;
+        let lost = self
+            .samples_lost_on_air
+            .checked_sub(earlier.samples_lost_on_air)?;
+        (self.epoch_ns == earlier.epoch_ns && (came, lost) != (0, 0)).then_some((came, lost))
+    }
+
     /// The endpoint of the link; `None` if it is not printable ASCII.
     pub fn link(&self) -> Option<&str> {
         ascii_text(&self.link)
@@ -187,6 +203,19 @@ impl RelayStations {
     pub fn stations(&self) -> &[RelayStation] {
         let count = usize::try_from(self.count).unwrap_or(MAX_STATIONS);
         &self.stations[..count.min(MAX_STATIONS)]
+    }
+
+    /// The station whose requests have this `origin`; `None` for 0, which is a program on the robot, and for one that is not shown.
+    pub fn of_origin(&self, origin: u32) -> Option<&RelayStation> {
+        let mut stations = self.stations().iter();
+        stations.find(|station| origin != 0 && station.origin == origin)
+    }
+
+    /// The station that commands now: that of the latest request; `None` if no station has sent one.
+    pub fn commanding(&self) -> Option<&RelayStation> {
+        let ordered = self.stations().iter();
+        let ordered = ordered.filter(|station| station.last_order_ns != 0);
+        ordered.max_by_key(|station| station.last_order_ns)
     }
 
     /// When it was published.
@@ -257,6 +286,9 @@ mod tests {
         assert_eq!(link(75, 25).lost_on_air(), Some(0.25));
         assert_eq!(link(0, 1).lost_on_air(), Some(1.0));
         assert!(link(u64::MAX, u64::MAX).lost_on_air().is_some());
+        assert_eq!(link(80, 25).since(&link(75, 22)), Some((5, 3)));
+        assert_eq!(link(80, 25).since(&link(80, 25)), None);
+        assert_eq!(link(1, 0).since(&link(80, 25)), None, "it began anew");
     }
 
     #[test]
@@ -282,5 +314,31 @@ mod tests {
         assert_eq!(stations(2).stations().len(), 2);
         assert_eq!(stations(u32::MAX).stations().len(), MAX_STATIONS);
         assert_eq!(RelayStation::default().last_heard(), None);
+    }
+
+    #[test]
+    fn the_station_with_the_latest_request_commands_and_a_request_names_its_station() {
+        let mut stations = RelayStations {
+            count: 3,
+            ..RelayStations::default()
+        };
+        assert_eq!(stations.commanding(), None);
+        for (index, (name, origin, last_order_ns)) in
+            [("watcher", 7, 0), ("gcs", 8, 200), ("spare", 9, 100)]
+                .into_iter()
+                .enumerate()
+        {
+            stations.stations[index] = RelayStation {
+                name: ascii_bytes(name),
+                origin,
+                last_order_ns,
+                ..RelayStation::default()
+            };
+        }
+        let name = |station: Option<&RelayStation>| station?.name().map(str::to_owned);
+        assert_eq!(name(stations.commanding()).as_deref(), Some("gcs"));
+        assert_eq!(name(stations.of_origin(9)).as_deref(), Some("spare"));
+        assert_eq!(stations.of_origin(0), None, "a program on the robot");
+        assert_eq!(stations.of_origin(10), None);
     }
 }

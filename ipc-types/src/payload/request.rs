@@ -108,7 +108,8 @@ shared_struct! {
         /// Rule broken: by how much, in the rule's unit. Take-off done: the height that was reached over the point of
         /// take-off, m. Parameter read or written: the value that the port has.
         pub value: f64,
-        /// The port that a parameter request is about; all zero in other reports.
+        /// The port that a parameter request is about. When an area of the geofence was broken: its name, and nothing else. All zero in
+        /// other reports.
         pub port: PortInfo,
     }
 }
@@ -318,6 +319,12 @@ const fn flag(number: u16) -> Option<bool> {
 }
 
 impl RequestReport {
+    /// The area of the geofence that was broken; `None` if it was none.
+    pub fn area(&self) -> Option<&str> {
+        let is_area = self.rule != 0 && self.port.kind == 0;
+        self.port.name().filter(|name| is_area && !name.is_empty())
+    }
+
     /// The report that a request has come to `stage` because of `reason`; the server's port fills in the request's id
     /// and the time.
     pub fn new(stage: Stage, reason: Reason) -> RequestReport {

@@ -6,9 +6,9 @@ use proptest::prelude::*;
 use super::*;
 use crate::module::State;
 use crate::payload::{
-    DspTelemetry, FieldKind, HeroTelemetry, Layout, MAX_PAYLOAD_SIZE, MAX_STATIONS, ModuleControl,
-    ModuleState, MovementData, ParameterRequest, RelayLink, RelayStations, RequestReport,
-    SharedStruct,
+    BridgeOutline, DspTelemetry, FieldKind, HeroTelemetry, Layout, MAX_PAYLOAD_SIZE, MAX_STATIONS,
+    ModuleControl, ModuleState, MovementData, ParameterRequest, RelayLink, RelayStations,
+    RequestReport, SharedStruct,
 };
 use crate::service::SERVICES;
 
@@ -282,9 +282,12 @@ fn the_moments_of_the_robot_s_own_structs_are_these() {
             "published_ns",
             "link.last_message_ns",
             "link.last_telemetry_ns",
-            "link.state_since_ns"
+            "link.state_since_ns",
+            "control.since_ns",
+            "control.last_order_ns"
         ]
     );
+    assert_eq!(names(BridgeOutline::LAYOUT), ["published_ns"]);
     assert_eq!(names(State::LAYOUT), ["published_ns", "since_ns"]);
     assert_eq!(names(RequestReport::LAYOUT), ["reported_ns"]);
     assert_eq!(names(MovementData::LAYOUT), ["issued_ns", "begin_by_ns"]);

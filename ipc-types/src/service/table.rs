@@ -4,8 +4,8 @@
 
 use super::contract::{Contract, Request, Topic};
 use crate::payload::{
-    DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
-    RelayLink, RelayStations,
+    BridgeOutline, DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData,
+    ParameterRequest, RelayLink, RelayStations,
 };
 use crate::robot::RobotId;
 use crate::{request, topic};
@@ -116,9 +116,18 @@ pub(crate) fn slot(key: &str, robot: RobotId) -> Option<u32> {
     own(key).map(|id| id.slot(robot))
 }
 
+/// Screens, recorders and gateways; twice as many cost 2 MiB of shared memory more.
+const MAX_OUTLINE_SUBSCRIBERS: usize = 16;
+
 topic!(DspTelemetry, "dsp_telemetry", "bridge");
 topic!(HeroTelemetry, "hero_telemetry", "status");
 topic!(ModuleState, "module_state", "bridge");
+topic!(
+    BridgeOutline,
+    "bridge/outline",
+    "bridge",
+    MAX_OUTLINE_SUBSCRIBERS
+);
 topic!(RelayLink, "relay/link", "relay");
 topic!(RelayStations, "relay/stations", "relay");
 request!(ModuleControl, "module_control", "bridge");

@@ -11,6 +11,13 @@ use crate::error::{MAX_ELEMENT_DEPTH, MAX_ELEMENTS, ReadError};
 /// Parses JSON; a mistake is reported with its line.
 pub(super) fn json<T: DeserializeOwned>(text: &str) -> Result<T, ReadError> {
     serde_json::from_str(text).map_err(|error| {
+        if error.is_eof() {
+            let reason = match text.trim().is_empty() {
+                true => "the file is empty",
+                false => "the file ends in the middle of a list or object: it is cut off",
+            };
+            return ReadError::line(error.line().max(1), reason);
+        }
         // The message ends with the place, which the error has by itself.
         let message = error.to_string();
         let reason = clean_reason(message.split(" at line ").next().unwrap_or_default());

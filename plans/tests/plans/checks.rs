@@ -173,6 +173,24 @@ max_altitude_m = 39.0
     "###);
 }
 
+/// Most often such a height is one above sea level.
+#[test]
+fn a_take_off_that_is_too_high_names_the_limit_and_the_heights_of_the_plan() {
+    let plan = list(&[
+        (3, 22, 0.0, 0.0, 0.0, 0.0, 620.0),
+        (2, 20, 0.0, 0.0, 0.0, 0.0, 0.0),
+    ]);
+    let found = findings(&plan, &site(), "", &FAST);
+    let high = found.iter().find(|one| one.id == "take-off-altitude");
+    let high = high.unwrap_or_else(|| panic!("{}", describe(&found)));
+    assert!(
+        high.text.contains("0.5 to 200 m above take-off"),
+        "{high:?}"
+    );
+    let next_step = high.next_step.as_deref().unwrap_or_default();
+    assert!(next_step.contains("set `zero_above_sea_m`"), "{high:?}");
+}
+
 #[test]
 fn a_waypoint_below_the_ground_of_the_take_off_is_found_unless_the_robot_allows_it() {
     let valley = list(&[

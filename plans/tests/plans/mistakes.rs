@@ -170,9 +170,10 @@ fn of_geojson() {
     };
     const POINT: &str = r#"{"type":"Point","coordinates":[-6,37,9]}"#;
     for (text, expected) in [
+        ("\n".to_owned(), "line 2: the file is empty"),
         (
             "{\"type\":\"Feature\",\n".to_owned(),
-            "line 2: EOF while parsing",
+            "line 2: the file ends in the middle of a list or object: it is cut off",
         ),
         (
             feature(r#"{"action":"jump"}"#, POINT),

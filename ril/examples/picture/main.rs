@@ -11,20 +11,20 @@
 mod svg;
 
 use std::fs;
-use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::SystemTime;
 
-use ipc_types::payload::{HeroTelemetry, ModuleState, WaypointPosition};
+use ipc_types::outline::OutlineReader;
+use ipc_types::payload::{BridgeOutline, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, RobotId, StateOf, StatusModule, Subscriber, Waiter};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Style};
 use ril::render::terminal::Key;
-use ril::robot::chart::{Chart, FenceFile};
+use ril::robot::chart::Chart;
+use ril::robot::clock::WallClock;
+use ril::robot::model::Process as Kind;
 use ril::verbs::watch::app::App;
-use ril::verbs::watch::model::Process as Kind;
-use ril::verbs::watch::view::{self, Glyphs, ScreenClock};
+use ril::verbs::watch::view::{self, Glyphs};
 use ril_tests::watchdog::DEFAULT_LIMIT;
 use ril_tests::{Process, Sandbox, TestDomain};
 
@@ -164,22 +164,15 @@ struct Watched {
     state: Subscriber<ModuleState>,
     hero: Subscriber<HeroTelemetry>,
     status: Subscriber<StateOf<StatusModule>>,
+    outline: Subscriber<BridgeOutline>,
+    reader: OutlineReader,
     newest: Option<ModuleState>,
 }
 
 impl Watched {
     fn new(domain: &TestDomain) -> Watched {
         let ipc = domain.join_as(RobotId::DEFAULT, "picture");
-        let fence: FenceFile =
-            runtime::config::parse(BRIDGE, PathBuf::from("bridge.toml")).expect("a fence");
-        let path = CORNERS.map(|[latitude_deg, longitude_deg]| WaypointPosition {
-            latitude_deg,
-            longitude_deg,
-            altitude_m: 30.0,
-        });
-        let chart = Chart::new(&fence, &path);
-        let mut app = App::new(&[RobotId::DEFAULT], chart.clone());
-        app.robots_mut()[0].running_fence(chart.fence);
+        let mut app = App::new(&[RobotId::DEFAULT], Chart::default());
         let now = MonotonicNs::now();
         // All of the fence.
         for _ in 0..2 {
@@ -193,6 +186,8 @@ impl Watched {
             state: ipc.subscriber().expect("a port"),
             hero: ipc.subscriber().expect("a port"),
             status: ipc.subscriber().expect("a port"),
+            outline: ipc.subscriber().expect("a port"),
+            reader: OutlineReader::new(),
             newest: None,
         }
     }
@@ -218,10 +213,11 @@ impl Watched {
 
     fn take(&mut self) {
         let waiter = Waiter::new();
-        let mut sources: [((), &mut dyn ipc_types::Source); 3] = [
+        let mut sources: [((), &mut dyn ipc_types::Source); 4] = [
             ((), &mut self.state),
             ((), &mut self.hero),
             ((), &mut self.status),
+            ((), &mut self.outline),
         ];
         waiter.wait(&mut sources, None).expect("a wait");
         let now = MonotonicNs::now();
@@ -229,6 +225,15 @@ impl Watched {
         self.status
             .drain(|status| robot.status(status, now))
             .expect("samples");
+        let reader = &mut self.reader;
+        self.outline
+            .drain(|piece| {
+                reader.take(piece);
+            })
+            .expect("samples");
+        if let Some(held) = reader.outline() {
+            robot.held(held.number, Chart::from(held));
+        }
         let newest = &mut self.newest;
         self.state
             .drain(|state| {
@@ -243,12 +248,7 @@ impl Watched {
     }
 
     fn drawn(&self) -> Buffer {
-        let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
-        let now = MonotonicNs::now();
-        let clock = ScreenClock {
-            now,
-            zero_unix_ns: (since_1970.as_nanos() as u64).saturating_sub(now.0),
-        };
+        let (clock, _) = WallClock::default().look(MonotonicNs::now());
         let mut buffer = Buffer::empty(Rect::new(0, 0, COLUMNS, ROWS));
         view::draw(&self.app, clock, Glyphs::Unicode, &mut buffer);
         buffer

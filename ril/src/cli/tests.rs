@@ -3,7 +3,7 @@
 use runtime::exit::ExitCode;
 
 use super::*;
-use crate::options::{Height, Target};
+use crate::options::{Height, Target, Targets};
 use crate::verbs::order::FenceCommand;
 use crate::verbs::param::{ParamCommand, PortKey};
 use crate::verbs::relay::RelayCommand;
@@ -53,7 +53,7 @@ fn negative_coordinates_and_options_after_them_are_both_understood() {
         position(37.0, -0.5, -3.0),
         position(-0.5, 0.0, 10.0),
     ];
-    assert_eq!(goto.targets().unwrap(), expected);
+    assert_eq!(goto.targets().unwrap(), Targets::At(expected.into()));
     assert!(goto.request.no_wait);
     assert_eq!(goto.request.ask.common.robot().get(), 7);
     assert_eq!(goto.request.ask.deadline, Some(50));
@@ -81,7 +81,8 @@ fn altitudes_have_units_and_stand_as_words_of_their_own() {
         (&["37.41,-6.01,+20m"], Height::AboveTakeOff(20.0)),
         (&["37.41,-6.01,100ft"], Height::Telemetry(30.48)),
     ] {
-        assert_eq!(goto(arguments), [target(altitude)], "{arguments:?}");
+        let expected = Targets::At(vec![target(altitude)]);
+        assert_eq!(goto(arguments), expected, "{arguments:?}");
     }
     for arguments in [
         &["takeoff", "20m"][..],
@@ -110,7 +111,7 @@ fn a_robot_is_named_before_the_verb_or_behind_it_or_not_at_all() {
         let Ok(Command::Hold(args)) = parse(arguments) else {
             panic!("{arguments:?}");
         };
-        let common = args.ask.common;
+        let common = args.request.ask.common;
         assert_eq!(common.robot.map(u32::from), expected, "{arguments:?}");
         assert_eq!(common.robot().get(), expected.unwrap_or(1));
     }

@@ -8,10 +8,12 @@ pub mod object;
 #[cfg(test)]
 mod tests;
 
+use dsp_protocol::port;
 use ipc_types::code::{PortKind, Reason, Stage};
 use ipc_types::payload::RequestReport;
 use runtime::exit::ExitCode;
 
+use super::words::count;
 use details::{details, port_label, port_range, port_value};
 
 /// Which command a report answers.
@@ -23,6 +25,12 @@ pub enum Verb {
     Stop,
     /// `ril fence reload`
     ReloadFence,
+    /// `ril control take`
+    TakeControl,
+    /// `ril control release`
+    ReleaseControl,
+    /// `ril control pass`
+    PassControl,
     /// `ril takeoff`
     TakeOff,
     /// `ril land`
@@ -31,6 +39,8 @@ pub enum Verb {
     Hold,
     /// `ril goto`
     GoTo,
+    /// `ril rtl`
+    ReturnToHome,
     /// `ril param list`
     ListParameters,
     /// `ril param get`
@@ -41,14 +51,18 @@ pub enum Verb {
 
 impl Verb {
     /// All commands that send requests.
-    pub const ALL: [Verb; 10] = [
+    pub const ALL: [Verb; 14] = [
         Verb::Start,
         Verb::Stop,
         Verb::ReloadFence,
+        Verb::TakeControl,
+        Verb::ReleaseControl,
+        Verb::PassControl,
         Verb::TakeOff,
         Verb::Land,
         Verb::Hold,
         Verb::GoTo,
+        Verb::ReturnToHome,
         Verb::ListParameters,
         Verb::GetParameter,
         Verb::SetParameter,
@@ -60,10 +74,14 @@ impl Verb {
             Verb::Start => "start",
             Verb::Stop => "stop",
             Verb::ReloadFence => "fence reload",
+            Verb::TakeControl => "control take",
+            Verb::ReleaseControl => "control release",
+            Verb::PassControl => "control pass",
             Verb::TakeOff => "takeoff",
             Verb::Land => "land",
             Verb::Hold => "hold",
             Verb::GoTo => "goto",
+            Verb::ReturnToHome => "rtl",
             Verb::ListParameters => "param list",
             Verb::GetParameter => "param get",
             Verb::SetParameter => "param set",
@@ -73,9 +91,12 @@ impl Verb {
     /// What happens to an accepted request when the command that sent it ends.
     pub const fn goes_on(self) -> &'static str {
         match self {
-            Verb::Start | Verb::Stop | Verb::ReloadFence => {
-                "the bridge goes on with it; `ril status` shows how it ends"
-            }
+            Verb::Start
+            | Verb::Stop
+            | Verb::ReloadFence
+            | Verb::TakeControl
+            | Verb::ReleaseControl
+            | Verb::PassControl => "the bridge goes on with it; `ril status` shows how it ends",
             Verb::TakeOff => {
                 "the take-off goes on and cannot be aborted; `ril status` shows how it ends"
             }
@@ -85,7 +106,7 @@ impl Verb {
             Verb::Hold => {
                 "the bridge goes on stopping the helicopter; `ril status` shows how it ends"
             }
-            Verb::GoTo => {
+            Verb::GoTo | Verb::ReturnToHome => {
                 "the path is flown to its end; `ril hold` makes the helicopter hover at once"
             }
             Verb::ListParameters | Verb::GetParameter => "nothing was changed",
@@ -204,6 +225,9 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::DspRebooted => "the DSP rebooted",
         Reason::BridgeEnding => "the bridge was ended meanwhile",
         Reason::BridgeGone => "the bridge vanished: start it again and look at `ril status`",
+        Reason::NotInControl => {
+            "another sender has control: `ril control show` names it; `ril control take` asks it for control. `ril hold` and `ril land` are taken all the same"
+        }
         Reason::ModuleGone => "the module vanished: start it again and look at its state",
         Reason::DeliveryFailed => {
             "waypoints did not reach the DSP although they were sent again: `ril status` shows the link"
@@ -283,6 +307,15 @@ fn explain_for_port(report: &FinalReport) -> Option<String> {
     Some(text)
 }
 
+/// What the reason means for a take-off, where that differs from [`explain`]: its limit is the DSP's.
+fn explain_for_take_off(reason: Reason) -> Option<String> {
+    let port = port::port32(port::TAKE_OFF_ALTITUDE_M).filter(|_| reason == Reason::OutOfRange)?;
+    Some(format!(
+        "the DSP takes {} to {} m above take-off (port {})",
+        port.min, port.max, port.number
+    ))
+}
+
 /// How a request ended, in one line: what happened, why, and what to do next.
 pub fn ending(verb: Verb, end: &FinalReport) -> String {
     match ending_parts(verb, end) {
@@ -298,11 +331,12 @@ pub fn ending_parts(verb: Verb, end: &FinalReport) -> (String, Option<String>) {
         Stage::Aborted => "was begun and ended early",
         _ => "has an unknown outcome",
     };
-    let of_port = verb
-        .is_about_a_port()
-        .then(|| explain_for_port(end))
-        .flatten();
-    let explanation = of_port.unwrap_or_else(|| explain(end.reason).to_owned());
+    let of_verb = match verb {
+        Verb::TakeOff => explain_for_take_off(end.reason),
+        _ if verb.is_about_a_port() => explain_for_port(end),
+        _ => None,
+    };
+    let explanation = of_verb.unwrap_or_else(|| explain(end.reason).to_owned());
     let why = with_details(end.reason.name(), &end.report);
     // An explanation is what the reason means, and what to do behind a colon.
     let (meaning, next_step) = match explanation.split_once(": ") {
@@ -332,17 +366,17 @@ pub fn line(verb: Verb, index: usize, total: usize, report: &RequestReport) -> O
     };
     let is_last = index + 1 == total;
     let text = match (verb, stage) {
-        // The waypoints before the last are done before the path is flown.
-        (Verb::GoTo, Stage::Done) if !is_last => return None,
-        (Verb::GoTo, Stage::Accepted) => {
-            let end = if is_last {
-                ", the path is complete"
-            } else {
-                ""
-            };
-            format!("waypoint {} of {total} accepted{end}", index + 1)
+        // The waypoints before the last are accepted and done before the path is flown.
+        (Verb::GoTo | Verb::ReturnToHome, Stage::Accepted | Stage::Done) if !is_last => {
+            return None;
         }
-        (Verb::GoTo, Stage::Progress | Stage::Done) => format!(
+        (Verb::GoTo | Verb::ReturnToHome, Stage::Accepted) => {
+            format!(
+                "{} accepted, the path is complete",
+                count(total, "waypoint")
+            )
+        }
+        (Verb::GoTo | Verb::ReturnToHome, Stage::Progress | Stage::Done) => format!(
             "{stage}, {} of {} waypoints sent, {} reached",
             report.waypoints_sent, report.waypoints_total, report.waypoints_reached
         ),

@@ -3,6 +3,8 @@
 use std::fmt::Display;
 use std::io;
 
+use ipc_types::code::{ImiCode, ModuleStatus};
+
 use crate::render::terminal::Size;
 
 /// `1 sample`, `2 samples`: the plural is the singular with an s.
@@ -22,6 +24,26 @@ pub fn count_irregular<N: Display + PartialEq + From<u8>>(
         plural
     };
     format!("{number} {noun}")
+}
+
+/// What a module says of itself: the wire's words, such as *ended* of one that is ready, are those of programs. `None` for a number that
+/// is not in the contract.
+pub fn module_words(status: Option<ModuleStatus>, is_blocked: bool) -> Option<&'static str> {
+    Some(match status? {
+        ModuleStatus::WaitingDataToStart => "not started",
+        ModuleStatus::Ended if is_blocked => "stopped",
+        ModuleStatus::Running => "started",
+        ModuleStatus::Ended => "ready",
+        ModuleStatus::Aborted => "aborted",
+    })
+}
+
+/// The error of a module.
+pub fn error_words(error: ImiCode) -> String {
+    match error.is_none() {
+        true => "no error".to_owned(),
+        false => error.to_string(),
+    }
 }
 
 /// A time, such as `45s`, `12m05s`, `1h02m05s`.
@@ -105,7 +127,7 @@ pub fn wrap(first: &str, words: &str, columns: usize) -> String {
     text
 }
 
-/// As a shell reads it as one word: the name of a record has parentheses, and that of a plan may have blanks.
+/// As a shell reads it as one word: that of a log as the original software named it has parentheses, and that of a plan may have blanks.
 pub fn shell_word(word: &str) -> String {
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "/._-+,:".contains(letter);
     match !word.is_empty() && word.chars().all(is_plain) {
@@ -176,7 +198,7 @@ mod tests {
     fn what_a_shell_would_not_read_as_one_word_is_quoted() {
         for (word, expected) in [
             ("log/flight-1.mcap", "log/flight-1.mcap"),
-            ("hero(1)_2026-11-22.mcap", "'hero(1)_2026-11-22.mcap'"),
+            ("hero(1)_22_11_26.tsv", "'hero(1)_22_11_26.tsv'"),
             ("my plan.gpx", "'my plan.gpx'"),
             ("it's", r"'it'\''s'"),
             ("", "''"),

@@ -9,7 +9,7 @@ use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure};
 
 use super::relay_link::LinkReport;
-use crate::session::{Latest, Session, is_relayed, other_domains, others_alive, process_of};
+use crate::session::{Latest, Session, other_domains, others_alive, process_of};
 
 /// How long the relay may take to say how its link is. A subscriber gets the last state at once.
 const LINK_TIMEOUT: Duration = Duration::from_secs(1);
@@ -79,7 +79,7 @@ pub(crate) fn nothing_came(
         return Ok(absent(session, key));
     };
     let (running, next_step) = match process_of(key) {
-        _ if is_relayed(key, &provider) => (
+        _ if session.is_relayed(key, &provider)? => (
             "the relay".to_owned(),
             format!("`ril relay status --robot {robot}` shows its link to the robot"),
         ),

@@ -1,8 +1,10 @@
 //! What changes from one state of the bridge to the next, in words: for the screen of `ril watch` and the log in a flight record.
 
 use ipc_types::code::{LinkState, MovementKind, PilotSwitch};
-use ipc_types::payload::ModuleState;
+use ipc_types::payload::{ControlSender, ModuleState};
 use runtime::finding::Severity;
+
+use crate::robot::controller::Senders;
 
 /// How much a line matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -57,6 +59,7 @@ pub fn of_states(before: &ModuleState, state: &ModuleState) -> Vec<(Weight, Stri
     {
         add(Weight::Warning, "the DSP rebooted".to_owned());
     }
+    of_control(before, state, &mut add);
     let switch = state.safety.pilot_switch();
     if before.safety.pilot_switch() != switch
         && let Some(switch @ (PilotSwitch::Manual | PilotSwitch::Auto)) = switch
@@ -68,6 +71,31 @@ pub fn of_states(before: &ModuleState, state: &ModuleState) -> Vec<(Weight, Stri
         add(Weight::Warning, text.to_owned());
     }
     lines
+}
+
+/// What is new about who commands, where that is exclusive.
+fn of_control(before: &ModuleState, state: &ModuleState, add: &mut impl FnMut(Weight, String)) {
+    if state.control.exclusive == 0 {
+        return;
+    }
+    let who = |sender: ControlSender| [sender.origin, sender.session];
+    let names = Senders::default();
+    let holder = state.holder();
+    if before.holder().map(who) != holder.map(who) {
+        add(
+            Weight::Note,
+            match holder {
+                Some(holder) => format!("{} has control", names.name(&holder)),
+                None => "control is free".to_owned(),
+            },
+        );
+    }
+    if let Some(asker) = state.asker()
+        && before.asker().map(who) != Some(who(asker))
+    {
+        let text = format!("{} asks for control", names.name(&asker));
+        add(Weight::Warning, text);
+    }
 }
 
 /// Whether another movement is under way than before.

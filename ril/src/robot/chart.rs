@@ -1,10 +1,12 @@
-//! [`Chart`]: what the map has besides the robot: the geofence of a configuration of the bridge, and the path of a plan.
+//! [`Chart`]: what the map has besides the robot: the geofence in force and the path that the bridge holds, or those of a configuration
+//! and of a plan.
 
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use bridge::safety::fence::{Area, AreaConfig, AreaKind, Fence, FenceConfig};
+use ipc_types::outline::{self, OutlineArea, OutlineShape};
 use ipc_types::payload::WaypointPosition;
 use plans::Plan;
 use plans::error::MAX_FILE_BYTES;
@@ -73,15 +75,31 @@ pub struct Chart {
 impl Chart {
     /// The chart of a fence, which the bridge's own code has checked, and of a path.
     pub fn new(file: &FenceFile, path: &[WaypointPosition]) -> Chart {
-        let place =
-            |waypoint: &WaypointPosition| Place::new(waypoint.latitude_deg, waypoint.longitude_deg);
         Chart {
             fence: file.fence.area.iter().map(Outline::of).collect(),
             floor_m: file.fence.floor_m,
             ceiling_m: file.fence.ceiling_m,
-            path: path.iter().filter_map(place).collect(),
+            path: places(path),
         }
     }
+}
+
+/// What a bridge holds.
+impl From<&outline::Outline> for Chart {
+    fn from(held: &outline::Outline) -> Chart {
+        Chart {
+            fence: held.areas.iter().map(Outline::from).collect(),
+            floor_m: held.floor_m,
+            ceiling_m: held.ceiling_m,
+            path: places(&held.path),
+        }
+    }
+}
+
+fn places(path: &[WaypointPosition]) -> Vec<Place> {
+    let place =
+        |waypoint: &WaypointPosition| Place::new(waypoint.latitude_deg, waypoint.longitude_deg);
+    path.iter().filter_map(place).collect()
 }
 
 /// The fence of the bridge's configuration `bridge`, or of `bridge.toml` if it is there, and the path of `plan`.
@@ -131,26 +149,45 @@ pub fn read_plan(file: &Path) -> Result<Plan, Failure> {
 
 impl Outline {
     fn of(area: &AreaConfig) -> Outline {
-        let polygon = area.polygon.iter().flatten();
-        let mut corners: Vec<Place> = polygon
-            .filter_map(|[lat, lon]| Place::new(*lat, *lon))
-            .collect();
-        if let (Some([latitude, longitude]), Some(radius_m)) = (area.centre, area.radius_m) {
-            let radius_deg = radius_m / METRES_PER_DEGREE;
-            let scale = latitude.to_radians().cos().max(0.01);
-            corners.extend((0..CIRCLE_CORNERS).filter_map(|corner| {
-                let angle = f64::from(corner) * std::f64::consts::TAU / f64::from(CIRCLE_CORNERS);
-                Place::new(
-                    latitude + radius_deg * angle.cos(),
-                    longitude + radius_deg * angle.sin() / scale,
-                )
-            }));
-        }
+        let corners = match (area.centre, area.radius_m) {
+            (Some(centre), Some(radius_m)) => circle(centre, radius_m),
+            _ => corners(area.polygon.as_deref().unwrap_or_default()),
+        };
         Outline {
             is_inclusion: area.kind == AreaKind::Inclusion,
             corners,
         }
     }
+}
+
+impl From<&OutlineArea> for Outline {
+    fn from(area: &OutlineArea) -> Outline {
+        Outline {
+            is_inclusion: area.is_inclusion,
+            corners: match &area.shape {
+                OutlineShape::Polygon(polygon) => corners(polygon),
+                OutlineShape::Circle { centre, radius_m } => circle(*centre, *radius_m),
+            },
+        }
+    }
+}
+
+fn corners(polygon: &[[f64; 2]]) -> Vec<Place> {
+    let corner = |[latitude, longitude]: &[f64; 2]| Place::new(*latitude, *longitude);
+    polygon.iter().filter_map(corner).collect()
+}
+
+fn circle([latitude, longitude]: [f64; 2], radius_m: f64) -> Vec<Place> {
+    let radius_deg = radius_m / METRES_PER_DEGREE;
+    let scale = latitude.to_radians().cos().max(0.01);
+    let corner = |corner: u32| {
+        let angle = f64::from(corner) * std::f64::consts::TAU / f64::from(CIRCLE_CORNERS);
+        Place::new(
+            latitude + radius_deg * angle.cos(),
+            longitude + radius_deg * angle.sin() / scale,
+        )
+    };
+    (0..CIRCLE_CORNERS).filter_map(corner).collect()
 }
 
 #[cfg(test)]
@@ -176,6 +213,39 @@ mod tests {
         for corner in &chart.fence[1].corners {
             assert!((distance_m(centre, *corner) - 30.0).abs() < 0.2);
         }
+    }
+
+    #[test]
+    fn what_the_bridge_holds_is_drawn_as_the_same_file_is() {
+        let text = "[fence]\nceiling_m = 50.0\n\
+            [[fence.area]]\nname = \"a\"\nkind = \"inclusion\"\npolygon = [[37.0, -6.0], [37.1, -6.0], [37.1, -6.1]]\n\
+            [[fence.area]]\nname = \"b\"\nkind = \"exclusion\"\ncentre = [37.0, -6.0]\nradius_m = 5.0\n";
+        let file: FenceFile = runtime::config::parse(text, "bridge.toml").unwrap();
+        let path = [WaypointPosition {
+            latitude_deg: 37.05,
+            longitude_deg: -6.05,
+            altitude_m: 20.0,
+        }];
+        let area = |name: &str, is_inclusion, shape| OutlineArea {
+            name: name.to_owned(),
+            is_inclusion,
+            floor_m: None,
+            ceiling_m: None,
+            shape,
+        };
+        let polygon = vec![[37.0, -6.0], [37.1, -6.0], [37.1, -6.1]];
+        let (centre, radius_m) = ([37.0, -6.0], 5.0);
+        let held = outline::Outline {
+            number: 1,
+            floor_m: None,
+            ceiling_m: Some(50.0),
+            areas: vec![
+                area("a", true, OutlineShape::Polygon(polygon)),
+                area("b", false, OutlineShape::Circle { centre, radius_m }),
+            ],
+            path: path.to_vec(),
+        };
+        assert_eq!(Chart::from(&held), Chart::new(&file, &path));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! Places on the Earth and the metres between them: the one Earth of this tool, a sphere with the mean radius; and where a robot was.
 //!
+//! Where metres become a place that is flown to ([`moved`], [`origin`]), the Earth is the ellipsoid of WGS 84.
+//!
 //! Distances are those on a flat map around the first place, good to 0.6 % over some kilometres. What the bridge judges with are its
 //! own: `bridge::geodesy` and the geofence.
 
@@ -33,6 +35,36 @@ pub fn offset_m(from: Place, to: Place) -> (f64, f64) {
     (
         east_deg * METRES_PER_DEGREE * scale,
         (to.latitude_deg - from.latitude_deg) * METRES_PER_DEGREE,
+    )
+}
+
+/// Semi-major axis of the ellipsoid of WGS 84, m.
+const SEMI_MAJOR_AXIS_M: f64 = 6_378_137.0;
+
+/// First eccentricity of the ellipsoid of WGS 84, squared.
+const ECCENTRICITY_SQUARED: f64 = 6.694_379_990_14e-3;
+
+/// The place so many metres east and north of `from`; `None` if that is none, beyond a pole.
+pub fn moved(from: Place, east_m: f64, north_m: f64) -> Option<Place> {
+    moved_at(from.latitude_deg, from, east_m, north_m)
+}
+
+/// The place from which `place` is so many metres east and north, in the plane that touches the Earth there.
+pub fn origin(place: Place, east_m: f64, north_m: f64) -> Option<Place> {
+    let near = moved(place, -east_m, -north_m)?;
+    moved_at(near.latitude_deg, place, -east_m, -north_m)
+}
+
+/// The same as [`moved`] with the curvature at a latitude.
+fn moved_at(latitude_deg: f64, from: Place, east_m: f64, north_m: f64) -> Option<Place> {
+    let (sin, cos) = latitude_deg.to_radians().sin_cos();
+    let flattened = 1.0 - ECCENTRICITY_SQUARED * sin * sin;
+    let east_radius_m = SEMI_MAJOR_AXIS_M / flattened.sqrt();
+    let north_radius_m = east_radius_m * (1.0 - ECCENTRICITY_SQUARED) / flattened;
+    let longitude_deg = from.longitude_deg + (east_m / (east_radius_m * cos)).to_degrees();
+    Place::new(
+        from.latitude_deg + (north_m / north_radius_m).to_degrees(),
+        (longitude_deg + 540.0).rem_euclid(360.0) - 180.0,
     )
 }
 
@@ -112,6 +144,18 @@ mod tests {
         let west = Place::new(0.0, -179.9999).unwrap();
         let (east_m, north_m) = offset_m(east, west);
         assert!((east_m - 22.3).abs() < 0.1 && north_m == 0.0, "{east_m}");
+    }
+
+    #[test]
+    fn a_move_is_as_long_as_it_was_asked_for_across_the_date_line_too() {
+        let from = Place::new(37.0, 179.9999).unwrap();
+        let (east_m, north_m) = offset_m(from, moved(from, 50.0, -20.0).unwrap());
+        // The sphere of distances is another Earth.
+        assert!((east_m - 50.0).abs() < 0.3 && (north_m + 20.0).abs() < 0.12);
+        let far = moved(from, 5_000.0, -7_000.0).unwrap();
+        let back = origin(far, 5_000.0, -7_000.0).unwrap();
+        assert!(distance_m(from, back) < 0.05, "{back:?}");
+        assert_eq!(moved(Place::new(90.0, 0.0).unwrap(), 0.0, 50.0), None);
     }
 
     fn place(north_m: f64) -> Place {

@@ -71,6 +71,10 @@ pub struct PilotView {
     pub course_deg: Option<f64>,
     /// Where the nose points, degrees clockwise from true north, 0 … 360.
     pub heading_deg: Option<f64>,
+    /// Right side down positive, degrees, −180 … 180.
+    pub roll_deg: Option<f64>,
+    /// Nose up positive, degrees, −180 … 180.
+    pub pitch_deg: Option<f64>,
     /// Battery, V.
     pub battery_v: Option<f64>,
     /// Fuel, 0 … 100.
@@ -92,6 +96,7 @@ impl From<&HeroTelemetry> for PilotView {
             geodetic.longitude_rad.to_degrees(),
         );
         let velocity = |value: f32| group(TelemetryGroup::GpsVelocity, value.into());
+        let angle = |value: f32| group(TelemetryGroup::Attitude, value.to_degrees().into());
         let supply = |value: f32| group(TelemetryGroup::Supply, value.into());
         PilotView {
             flying: Some(hero.is_flying()),
@@ -100,10 +105,9 @@ impl From<&HeroTelemetry> for PilotView {
             climb_mps: velocity(hero.velocity.up_mps),
             ground_speed_mps: velocity(hero.velocity.ground_speed_mps),
             course_deg: velocity(hero.velocity.course_rad.to_degrees()),
-            heading_deg: group(
-                TelemetryGroup::Attitude,
-                hero.attitude.yaw_rad.to_degrees().into(),
-            ),
+            heading_deg: angle(hero.attitude.yaw_rad),
+            roll_deg: angle(hero.attitude.roll_rad),
+            pitch_deg: angle(hero.attitude.pitch_rad),
             battery_v: supply(hero.supply.battery_v),
             fuel_percent: supply(hero.supply.fuel_fraction * 100.0),
             switch: hero
@@ -147,6 +151,8 @@ impl PilotView {
             ground_speed_mps: within(self.ground_speed_mps, MAX_SPEED_MPS),
             course_deg: circle(self.course_deg),
             heading_deg: circle(self.heading_deg),
+            roll_deg: within(self.roll_deg, 180.0),
+            pitch_deg: within(self.pitch_deg, 180.0),
             battery_v: within(self.battery_v, MAX_BATTERY_V),
             fuel_percent: within(self.fuel_percent, 100.0).filter(|percent| *percent >= 0.0),
             ..self

@@ -13,10 +13,13 @@ use runtime::exit::Failure;
 use crate::render::fields::Tree;
 use crate::render::words::count;
 use crate::robot::sample_age::{SampleAge, age_ms, named};
-use crate::session::{Latest, Session, Topics, is_relayed};
+use crate::session::{Latest, Session, Topics};
 
 /// A sample of the relay older than this says nothing of the present: the relay publishes once a second, so this is three of them.
 pub const STALE_AFTER: Duration = Duration::from_secs(3);
+
+/// The same of the stations, which come to other machines every two seconds.
+pub const STATIONS_STALE_AFTER: Duration = STALE_AFTER.saturating_mul(2);
 
 /// The link of this machine to a robot on another one.
 #[derive(Clone, Debug)]
@@ -170,7 +173,7 @@ impl LinkWatch {
     /// Looks which process provides the topic `key`. While none does, the last answer holds.
     pub fn look(&mut self, session: &Session, key: &str) -> Result<(), Failure> {
         if let Some(provider) = session.provider(key)? {
-            self.is_relayed = is_relayed(key, &provider);
+            self.is_relayed = session.is_relayed(key, &provider)?;
         }
         if self.is_relayed && self.link.is_none() {
             self.link = Latest::open_if_provided(session)?;

@@ -1,8 +1,9 @@
 //! What the live processes of a robot run with. `RunningBridge`: the configuration of a live bridge, as its journal says it.
-//! `file_of`: the file that a live process has read.
+//! `file_of`, `command_of`: the file that a live process has read, and its command line.
 //!
 //! A file says what the next start will run with: it may have been changed since, or be another one than that of this folder.
 
+use std::ffi::OsStr;
 use std::fmt;
 use std::fs;
 use std::os::unix::ffi::OsStrExt;
@@ -60,17 +61,13 @@ impl RunningBridge {
         })
     }
 
-    /// The configuration without the serial port, and with the fence that is in force; `None` before the bridge has said it.
-    pub fn take(&mut self) -> Option<BridgeConfig> {
-        self.drain();
-        self.config.take()
-    }
-
-    /// The same, within `timeout`.
+    /// The configuration without the serial port, and with the fence that is in force; `None` if the bridge does not say it within
+    /// `timeout`.
     pub fn wait(&mut self, timeout: Duration) -> Option<BridgeConfig> {
         let give_up = MonotonicNs::now() + timeout;
         loop {
-            let (config, left) = (self.take(), give_up.since(MonotonicNs::now()));
+            self.drain();
+            let (config, left) = (self.config.take(), give_up.since(MonotonicNs::now()));
             if config.is_some() || left.is_zero() || self.port.wait(left).is_err() {
                 return config;
             }
@@ -138,19 +135,24 @@ pub(crate) fn file_of(provider: &Provider, name: &str, default_file: &str) -> Op
     if !is_own(provider, name) {
         return None;
     }
-    let folder = PathBuf::from(format!("/proc/{}", provider.pid));
-    let words = |name: &str| -> Option<Vec<PathBuf>> {
-        let bytes = fs::read(folder.join(name)).ok()?;
-        let words = bytes.split(|byte| *byte == 0);
-        Some(
-            words
-                .map(|word| PathBuf::from(std::ffi::OsStr::from_bytes(word)))
-                .collect(),
-        )
-    };
-    let cwd = fs::read_link(folder.join("cwd")).ok()?;
-    let file = named_file(&words("cmdline")?, &words("environ").unwrap_or_default());
+    let cwd = fs::read_link(format!("/proc/{}/cwd", provider.pid)).ok()?;
+    let environment = words_of(provider, "environ").unwrap_or_default();
+    let file = named_file(&words_of(provider, "cmdline")?, &environment);
     Some(cwd.join(file.unwrap_or_else(|| PathBuf::from(default_file))))
+}
+
+/// The command line of a live process on this machine, whose words take precedence over its configuration.
+pub(crate) fn command_of(provider: &Provider) -> Option<String> {
+    let words = words_of(provider, "cmdline").filter(|_| provider.shares_pids())?;
+    let words: Vec<_> = words.iter().map(|word| word.to_string_lossy()).collect();
+    Some(words.join(" ").trim_end().to_owned())
+}
+
+/// The words in the file `name` that the kernel has of a process: each ends with a zero.
+fn words_of(provider: &Provider, name: &str) -> Option<Vec<PathBuf>> {
+    let bytes = fs::read(format!("/proc/{}/{name}", provider.pid)).ok()?;
+    let words = bytes.split(|byte| *byte == 0);
+    Some(words.map(|word| OsStr::from_bytes(word).into()).collect())
 }
 
 /// Whether a provider is the process `name` itself, with a number that means something here.
@@ -163,7 +165,7 @@ fn named_file(args: &[PathBuf], environment: &[PathBuf]) -> Option<PathBuf> {
     let value = |word: &PathBuf, prefix: &str| {
         let bytes = word.as_os_str().as_bytes();
         let value = bytes.strip_prefix(prefix.as_bytes())?;
-        Some(PathBuf::from(std::ffi::OsStr::from_bytes(value)))
+        Some(OsStr::from_bytes(value).into())
     };
     let behind = args
         .iter()

@@ -13,5 +13,6 @@ pub mod replay;
 pub mod robots;
 pub mod status;
 pub mod topic;
+pub mod view;
 pub mod wait;
 pub mod watch;

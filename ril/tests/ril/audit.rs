@@ -1,6 +1,6 @@
 //! The audit trail: who asked for what and what became of it is in the bridge's log (requirement H8).
 
-use crate::common::{end, json, sandbox};
+use crate::common::{FOR_SLOW_MACHINES, end, json, sandbox};
 use ril_tests::process::{Finished, Signal};
 
 /// The id of the request that a command with `--json` reported about last.
@@ -17,6 +17,8 @@ fn request_id(finished: &Finished) -> u64 {
 #[test]
 fn every_request_refusal_phase_and_link_change_is_one_line_with_its_request() {
     let rig = sandbox();
+    let low = "[safety.battery_v]\nwarn = 99.0\n";
+    rig.write("bridge.toml", &format!("{FOR_SLOW_MACHINES}{low}"));
     let sim = rig.sim(1, "--speed 10");
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();
@@ -25,6 +27,8 @@ fn every_request_refusal_phase_and_link_change_is_one_line_with_its_request() {
     let take_off = request_id(&rig.run("takeoff --altitude 10 --json", 0));
     let far_away = request_id(&rig.run("goto 38.4,-6.0,20 --json", 5));
     let parameter = request_id(&rig.run("param set cruise_speed_mps 6 --json", 0));
+    rig.watch(1)
+        .until("a low battery", |state| state.safety.rule().is_some());
     end(sim, Signal::INT);
     rig.watch(1).until("a lost link", |state| {
         state.link.state() == Some(ipc_types::code::LinkState::Gone)
@@ -94,5 +98,19 @@ fn every_request_refusal_phase_and_link_change_is_one_line_with_its_request() {
             .filter(|line| parts.iter().all(|part| line.contains(part.as_str())))
             .count();
         assert_eq!(found, expected, "{parts:?} in {log:#?}");
+    }
+    // Numbers that were measured end at the third decimal.
+    for name in [" amount=", " value="] {
+        let mut values = log.iter().filter_map(|line| line.split_once(name));
+        let is_rounded = |value: &str| {
+            value
+                .split_once('.')
+                .is_none_or(|(_, more)| more.len() <= 3)
+        };
+        let (_, first) = values.next().expect("a value");
+        for (_, value) in values.chain([("", first)]) {
+            let value = value.split(' ').next().unwrap_or_default();
+            assert!(is_rounded(value), "{name}{value}");
+        }
     }
 }

@@ -14,7 +14,8 @@ use clap::{Arg, Command, CommandFactory};
 use ipc_types::Topic;
 use ipc_types::code::Reason;
 use ipc_types::payload::{
-    DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations, RequestReport, SharedStruct,
+    BridgeOutline, DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations,
+    RequestReport, SharedStruct,
 };
 use ril::cli::Cli;
 use ril_tests::process::{Finished, Process};
@@ -24,14 +25,16 @@ use runtime::exit::ExitCode;
 const COLUMNS: usize = 80;
 
 /// Verbs that run until they are ended, so that they are not run here.
-const RUNS_ON: [&str; 7] = [
+const RUNS_ON: [&str; 9] = [
     "run bridge",
     "run status",
     "run sim",
+    "run view",
     "bridge",
     "sim",
     "demo",
     "record",
+    "view",
 ];
 
 /// Verbs whose output is for a shell, a table program or a person at a terminal, and never JSON.
@@ -367,6 +370,7 @@ fn the_schemas_that_are_printed_are_those_that_are_documented() {
         DspTelemetry::TYPE_NAME,
         HeroTelemetry::TYPE_NAME,
         ModuleState::TYPE_NAME,
+        BridgeOutline::TYPE_NAME,
         RelayLink::TYPE_NAME,
         RelayStations::TYPE_NAME,
         RequestReport::TYPE_NAME,

@@ -5,6 +5,7 @@ use std::fs;
 use std::os::unix::process::ExitStatusExt;
 
 use crate::common::{json, sandbox};
+use ril_tests::languages::root;
 use ril_tests::process::{Finished, Process, Signal};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
@@ -91,6 +92,16 @@ fn it_flies_and_every_check_passes() {
     assert_eq!(report["schema"], "ril.Demo.v1");
     let checks = report["checks"].as_array().unwrap();
     assert_eq!(checks.len(), 10);
+    let readme = fs::read_to_string(root().join("README.md")).unwrap();
+    let shown = readme
+        .lines()
+        .filter_map(|line| line.strip_prefix("ok    "));
+    let shown: Vec<&str> = shown.filter_map(|line| line.split("  ").next()).collect();
+    let names: Vec<&str> = checks
+        .iter()
+        .filter_map(|check| check["name"].as_str())
+        .collect();
+    assert_eq!(shown, names, "README.md shows each check");
     let failed = checks.iter().filter(|check| check["passed"] != true);
     let failed: Vec<&str> = failed
         .map(|check| check["name"].as_str().unwrap())

@@ -67,6 +67,19 @@ fn an_empty_domain_is_in_order_and_stays_empty() {
 }
 
 #[test]
+fn a_root_that_cannot_be_made_and_limits_that_are_low_are_no_order() {
+    let rig = sandbox();
+    let doctor = |line: &str| Process::spawn(&rig.domain, rig.shell(line)).wait_exit();
+    let found = doctor("export RIL_IPC_ROOT=/proc/nohero; exec \"$0\" doctor");
+    assert_eq!(found.code(), Some(8), "{found:#?}");
+    found.out_says("/proc/nohero cannot be made");
+    let found = doctor("ulimit -n 200; exec \"$0\" doctor");
+    assert_eq!(found.code(), Some(8), "{found:#?}");
+    found.out_says("the limit `nofile` is 200 here");
+    rig.domain.assert_empty();
+}
+
+#[test]
 fn live_processes_are_shown_with_what_they_provide() {
     let rig = sandbox();
     let sim = rig.sim(1, "");
@@ -86,9 +99,11 @@ fn live_processes_are_shown_with_what_they_provide() {
     ] {
         assert!(text.contains(&expected), "{expected:?} is not in\n{text}");
     }
-    // The default configuration names another port than the one on the bridge's command line.
+    // No configuration names a port: the one that counts is that on the bridge's command line.
     let text = texts(&examine(&rig, "", 0));
-    assert!(text.contains(" open, not /dev/ttyS0"), "{text}");
+    let expected = format!("the live bridge (process {}) has /dev/pts/", bridge.id());
+    assert!(text.contains(&expected), "{text}");
+    assert!(!text.contains("/dev/ttyS0"), "{text}");
     // A repair leaves the living alone.
     assert!(troubles(&rig, "--repair --port dsp-1", 0).is_empty());
     for process in [status, bridge, sim] {
@@ -113,7 +128,10 @@ fn a_killed_bridge_is_found_and_repaired_while_others_live() {
     // Status is in one generation of the dead bridge; the others go at once, and that one with the next bridge.
     let report = examine(&rig, "--repair", 8);
     let text = texts(&report);
-    assert!(text.contains("removed: 5 generations"), "{text}");
+    assert!(
+        text.contains("removed: 6 generations of leftover shared memory"),
+        "{text}"
+    );
     assert!(text.contains("robot 1 has 1 generation of"), "{text}");
     let bridge = rig.bridge(1);
     assert!(troubles(&rig, "", 0).is_empty());
@@ -130,7 +148,7 @@ fn what_the_last_process_left_is_found_and_removed() {
     drop(bridge);
     assert_eq!(troubles(&rig, "", 8), ["residue"]);
     let text = texts(&examine(&rig, "", 8));
-    let expected = format!("6 generations with bridge (process {pid})");
+    let expected = format!("7 generations with bridge (process {pid})");
     assert!(text.contains(&expected), "{text}");
     let text = texts(&examine(&rig, "--repair", 0));
     assert!(text.contains("removed: 1 robot in which"), "{text}");

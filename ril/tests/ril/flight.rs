@@ -92,7 +92,7 @@ fn a_whole_mission_by_hand() {
     assert!(
         says(
             &path.stdout,
-            "goto: waypoint 2 of 2 accepted, the path is complete"
+            "goto: 2 waypoints accepted, the path is complete, 2"
         ),
         "{path:#?}"
     );
@@ -100,6 +100,12 @@ fn a_whole_mission_by_hand() {
     let last = path.stdout.last().unwrap();
     let expected = "goto: done, 2 of 2 waypoints sent, ";
     assert!(last.starts_with(expected), "{path:#?}");
+    assert!(
+        last.contains(" reached, 2") && last.contains(" m in "),
+        "{path:#?}"
+    );
+    let begun = path.stdout.iter().find(|line| line.contains("progress"));
+    assert!(begun.unwrap().contains(" m to go"), "{path:#?}");
     let (_, _, reached) = position(&rig, 1);
     assert!((reached - high).abs() < 2.0, "{reached} and not {high}");
 
@@ -159,11 +165,13 @@ fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped()
     rig.run("takeoff --altitude 5", 0);
     let (far, up) = (latitude + 1.0, altitude + 5.0);
     let near = format!("{latitude},{longitude},{up}");
-    rig.run(
+    let refused = rig.run(
         &format!("goto {near} {near} {far},{longitude},{up} {near}"),
         5,
-    )
-    .err_says("goto was refused (too-far)");
+    );
+    refused.err_says("goto was refused (too-far: waypoint 3, 111.2 km away)");
+    rig.run("takeoff 500m", 5)
+        .err_says("the DSP takes 0.5 to 200 m above take-off (port 20121)");
     let state = processes.watch.until("at rest", |state| {
         state.functionality() == Some(Functionality::AtRest)
     });

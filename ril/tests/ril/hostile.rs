@@ -69,6 +69,8 @@ fn samples_of_any_bits_are_shown_and_what_means_nothing_is_null() {
             dsp: Some(dsp),
             hero: Some(hero),
             status: Some(status),
+            stations: None,
+            own_session: None,
             has_bridge: true,
             has_status: true,
         };

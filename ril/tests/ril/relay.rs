@@ -29,6 +29,11 @@ struct StandInRelay {
 
 impl StandInRelay {
     fn start(domain: &Domain, link: RelayLink) -> StandInRelay {
+        StandInRelay::start_with(domain, link, |_| {})
+    }
+
+    /// The same with a link that `change` changes from sample to sample.
+    fn start_with(domain: &Domain, link: RelayLink, change: fn(&mut RelayLink)) -> StandInRelay {
         let (links, changes) = mpsc::channel();
         let (opened, is_open) = mpsc::channel();
         let domain = domain.clone();
@@ -38,7 +43,8 @@ impl StandInRelay {
             let is_connecting = link.state == RelayLinkState::Connecting.code();
             let mut robot = (!is_connecting).then(|| {
                 let hero = ipc.publisher::<HeroTelemetry>().unwrap();
-                (hero, ipc.publisher::<ModuleState>().unwrap())
+                let stations = ipc.publisher::<RelayStations>().unwrap();
+                (hero, ipc.publisher::<ModuleState>().unwrap(), stations)
             });
             opened.send(()).unwrap();
             let mut link = link;
@@ -48,17 +54,20 @@ impl StandInRelay {
                 link.since_ns = now;
                 link.last_heard_ns = if is_connecting { 0 } else { now };
                 state.publish(|sample| fill(sample, link)).unwrap();
-                if let Some((hero, module)) = &mut robot {
+                if let Some((hero, module, stations)) = &mut robot {
                     hero.publish(|sample| {
                         sample.received_ns = now;
                         sample.published_ns = now;
                     })
                     .unwrap();
                     module.publish(|sample| sample.published_ns = now).unwrap();
+                    stations
+                        .publish(|sample| sample.published_ns = now)
+                        .unwrap();
                 }
                 match changes.recv_timeout(PERIOD) {
                     Ok(changed) => link = changed,
-                    Err(RecvTimeoutError::Timeout) => {}
+                    Err(RecvTimeoutError::Timeout) => change(&mut link),
                     Err(RecvTimeoutError::Disconnected) => break,
                 }
             }
@@ -134,7 +143,8 @@ fn the_link_of_a_station_is_shown_and_its_state_is_the_exit_code() {
     let report = json(&look(&rig, "relay status --json", 0).stdout[0]);
     assert_eq!(report["schema"], "ril.Relay.v2");
     assert_eq!(report["link"]["station"], "ground-1");
-    assert!(report["stations"].is_null());
+    let stations = &report["stations"]["stations"];
+    assert_eq!(stations.as_array().map(Vec::len), Some(0), "{report}");
     drop(relay);
 
     let down = RelayLink {
@@ -234,7 +244,10 @@ fn names_in_samples_are_printed_as_text() {
 fn without_a_relay_status_says_how_to_start_one_and_a_silent_one_is_a_timeout() {
     let rig = sandbox();
     let absent = rig.run("relay status --robot 7", 3);
-    for expected in ["no relay of robot 7 is running here", "start `ril relay`"] {
+    for expected in [
+        "no relay of robot 7 is running here",
+        "start `ril relay station` here",
+    ] {
         absent.err_says(expected);
     }
     rig.domain.assert_empty();
@@ -267,6 +280,17 @@ fn the_state_of_a_relayed_robot_says_over_which_link_it_comes() {
 }
 
 #[test]
+fn the_fence_of_a_relayed_robot_is_asked_for_on_its_own_machine() {
+    let rig = sandbox();
+    let relay = StandInRelay::start(&rig.domain, up());
+    let failed = rig.run("fence show", 3);
+    failed.err_says("robot 1's bridge runs on another machine, and its fence is not relayed");
+    failed.err_says("on the robot's own machine");
+    assert!(!says(&failed.stderr, "not running"), "{failed:#?}");
+    drop(relay);
+}
+
+#[test]
 fn ages_of_relayed_samples_are_shown_with_their_uncertainty() {
     let rig = sandbox();
     let _relay = StandInRelay::start(&rig.domain, up());
@@ -278,9 +302,29 @@ fn ages_of_relayed_samples_are_shown_with_their_uncertainty() {
         assert_eq!(report["relayed"], true, "{command}");
         assert_eq!(report["age_uncertainty_ms"], 2.5, "{command}");
     }
-    // The relay's own topics are of this machine.
-    let own = rig.run("topic delay relay/link --count 2 --json", 0);
-    assert_eq!(json(&own.stdout[0])["relayed"], false);
+    // The relay's own topics are of this machine, but for the stations, which only the robot's relay knows.
+    for (topic, expected) in [("relay/link", false), ("relay/stations", true)] {
+        let report = rig.run(&format!("topic delay {topic} --count 2 --json"), 0);
+        assert_eq!(json(&report.stdout[0])["relayed"], expected, "{topic}");
+    }
+}
+
+#[test]
+fn what_the_air_lost_while_it_was_measured_is_shown() {
+    let rig = sandbox();
+    let relay = StandInRelay::start_with(&rig.domain, up(), |link| {
+        link.samples_received += 3;
+        link.samples_lost_on_air += 1;
+    });
+    for verb in ["hz", "delay", "bw"] {
+        let shown = rig.run(&format!("{verb} hero --count 20"), 0);
+        shown.out_says(" samples of all topics lost (25.00 %)");
+        let report = json(&rig.run(&format!("{verb} hero --count 20 --json"), 0).stdout[0]);
+        assert_eq!(report["relayed"], true, "{verb}");
+        assert_eq!(report["lost"], 0, "{verb}");
+        assert_eq!(report["lost_on_air_percent"], 25.0, "{verb}");
+    }
+    drop(relay);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Requests against a bridge that answers as it is told: what is sent, what is printed, how it ends.
 
 use crate::common::{end, json, movement, sandbox, says, shown_state};
-use ipc_types::code::{ControlCommand, MovementKind, Reason, Stage};
+use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
 use ril_tests::process::Signal;
 use ril_tests::{Answer, Process, Received, StandInBridge};
@@ -91,15 +91,82 @@ fn a_path_is_framed_and_shares_one_id() {
     assert!(paths[0] != 0 && paths[0] != paths[1], "{paths:?}");
 }
 
+/// The speed is written before the path, and the one from before after it, however the path ends.
+#[test]
+fn a_goto_with_a_speed_leaves_the_cruise_speed_as_it_was() {
+    let rig = sandbox();
+    let bridge = StandInBridge::start(&rig.domain);
+    // The names of parameters are looked up, and values read, in between.
+    let ordered = || loop {
+        match bridge.next_request() {
+            Received::Parameter(request) => match request.operation() {
+                Some(ParameterOperation::Write) => return (request.value as f32).to_string(),
+                _ => continue,
+            },
+            Received::Movement(_) => return "path".to_owned(),
+            other => panic!("{other:?}"),
+        }
+    };
+    for (answer, code) in [(None, 0), (Some(Answer::refuse(Reason::TooFar)), 5)] {
+        if let Some(answer) = answer {
+            bridge.answer_as_usual(2);
+            bridge.answer_next(answer);
+        }
+        let finished = rig.run("goto 37,-6,20 --speed 8m/s", code);
+        assert_eq!(
+            [(); 3].map(|()| ordered()),
+            ["8", "path", "5"],
+            "{finished:#?}"
+        );
+        assert_eq!(
+            rig.run("param get cruise_speed_mps", 0).stdout,
+            ["cruise_speed_mps = 5"]
+        );
+    }
+    // Another command has written one while the path was flown: it stays.
+    bridge.answer_as_usual(2);
+    bridge.answer_next(accepted());
+    let mut flown = rig.start("goto 37,-6,20 --speed 8");
+    flown.wait_for_text("goto: 1 waypoint accepted");
+    assert_eq!([(); 2].map(|()| ordered()), ["8", "path"]);
+    rig.run("param set cruise_speed_mps 3", 0);
+    rig.run("land --preempt", 0);
+    flown
+        .exits(5)
+        .err_says("another command has set a cruise speed of 3 m/s meanwhile, which stays");
+    assert_eq!(
+        rig.run("param get cruise_speed_mps", 0).stdout,
+        ["cruise_speed_mps = 3"]
+    );
+    // After a signal the path goes on, and so does its speed.
+    bridge.answer_as_usual(2);
+    bridge.answer_next(accepted());
+    let mut flown = rig.start("goto 37,-6,20 --speed 8");
+    flown.wait_for_text("goto: 1 waypoint accepted");
+    flown.signal(Signal::INT);
+    flown
+        .exits(7)
+        .err_says("the cruise speed stays as this command has set it");
+    rig.run("goto 37,-6,20 --speed 21", 2)
+        .err_says("the DSP takes a speed of 0.1 to 20 m/s");
+    rig.run("goto 37,-6,20 --speed 8 --no-wait", 2);
+}
+
 #[test]
 fn the_first_refusal_ends_a_path() {
     let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(accepted());
-    bridge.answer_next(Answer::refuse(Reason::TooFar));
+    let too_far = RequestReport {
+        value: 111_195.0,
+        value_valid: 1,
+        ..RequestReport::new(Stage::Refused, Reason::TooFar)
+    };
+    bridge.answer_next(Answer::Reports(vec![too_far]));
     let finished = rig.run("goto 37,-6,20 38,-6,20 37,-6,20", 5);
-    assert_eq!(finished.stdout, ["goto: waypoint 1 of 3 accepted"]);
-    finished.err_says("goto was refused (too-far)");
+    assert!(finished.stdout.is_empty(), "{finished:#?}");
+    finished.err_says("goto was refused (too-far: waypoint 2, 111.2 km away)");
+    finished.err_says("are latitude and longitude swapped?");
     // The third was never sent: the next request is another command's.
     rig.run("land", 0);
     let kinds = [(); 3].map(|()| movement(bridge.next_request()).kind);

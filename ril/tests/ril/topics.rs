@@ -1,6 +1,6 @@
 //! `ril topic …`: topics are listed, described, printed and measured by their schemas.
 
-use crate::common::{json, sandbox, says};
+use crate::common::{FOR_SLOW_MACHINES, json, sandbox, says};
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ril_tests::{StandInBridge, StandInStatus};
@@ -47,7 +47,7 @@ fn a_topic_is_described() {
     let said = json(&rig.run("topic info state --json", 0).stdout[0]);
     assert_eq!(
         (&said["key"], &said["bytes"]),
-        (&"module_state".into(), &416.into())
+        (&"module_state".into(), &480.into())
     );
     let fields = said["fields"].as_array().unwrap();
     let field = fields
@@ -123,4 +123,45 @@ fn a_topic_that_is_not_there_is_told_with_those_that_are() {
     ] {
         rig.run(args, 2).err_says(expected);
     }
+}
+
+#[test]
+fn what_the_bridge_holds_comes_whole_to_everyone_who_comes() {
+    let rig = sandbox();
+    let fence = |radius_m: f64| {
+        format!(
+            "{FOR_SLOW_MACHINES}[fence]\nceiling_m = 90.0\n\
+             [[fence.area]]\nname = \"field\"\nkind = \"inclusion\"\ncentre = [37.411, -6.001]\nradius_m = {radius_m}\n"
+        )
+    };
+    rig.write("bridge.toml", &fence(400.0));
+    let robot = rig.start_robot(1, 1);
+    // Kind and number of each piece; who comes later has the last one of before first, as on every topic.
+    let said = |pieces: usize| -> Vec<(String, u64)> {
+        let echo = format!("echo bridge/outline --json --count {pieces} --timeout 600s");
+        let finished = rig.run(&echo, 0);
+        let lines = finished.stdout.iter().map(|line| json(line));
+        let piece = |piece: serde_json::Value| {
+            assert_eq!(piece["schema"], "hero.BridgeOutline.v1");
+            let kind = piece["kind"].as_str().unwrap().to_owned();
+            (kind, piece["number"].as_u64().unwrap())
+        };
+        lines.map(piece).collect()
+    };
+    let held = || {
+        let state = rig.run("echo state --json --count 1 --timeout 600s", 0);
+        json(&state.stdout[0])["outline"].as_u64().unwrap()
+    };
+    let whole = |number| [("fence".to_owned(), number), ("area".to_owned(), number)];
+    let first = held();
+    assert_eq!(said(2), whole(first));
+    assert_eq!(said(3)[1..], whole(first));
+    rig.run("fence reload", 0);
+    assert_eq!(held(), first, "the same fence");
+    rig.write("bridge.toml", &fence(300.0));
+    rig.run("fence reload", 0);
+    let second = held();
+    assert_ne!(second, first);
+    assert_eq!(said(3)[1..], whole(second));
+    robot.end();
 }

@@ -3,7 +3,10 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+
 use toml::de::{DeTable, DeValue};
+
+use crate::exit::{ExitCode, Failure};
 
 /// Longest configuration file, bytes: a hundred times the annotated examples. A longer one is refused; it is surely
 /// something else.
@@ -57,6 +60,12 @@ pub enum ConfigError {
         /// What is wrong, and what would be right.
         reason: String,
     },
+}
+
+impl From<ConfigError> for Failure {
+    fn from(error: ConfigError) -> Failure {
+        Failure::new(ExitCode::Configuration, error)
+    }
 }
 
 /// The refusal of what stands at `start` in `text`.

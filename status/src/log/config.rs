@@ -49,7 +49,7 @@ pub enum FileNameFormat {
     /// As the original software does: `hero(1)_28_08_06-20_39_26.tsv`, day first.
     #[default]
     Source,
-    /// Names in the order of time: `hero(1)_2006-08-28T20-39-26Z.tsv`.
+    /// Names in the order of time: `hero1_2006-08-28T20-39-26Z.tsv`.
     Sortable,
 }
 

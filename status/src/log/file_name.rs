@@ -77,20 +77,20 @@ impl Series {
 
     /// The beginning of a new file's name: robot, time, and the log's name if it has one.
     pub fn stem(&self, at: Utc) -> String {
-        self.with_time(&time(self.format, at))
+        self.with_time(self.format, &time(self.format, at))
     }
 
     /// What the log is called in messages that are about no single file: `directory` and the files' names as a shell's
     /// pattern.
     pub fn label(&self, directory: &Path) -> String {
-        let pattern = file_name(&self.with_time("*"), 1, self.kind);
+        let pattern = file_name(&self.with_time(self.format, "*"), 1, self.kind);
         directory.join(pattern).display().to_string()
     }
 
     /// When the file of this name was created; `None` if it is not of this series. Names in every format are of it.
     pub fn stamp(&self, name: &str) -> Option<Stamp> {
-        let rest = name.strip_prefix(&format!("hero({})_", self.robot))?;
         FileNameFormat::ALL.into_iter().find_map(|format| {
+            let rest = name.strip_prefix(&prefix(format, self.robot))?;
             let (text, rest) = rest.split_at_checked(time_chars(format))?;
             let at = parse_time(format, text)?;
             let (_, number) = rest
@@ -99,7 +99,7 @@ impl Series {
                 .unwrap_or(("", "1"));
             let number = number.parse().ok()?;
             // The name is of this series only if this series could give it.
-            let stem = self.with_time(&time(format, at));
+            let stem = self.with_time(format, &time(format, at));
             let own = at.unix_s().is_some() && file_name(&stem, number, self.kind) == name;
             own.then_some(Stamp { at, number })
         })
@@ -120,8 +120,8 @@ impl Series {
         self.name.as_str()
     }
 
-    fn with_time(&self, time: &str) -> String {
-        let mut stem = format!("hero({})_{time}", self.robot);
+    fn with_time(&self, format: FileNameFormat, time: &str) -> String {
+        let mut stem = prefix(format, self.robot) + time;
         if !self.name.as_str().is_empty() {
             // Writing to a string cannot fail.
             let _ = write!(stem, "_{}", self.name);
@@ -134,8 +134,11 @@ impl Series {
 ///
 /// A name can be read in two ways only if a log's own name looks like a time; the shortest name of a log is then taken.
 pub fn recognize(name: &str) -> Option<(Series, Stamp)> {
-    let (robot, rest) = name.strip_prefix("hero(")?.split_once(")_")?;
-    let robot = RobotId::new(robot.parse().ok()?)?;
+    let (robot, rest) = name.strip_prefix("hero")?.split_once('_')?;
+    let digits = robot
+        .strip_prefix('(')
+        .and_then(|robot| robot.strip_suffix(')'));
+    let robot = RobotId::new(digits.unwrap_or(robot).parse().ok()?)?;
     let (kind, stem) = FileKind::ALL.into_iter().find_map(|kind| {
         let stem = rest.strip_suffix(kind.extension())?;
         Some((kind, stem.split_once('.').map_or(stem, |(stem, _)| stem)))
@@ -151,6 +154,14 @@ pub fn recognize(name: &str) -> Option<(Series, Stamp)> {
         let stamp = series.stamp(name)?;
         Some((series, stamp))
     })
+}
+
+/// How a file's name begins. A sortable name has no character that a shell would not take as it is.
+fn prefix(format: FileNameFormat, robot: RobotId) -> String {
+    match format {
+        FileNameFormat::Source => format!("hero({robot})_"),
+        FileNameFormat::Sortable => format!("hero{robot}_"),
+    }
 }
 
 /// The time in a file's name.
@@ -280,10 +291,10 @@ mod tests {
     #[test]
     fn sortable_names_are_in_the_order_of_time() {
         let at = Utc::from_unix(1_156_797_566);
-        assert_eq!(sortable(1, "").stem(at), "hero(1)_2006-08-28T20-39-26Z");
+        assert_eq!(sortable(1, "").stem(at), "hero1_2006-08-28T20-39-26Z");
         assert_eq!(
             sortable(12, "imu").stem(at),
-            "hero(12)_2006-08-28T20-39-26Z_imu"
+            "hero12_2006-08-28T20-39-26Z_imu"
         );
         let seconds = [0, 59, 60, 951_782_400, 1_156_797_566, 1_735_689_600];
         let names = seconds.map(|second| sortable(1, "").stem(Utc::from_unix(second)));
@@ -355,13 +366,15 @@ mod tests {
             "Hero(1)_28_08_06-20_39_26.tsv",
             " hero(1)_28_08_06-20_39_26.tsv",
             "hero(01)_28_08_06-20_39_26.tsv",
-            "hero(1)_2006-08-28T20-39-26",
-            "hero(1)_2006-08-28T20-39-26.tsv",
-            "hero(1)_2006-08-28T20-39-26Zimu.tsv",
-            "hero(1)_2006-08-28T20-39-26Z_imu.tsv",
-            "hero(1)_2006-08-28 20-39-26Z.tsv",
-            "hero(1)_2006-02-28T24-39-26Z.tsv",
-            "hero(1)_06-08-28T20-39-26Z.tsv",
+            "hero(1)_2006-08-28T20-39-26Z.tsv",
+            "hero1_28_08_06-20_39_26.tsv",
+            "hero1_2006-08-28T20-39-26",
+            "hero1_2006-08-28T20-39-26.tsv",
+            "hero1_2006-08-28T20-39-26Zimu.tsv",
+            "hero1_2006-08-28T20-39-26Z_imu.tsv",
+            "hero1_2006-08-28 20-39-26Z.tsv",
+            "hero1_2006-02-28T24-39-26Z.tsv",
+            "hero1_06-08-28T20-39-26Z.tsv",
             "",
         ] {
             assert_eq!(series(1, "").stamp(name), None, "{name}");

@@ -230,7 +230,7 @@ fn random_bytes(count: u64, seed: u64) -> bool {
         ));
     }
     println!(
-        "| into | bytes | messages or samples | refusals or requests | allocations | growth in bytes |"
+        "| into | bytes | messages or samples | refusals or requests | waypoints | allocations | growth in bytes |"
     );
     println!("|---|---:|---:|---:|---:|---:|---:|");
     let mut is_good = true;

@@ -136,7 +136,18 @@ impl StandInBridge {
     #[track_caller]
     pub fn answer_next(&self, answer: Answer) {
         self.worker
-            .call(move |ports| ports.answers.push_back(answer));
+            .call(move |ports| ports.answers.push_back(Some(answer)));
+    }
+
+    /// Answers as many requests as where the test says nothing, before the next answer that it gives.
+    ///
+    /// # Panics
+    ///
+    /// When the stand-in has died.
+    #[track_caller]
+    pub fn answer_as_usual(&self, requests: usize) {
+        self.worker
+            .call(move |ports| ports.answers.extend((0..requests).map(|_| None)));
     }
 
     /// Adds a port to the DSP's, or replaces the one with its number.
@@ -208,7 +219,8 @@ struct BridgePorts {
     parameters: Server<ParameterRequest>,
     table: PortTable,
     paths: Paths,
-    answers: VecDeque<Answer>,
+    /// `None` stands for the usual answer.
+    answers: VecDeque<Option<Answer>>,
     open: BTreeMap<u64, Place>,
     inbox: Option<Sender<Received>>,
 }
@@ -240,7 +252,7 @@ impl BridgePorts {
             // The test may have dropped its end already.
             let _ = inbox.send(received);
         }
-        let scripted = self.answers.pop_front();
+        let scripted = self.answers.pop_front().flatten();
         let answer = scripted.unwrap_or_else(|| self.usual_answer(&received));
         if let Received::Movement(request) = &received {
             for (id, report) in self.paths.take(request, &answer) {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use bridge::Input;
 use bridge::config::TrajectoryKind;
 use bridge::journal::Journaled;
-use bridge::{Bridge, BridgeConfig, RequestKey};
+use bridge::{Bridge, BridgeConfig, RequestKey, Sender};
 use dsp_protocol::Waypoint;
 use dsp_sim::faults::PortState;
 use dsp_sim::helicopter::vector::Vector;
@@ -203,7 +203,7 @@ impl World {
             issued_ns: host(self.now).0,
             ..ModuleControl::new(id, command)
         };
-        let (key, sender) = (RequestKey::Control(id), None);
+        let (key, sender) = (RequestKey::Control(id), Sender::default());
         if command == ControlCommand::Stop {
             self.watched.push((id, "a stop"));
             self.silent_stops += u64::from(self.bridge.link() == LinkState::Silent);
@@ -239,7 +239,7 @@ impl World {
         }
         let input = Input::Movement {
             key: RequestKey::Movement(request_id),
-            sender: None,
+            sender: Sender::default(),
             request,
         };
         self.bridge.apply(host(self.now), input, &mut self.witness);
@@ -277,7 +277,7 @@ impl World {
         if self.is_alive() {
             let input = Input::Parameter {
                 key: RequestKey::Parameter(request_id),
-                sender: None,
+                sender: Sender::default(),
                 request,
             };
             self.bridge.apply(host(self.now), input, &mut self.witness);
@@ -292,7 +292,7 @@ impl World {
         self.witness.expect(request.request_id);
         let input = Input::Movement {
             key: RequestKey::Movement(request.request_id),
-            sender: None,
+            sender: Sender::default(),
             request: *request,
         };
         self.bridge.apply(host(self.now), input, &mut self.witness);

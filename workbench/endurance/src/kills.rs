@@ -148,20 +148,38 @@ impl<'a> Loop<'a> {
     }
 
     /// Waits until the domain and the others hold the same for some samples: a consumer that is ready may not have slept yet, and only
-    /// then has the publisher to connect with its listener.
+    /// then has the publisher to connect with its listener. A sample counts when each consumer has printed something since the last that
+    /// did: on a busy machine one may stand still for longer than these samples take.
     fn wait_until_same(&mut self) {
         let see = |all: &Loop<'_>| {
             let held = |(_, process): &(Kind, Process)| Holdings::of(process.id()).descriptors;
             let held: usize = all.others.iter().map(held).sum();
             (held, all.site.domain.residue().len())
         };
-        let (mut seen, mut same) = (see(self), 0);
+        let (mut seen, mut same, mut printed) = (see(self), 0, self.printed());
         while same < SAME_SAMPLES {
             self.witness.receive_after(MonotonicNs::now());
-            let now = see(self);
-            same = if now == seen { same + 1 } else { 0 };
+            let (now, has_printed) = (see(self), self.printed());
+            if now != seen {
+                same = 0;
+            } else if has_printed
+                .iter()
+                .zip(&printed)
+                .all(|(now, then)| now > then)
+            {
+                (same, printed) = (same + 1, has_printed);
+            }
             seen = now;
         }
+    }
+
+    /// How many lines each consumer that is not killed has printed.
+    fn printed(&mut self) -> Vec<usize> {
+        let others = self.others.iter_mut();
+        others
+            .filter(|(kind, _)| kind.is_consumer())
+            .map(|(_, process)| process.lines().len())
+            .collect()
     }
 
     /// Waits until what was left is removed, ends all processes and says what came of it.

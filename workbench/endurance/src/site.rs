@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::fs;
 use std::ops::Deref;
 use std::path::PathBuf;
 use std::process::Command;
@@ -235,7 +236,17 @@ impl Survivors {
                 "{name}: {} → {} descriptors, {} → {} KiB; ",
                 before.descriptors, after.descriptors, before.memory_kib, after.memory_kib
             );
+            if after.descriptors > before.descriptors {
+                text += &format!("{name} holds {}; ", open_files(*id).join(", "));
+            }
         }
         outcome.cell("what the others hold", text);
     }
+}
+
+/// What a process has open, by name. The kernel marks what was removed meanwhile.
+fn open_files(id: u32) -> Vec<String> {
+    let links = fs::read_dir(format!("/proc/{id}/fd")).into_iter().flatten();
+    let target = |link: fs::DirEntry| Some(fs::read_link(link.path()).ok()?.display().to_string());
+    links.flatten().filter_map(target).collect()
 }

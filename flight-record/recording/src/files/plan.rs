@@ -79,7 +79,7 @@ impl Files {
         let of_file = file_metadata(info.robot, index, self.anchor);
         info.metadata.push(of_file);
         let channels = self.inbox.channels.all();
-        match Encoder::begin(self.anchor, info, channels) {
+        match Encoder::begin(self.anchor, self.begun, info, channels) {
             Ok((encoder, parts)) => {
                 let len = encoder.len();
                 self.file = Some(OpenFile::new(encoder, index, self.now));

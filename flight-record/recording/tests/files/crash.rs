@@ -102,9 +102,11 @@ proptest! {
         let order: Vec<_> = stock.iter().map(|(_, _, time_ns, _)| *time_ns).collect();
         prop_assert!(order.is_sorted());
 
-        // Ours finds the same, and perhaps what was about to become part of the file.
+        // Ours finds the same, and perhaps what was about to become part of the file. Of a chunk whose length was being written the stock
+        // one gives messages before it notices; ours reads none of it.
         let ours: Vec<_> = messages(&cut.bytes).flatten().collect();
-        prop_assert!(ours.len() >= stock.len());
+        let fewest = if error.is_none() { stock.len() } else { flushed };
+        prop_assert!(ours.len() >= fewest, "{} of {fewest}: {error:?}", ours.len());
         for (ours, stock) in ours.iter().zip(&stock) {
             prop_assert_eq!((ours.topic(), ours.sequence, ours.data()), (&*stock.0, stock.1, &*stock.3));
         }

@@ -169,6 +169,23 @@ fn messages_lie_in_the_order_of_their_times() {
 }
 
 #[test]
+fn what_was_published_before_the_recording_is_logged_when_it_began() {
+    let mut session = Session::new(Settings::default(), 1);
+    let begun = session.now;
+    session.settle();
+    session.now = MonotonicNs(begun.0 + 3_000_000_000);
+    // The latest sample of a topic that publishes seldom.
+    session.add_at(0, MonotonicNs(begun.0 - 900_000_000), 1);
+    session.end();
+    let found = messages(&session.disk.files[0]).map(Result::unwrap).next();
+    let found = found.map(|message| (message.log_time_ns, message.publish_time_ns));
+    assert_eq!(
+        found,
+        Some((UNIX_NS + begun.0, UNIX_NS + begun.0 - 900_000_000))
+    );
+}
+
+#[test]
 fn an_event_comes_back_as_it_was() {
     let mut session = Session::new(Settings::default(), 1);
     let event = Event {

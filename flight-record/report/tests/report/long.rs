@@ -14,10 +14,9 @@ fn an_hour_at_50_hz_is_a_page_of_bounded_size() {
     let mut flight = Flight::new("An hour", 3600.0);
     for id in ["altitude", "speed", "battery", "fuel", "rotor", "ages"] {
         let mut values = Envelope::new(1.0);
-        let mut noise = 1_u32;
+        let mut random = fastrand::Rng::with_seed(1);
         for index in 0..180_000 {
-            noise = noise.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            values.push(f64::from(index) / 50.0, f64::from(noise >> 16) / 1000.0);
+            values.push(f64::from(index) / 50.0, 65.5 * random.f64());
         }
         let mut plot = Plot::new(id, id, "m", Scale::Auto { least_span: 1.0 });
         plot.curves.push(Curve::line("noise", Ink::Blue, values));

@@ -133,7 +133,7 @@ impl Default for NetworkConfig {
             open_timeout_ms: 8000,
             retry_ms: 100,
             lease_ms: 3000,
-            send_buffer_bytes: 8192,
+            send_buffer_bytes: 16_384,
             silent_after_ms: 2500,
         }
     }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::*;
+use crate::telemetry::Selection;
 
 fn parse(text: &str) -> Result<Config, String> {
     runtime::config::parse(text, "relay.toml").map_err(|error| error.to_string())
@@ -29,11 +30,24 @@ fn rules_and_patterns_choose_what_is_relayed() {
     let plan = |key| config.topics.plan(key);
     assert_eq!(plan("camera/picture"), None);
     assert_eq!(plan("relay/link"), None);
+    let stations = plan("relay/stations").unwrap();
+    assert_eq!(
+        stations.selection,
+        Selection::Newest(Duration::from_secs(2))
+    );
+    let outline = plan("bridge/outline").unwrap();
+    assert_eq!(outline.selection, Selection::Pieces, "whatever the rate is");
     assert_eq!(plan("bridge/journal"), None);
     let raw = plan("dsp_telemetry").unwrap();
-    assert_eq!((raw.period, raw.priority), (None, Priority::Data));
+    assert_eq!(
+        (raw.selection, raw.priority),
+        (Selection::All, Priority::Data)
+    );
     let other = plan("hero_telemetry").unwrap();
-    assert_eq!(other.period, Some(Duration::from_millis(100)));
+    assert_eq!(
+        other.selection,
+        Selection::Newest(Duration::from_millis(100))
+    );
     assert_eq!(other.priority, Priority::Low);
 }
 

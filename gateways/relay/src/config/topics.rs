@@ -3,9 +3,12 @@
 use std::time::Duration;
 
 use ipc_types::Topic;
-use ipc_types::payload::{BridgeJournal, StatusJournal};
+use ipc_types::payload::{BridgeJournal, BridgeOutline, RelayStations, StatusJournal};
 use ipc_types::service::{MAX_KEY_LEN, is_key};
 use serde::{Deserialize, Deserializer};
+
+use crate::names::is_carried;
+use crate::telemetry::Selection;
 
 runtime::ranged! {
     fn rate_hz(f64) in 0.0..=10_000.0;
@@ -73,8 +76,8 @@ pub enum Priority {
 /// How one topic is relayed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TopicPlan {
-    /// Shortest time between two samples. `None` if all are sent.
-    pub period: Option<Duration>,
+    /// Which samples are sent.
+    pub selection: Selection,
     /// Which go first.
     pub priority: Priority,
 }
@@ -82,11 +85,11 @@ pub struct TopicPlan {
 impl TopicsConfig {
     /// How the topic `key` is relayed. `None` if it is not.
     ///
-    /// The relay's own topics never are: each machine has its own. The journals are not unless `include` has their whole key: they
-    /// are for a recorder beside the robot, and have more bytes than all other topics together.
+    /// The relay's own topics are not, but for [the robot's stations](is_carried), now and then. The journals are not unless `include`
+    /// has their whole key: they are for a recorder beside the robot, and have more bytes than all other topics together.
     pub fn plan(&self, key: &str) -> Option<TopicPlan> {
         let is_in = |keys: &[String]| keys.iter().any(|pattern| fits(pattern, key));
-        if key.starts_with("relay/") || !is_in(&self.include) || is_in(&self.exclude) {
+        if !is_carried(key) || !is_in(&self.include) || is_in(&self.exclude) {
             return None;
         }
         if is_journal(key) && !self.include.iter().any(|named| named == key) {
@@ -94,12 +97,26 @@ impl TopicsConfig {
         }
         let rule = self.rules.iter().find(|rule| fits(&rule.key, key));
         let rate_hz = rule.and_then(|rule| rule.rate_hz).unwrap_or(self.rate_hz);
+        let rate_hz = match key == RelayStations::KEY {
+            true if rate_hz == 0.0 => STATIONS_HZ,
+            true => rate_hz.min(STATIONS_HZ),
+            false => rate_hz,
+        };
+        let selection = match rate_hz > 0.0 {
+            // No rate: one piece alone would be of no use.
+            _ if key == BridgeOutline::KEY => Selection::Pieces,
+            true => Selection::Newest(Duration::from_secs_f64(1.0 / rate_hz)),
+            false => Selection::All,
+        };
         Some(TopicPlan {
-            period: (rate_hz > 0.0).then(|| Duration::from_secs_f64(1.0 / rate_hz)),
+            selection,
             priority: rule.and_then(|rule| rule.priority).unwrap_or(self.priority),
         })
     }
 }
+
+/// How often at most stations are sent who commands: 1.7 kB, of which a narrow radio must not be full.
+const STATIONS_HZ: f64 = 0.5;
 
 /// Whether it is the key of an input journal.
 fn is_journal(key: &str) -> bool {

@@ -151,6 +151,9 @@ impl RobotSide {
             self.own_topics.hasten(at);
         }
         self.is_latest_wanted |= ping.wants_latest;
+        self.services
+            .pace
+            .hear(ping.station_instance, ping.late_ms, at);
         let session = match may_command {
             true => self
                 .orders
@@ -215,7 +218,9 @@ impl RobotSide {
                         request,
                     } => {
                         let sent = match self.services.requests_of(service) {
-                            Some(requests) => requests.send(request, is_repeat),
+                            Some(requests) => {
+                                requests.send(request, is_repeat, names::origin(station))
+                            }
                             None => Err(NotSent::NoServer),
                         };
                         if sent.is_ok() && !is_repeat {
@@ -321,7 +326,7 @@ impl Process for RobotSide {
             self.own_topics.hasten(now);
         }
         if self.is_latest_wanted && now >= self.next_latest {
-            self.services.send_latest();
+            self.services.send_latest(now);
             self.is_latest_wanted = false;
             self.next_latest = now + LATEST_PERIOD;
         }

@@ -8,9 +8,11 @@ use std::time::Duration;
 
 use ipc_types::discovery::Discovery;
 use ipc_types::dynamic::ServiceFacts;
+use ipc_types::payload::RelayStations;
 use ipc_types::service::Pattern;
 use ipc_types::{
     DynamicClient, DynamicError, DynamicSubscriber, Ipc, MonotonicNs, PortSet, SendError,
+    Topic as _,
 };
 use ros_messages::message as cdr_message;
 
@@ -21,6 +23,7 @@ use crate::message::{MAX_SERVICES, Part, Service};
 use crate::names;
 use crate::network::{Declaration, Network, Outbox};
 use crate::orders::robot::NotSent;
+use crate::pace::Pace;
 use crate::request::RequestFields;
 use crate::ros2::Reliability;
 use crate::telemetry::SampleSender;
@@ -50,6 +53,10 @@ pub struct Services {
     carried: Vec<Carried>,
     ports: PortSet,
     ros2: Option<Ros2Publisher>,
+    /// How much goes out.
+    pub pace: Pace,
+    /// The topic that is sent first, so that each has its turn when the pace holds some back.
+    first: usize,
 }
 
 impl Services {
@@ -70,6 +77,8 @@ impl Services {
             carried: Vec::new(),
             ports: PortSet::new()?,
             ros2,
+            pace: Pace::default(),
+            first: 0,
         })
     }
 
@@ -86,7 +95,7 @@ impl Services {
                     Some(plan) => self.take_topic(ipc, network, facts, plan),
                     None => Ok(()),
                 },
-                Pattern::RequestResponse if key.starts_with("relay/") => Ok(()),
+                Pattern::RequestResponse if !names::is_carried(&key) => Ok(()),
                 Pattern::RequestResponse => self.take_requests(ipc, facts),
             };
             taken
@@ -117,12 +126,14 @@ impl Services {
             reliability: Reliability::BestEffort,
             token: None,
         });
-        if let Some(ros2) = &mut self.ros2 {
+        if let Some(ros2) = &mut self.ros2
+            && facts.key != RelayStations::KEY
+        {
             ros2.add(network, &facts.key, &facts.schema, plan.priority);
         }
         let topic = Topic {
             subscriber,
-            sender: SampleSender::new(self.instance, plan.period),
+            sender: SampleSender::new(self.instance, plan.selection),
             outbox,
             is_failing: false,
         };
@@ -197,18 +208,28 @@ impl Services {
 
     /// Reads what has been published, and sends what is due. Says how many samples went out.
     pub fn send_samples(&mut self, now: MonotonicNs) -> u64 {
-        let topics = self.carried.iter_mut().filter_map(Carried::topic);
-        let mut ros2 = self.ros2.as_mut();
-        topics
-            .map(|topic| topic.send(now, ros2.as_deref_mut()))
-            .sum()
+        let count = self.carried.len();
+        let (mut ros2, pace) = (self.ros2.as_mut(), &mut self.pace);
+        let mut sent = 0;
+        for place in 0..count {
+            let index = (self.first + place) % count;
+            let Some(topic) = self.carried[index].topic() else {
+                continue;
+            };
+            let of_topic = topic.send(now, pace, ros2.as_deref_mut());
+            sent += of_topic;
+            if of_topic > 0 && !pace.is_open(now) {
+                self.first = index + 1;
+            }
+        }
+        sent
     }
 
     /// Sends the latest sample of each topic again.
-    pub fn send_latest(&self) {
-        for carried in &self.carried {
-            if let Port::Topic(topic) = &carried.port {
-                topic.send_latest();
+    pub fn send_latest(&mut self, now: MonotonicNs) {
+        for carried in &mut self.carried {
+            if let Some(topic) = carried.topic() {
+                topic.send_latest(now, &mut self.pace);
             }
         }
     }
@@ -216,7 +237,7 @@ impl Services {
     /// When a sample is due that has come already.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         let deadline = |carried: &Carried| match &carried.port {
-            Port::Topic(topic) => topic.deadline(),
+            Port::Topic(topic) => topic.deadline(&self.pace),
             Port::Requests(_) | Port::Replaced => None,
         };
         self.carried.iter().filter_map(deadline).min()
@@ -242,7 +263,12 @@ struct Topic {
 
 impl Topic {
     /// Reads what has been published, and sends what is due. Says how many samples went out.
-    fn send(&mut self, now: MonotonicNs, mut ros2: Option<&mut Ros2Publisher>) -> u64 {
+    fn send(
+        &mut self,
+        now: MonotonicNs,
+        pace: &mut Pace,
+        mut ros2: Option<&mut Ros2Publisher>,
+    ) -> u64 {
         let sender = &mut self.sender;
         let drained = self.subscriber.drain(|sample| sender.take(sample));
         let was_failing = std::mem::replace(&mut self.is_failing, drained.is_err());
@@ -258,7 +284,7 @@ impl Topic {
         let lost = self.subscriber.losses().lost;
         let before = self.sender.sent();
         let (key, outbox) = (self.subscriber.key(), &self.outbox);
-        self.sender.send(now, lost, |header, sample| {
+        self.sender.send(now, lost, pace, |header, sample| {
             outbox.send(cdr_message(sample), encode(header));
             if let Some(ros2) = &mut ros2 {
                 ros2.send(key, sample);
@@ -268,16 +294,16 @@ impl Topic {
     }
 
     /// Sends the latest sample again.
-    fn send_latest(&self) {
+    fn send_latest(&self, now: MonotonicNs, pace: &mut Pace) {
         let lost = self.subscriber.losses().lost;
-        self.sender.send_again(lost, |header, sample| {
+        self.sender.send_again((now, lost), pace, |header, sample| {
             self.outbox.send(cdr_message(sample), encode(header));
         });
     }
 
     /// When a sample is due that has come already.
-    fn deadline(&self) -> Option<MonotonicNs> {
-        self.sender.deadline().filter(|_| self.outbox.is_open())
+    fn deadline(&self, pace: &Pace) -> Option<MonotonicNs> {
+        self.sender.deadline(pace).filter(|_| self.outbox.is_open())
     }
 }
 
@@ -305,12 +331,18 @@ impl Requests {
         })
     }
 
-    /// Hands a request on.
+    /// Hands a request on, with the `origin` of its station: what the station itself wrote there does not count.
     ///
     /// # Errors
     ///
     /// The service does not take it now.
-    pub fn send(&mut self, mut request: Vec<u8>, is_repeat: bool) -> Result<(), NotSent> {
+    pub fn send(
+        &mut self,
+        mut request: Vec<u8>,
+        is_repeat: bool,
+        origin: u32,
+    ) -> Result<(), NotSent> {
+        self.fields.set_origin(&mut request, origin);
         if is_repeat {
             self.fields.set_repeat(&mut request);
         }

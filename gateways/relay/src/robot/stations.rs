@@ -6,6 +6,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::Reason;
 use ipc_types::payload::{MAX_STATIONS, RelayStation, ascii_bytes};
 
+use crate::names;
 use crate::orders::robot::OrderCounts;
 
 /// One station.
@@ -136,6 +137,8 @@ impl Stations {
                 is_up: station.is_up.into(),
                 orders_open: counts.open as u32,
                 refusal: refusal.code(),
+                origin: names::origin(station.instance),
+                reserved: 0,
             }
         };
         self.list.iter().map(row).collect()

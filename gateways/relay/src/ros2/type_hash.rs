@@ -116,7 +116,7 @@ mod tests {
         ),
         (
             "hero_msgs/msg/ModuleState",
-            "edb748a66da7809a5390299f2844be42ad51a8cddcd902efeca0281210759517",
+            "ba3c45e244e1db2758776ddf93889f0502814d28fb08cdbcb893a32631664d92",
         ),
         (
             "hero_msgs/msg/MovementData",

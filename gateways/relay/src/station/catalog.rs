@@ -169,6 +169,8 @@ impl Assembly {
 
 #[cfg(test)]
 mod tests {
+    use fastrand::Rng;
+
     use super::*;
     use crate::message::PART_BYTES;
     use crate::message::{Ask, MAX_ASK_BYTES, MAX_REPLY_BYTES, Reply, decode, encode};
@@ -192,13 +194,8 @@ mod tests {
     fn learned(services: &[Service], lost_percent: u64) -> (Vec<Service>, u64) {
         let mut catalog = Catalog::default();
         catalog.expect(services.len() as u16);
-        let (mut learned, mut random, mut ms) = (Vec::new(), 1_u64, 0);
-        let mut arrives = |lost_percent| {
-            random = random
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
-            (random >> 33) % 100 >= lost_percent
-        };
+        let (mut learned, mut random, mut ms) = (Vec::new(), Rng::with_seed(1), 0);
+        let mut arrives = |lost_percent| random.u64(..100) >= lost_percent;
         while !catalog.is_complete() && ms < 10_000_000 {
             ms = ms.max(catalog.deadline().unwrap().0 / 1_000_000);
             let Question { index, from } = catalog.question(at(ms)).unwrap();

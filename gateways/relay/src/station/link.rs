@@ -44,6 +44,8 @@ pub struct Link {
     /// Whether all services that the robot had at first were described once.
     is_complete: bool,
     wants_latest: bool,
+    /// By how much longer the last exchange took than the quickest one of late.
+    late: Duration,
 }
 
 /// What an answer of the robot has changed.
@@ -72,6 +74,7 @@ impl Link {
             catalog: Catalog::default(),
             is_complete: false,
             wants_latest: true,
+            late: Duration::ZERO,
         }
     }
 
@@ -91,6 +94,7 @@ impl Link {
             sent_ns: now.0,
             suspended_ns,
             wants_latest: self.wants_latest,
+            late_ms: self.late_ms(now),
         })
     }
 
@@ -122,12 +126,23 @@ impl Link {
         if let Err(error) = self.clock.take(&exchange) {
             tracing::debug!(%error, "an exchange of time stamps says nothing");
         }
+        let there = Duration::from_nanos(pong.sent_ns.saturating_sub(pong.received_ns));
+        let took = at.since(exchange.sent).saturating_sub(there);
+        let quickest = self.clock.estimate(at).map(|of| of.round_trip_ns);
+        self.late = took.saturating_sub(quickest.map_or(took, Duration::from_nanos));
         self.last_heard = Some(at);
         if self.state != RelayLinkState::Up && self.clock.estimate(at).is_some() {
             self.change(RelayLinkState::Up, at);
             update.is_up = true;
         }
         update
+    }
+
+    /// By how much longer the last exchange took than the quickest, or the next one is overdue.
+    fn late_ms(&self, now: MonotonicNs) -> u32 {
+        let heard = self.last_heard.map_or(Duration::ZERO, |at| now.since(at));
+        let overdue = heard.saturating_sub(2 * PING_PERIOD);
+        u32::try_from(self.late.max(overdue).as_millis()).unwrap_or(u32::MAX)
     }
 
     /// A sample has come: the robot need not send the latest ones again.
@@ -302,6 +317,7 @@ mod tests {
                 sent_ns: 0,
                 suspended_ns: 0,
                 wants_latest: false,
+                late_ms: 0,
             };
             let pong = Pong {
                 session,
@@ -360,6 +376,17 @@ mod tests {
         assert!(!link.ping(at(1000), 0).unwrap().wants_latest);
         assert!(link.pass(at(5000)));
         assert!(link.ping(at(5000), 0).unwrap().wants_latest);
+    }
+
+    #[test]
+    fn a_ping_says_by_how_much_the_last_answer_was_late_or_the_next_one_is_overdue() {
+        let mut link = link();
+        let _ = answered(&mut link, 0, 1, 0);
+        let ping = link.ping(at(1000), 0).unwrap();
+        assert_eq!(ping.late_ms, 0);
+        link.take(&pong(1, &ping, 0), at(1410), 0);
+        assert_eq!(link.ping(at(1500), 0).unwrap().late_ms, 400);
+        assert_eq!(link.ping(at(3000), 0).unwrap().late_ms, 590);
     }
 
     #[test]

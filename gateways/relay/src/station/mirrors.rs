@@ -12,7 +12,7 @@ use crate::budget::Budget;
 use crate::clock::{Clock, RemoteNs};
 use crate::message::SampleHeader;
 use crate::message::{MAX_SERVICES, Service};
-use crate::names::service_id;
+use crate::names::{is_carried, service_id};
 use crate::request::{RequestFields, word};
 use crate::telemetry::{Counts, SampleReceiver};
 
@@ -117,8 +117,7 @@ impl Mirrors {
         if self.list.iter().any(|mirror| mirror.service == service) {
             return;
         }
-        // Each machine has the relay's own topics itself. The robot's relay describes none of them.
-        let is_none = service.key.starts_with("relay/") || !is_key(&service.key);
+        let is_none = !is_carried(&service.key) || !is_key(&service.key);
         let others = self
             .list
             .iter()

@@ -148,9 +148,8 @@ struct Remote {
     link: Link,
     mirrors: Mirrors,
     orders: Station,
-    /// When requests were issued, and what the robot calls this clock.
+    /// When requests were issued.
     moments: Moments,
-    origin: u32,
     /// Deadline of a request that says neither when it was issued nor until when it may begin.
     default_deadline: Duration,
     endpoints: String,
@@ -191,7 +190,6 @@ impl Remote {
                 give_up: config.commands.unknown_after(),
             }),
             moments: Moments::default(),
-            origin: (fresh() as u32).max(1),
             default_deadline: config.commands.deadline(),
             endpoints: [&config.station.connect[..], &config.station.listen[..]]
                 .concat()
@@ -378,7 +376,7 @@ impl Remote {
         if let Some(at) = issued {
             let issued = self.moments.issued(at, clock, now)?;
             let (at, within_ns) = (issued.earliest, issued.within_ns);
-            fields.set_issued(&mut request.bytes, at, within_ns, self.origin);
+            fields.set_issued(&mut request.bytes, at, within_ns);
         }
         if let Some(at) = begin_by {
             let begin_by = earliest(at, clock)?;

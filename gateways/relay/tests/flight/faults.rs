@@ -1,6 +1,7 @@
 //! What goes wrong between a station and its robot, and what is refused: every request ends once, nothing is executed twice, and
 //! the robot does what it was configured for.
 
+use std::fs;
 use std::io::{self, Read};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::sync::{Arc, Mutex};
@@ -12,7 +13,8 @@ use ipc_types::code::{Functionality, RelayLinkState};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations};
 use ril_tests::process::{Finished, Signal};
 use ril_tests::relayed::{
-    BridgeLog, SPEED, await_link, free_endpoint, machine, start_robot_relay, start_station_relay,
+    BridgeLog, SPEED, STATION, await_link, free_endpoint, machine, start_robot_relay,
+    start_station_relay,
 };
 use ril_tests::{Process, Rig};
 
@@ -315,7 +317,10 @@ fn the_robot_s_relay_says_which_station_commands() {
     let Some(mut rig) = rig("who commands", "") else {
         return;
     };
+    let mut record = rig.robot.start("record --output record");
+    record.wait_for_text("/robot1/relay/stations");
     rig.station.run("start", 0);
+    rig.robot.run("takeoff --altitude 5", 0);
     let relay = rig.robot_relay.as_mut().expect("it runs");
     relay.wait_for_line(|line| line.text.contains("request=") && line.text.contains("gcs"));
     let mut stations = rig.robot.subscribe::<RelayStations>(1);
@@ -323,7 +328,33 @@ fn the_robot_s_relay_says_which_station_commands() {
         let gcs = sample.stations().first();
         gcs.is_some_and(|gcs| gcs.last_order().is_some())
     });
-    rig.end();
+    let mut there = rig.station.subscribe::<RelayStations>(1);
+    there.until("the same at the station", |sample| {
+        let commanding = sample.commanding().and_then(|station| station.name());
+        commanding == Some(STATION)
+    });
+    let status = rig.station.run("relay status", 0);
+    status.out_says("commands    gcs, last order");
+    record.end();
+    let record: Vec<u8> = fs::read_dir(rig.robot.path("record"))
+        .expect("a folder")
+        .flat_map(|file| fs::read(file.expect("a file").path()).expect("it is read"))
+        .collect();
+    for text in [
+        "start requested by station gcs",
+        "takeoff requested by process ",
+    ] {
+        let mut places = record.windows(text.len());
+        assert!(places.any(|place| place == text.as_bytes()), "{text}");
+    }
+    let [bridge, _] = rig.end();
+    for (command, is_relayed) in [("start", true), ("takeoff", false)] {
+        let command = format!("command=\"{command}\"");
+        let mut log = bridge.stderr.iter();
+        let line = log.find(|line| line.contains(&command)).expect("a line");
+        assert_eq!(line.contains("station=\"gcs\""), is_relayed, "{line}");
+        assert!(is_relayed || !line.contains("station="), "{line}");
+    }
 }
 
 #[test]

@@ -7,10 +7,11 @@ use std::time::Duration;
 
 use ipc_types::code::{ModuleStatus, RelayLinkState};
 use ipc_types::dynamic::{self, schema_of};
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
+use ipc_types::outline::OutlineReader;
+use ipc_types::payload::{BridgeOutline, DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::schema::MAX_TEXT_LEN;
 use ipc_types::{DynamicPublisher, DynamicSubscriber, RobotId, Schema, Topic};
-use ril_tests::process::Signal;
+use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::relayed::{
     BridgeLog, SPEED, await_link, free_endpoint, machine, start_station_relay,
 };
@@ -121,6 +122,16 @@ fn a_mission_typed_at_the_station_flies_and_the_station_shows_what_the_robot_doe
     assert!(!checked.is_empty() && !has_error, "{doctor:#?}");
     assert!(matches!(doctor.code(), Some(0 | 8)), "{doctor:#?}");
     rig.robot.run("relay status", 0);
+    // What the bridge holds came before this subscriber, and comes again.
+    let mut reader = OutlineReader::new();
+    let mut pieces = rig.station.subscribe::<BridgeOutline>(1);
+    while reader.outline().is_none() {
+        let piece = pieces.port.recv_timeout(WAIT_LIMIT).expect("a topic");
+        reader.take(&piece.expect("all pieces of what the bridge holds"));
+    }
+    let number = reader.outline().map(|outline| outline.number);
+    let mut states = rig.station.subscribe::<ModuleState>(1);
+    states.until("the same number", |state| Some(state.outline) == number);
 
     let (dsp, hero, state) = (station.0.end(), station.1.end(), station.2.end());
     assert_same(&robot.0.end(), &dsp);

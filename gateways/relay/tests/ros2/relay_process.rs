@@ -9,13 +9,14 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::{RobotId, Schema};
 use relay::ros2::{Qos, Session, StandardMessage, own_schemas};
+use ril_tests::languages::run;
 use ril_tests::relayed::free_endpoint;
 use ril_tests::{Process, StandInStatus, StandInTopic, TestDomain};
-use serde_json::Value;
+use serde_json::{Value, json};
 use zenoh::Wait;
 use zenoh::sample::{Sample, SampleKind};
 
-use super::python::python_or_skip;
+use super::python::{python_or_skip, script};
 use super::samples::{self, samples};
 use super::{check_topics, folder_with_packages};
 
@@ -129,6 +130,35 @@ fn zenoh_ros2_sdk_lists_and_echoes_what_the_running_relay_publishes() {
     }
     let folder = folder_with_packages(&own_schemas());
     check_topics(python, &robot.endpoint, &expected, folder.path());
+    robot.end();
+}
+
+/// Keys, messages and samples as the document has them, by Zenoh's own library for another language.
+#[test]
+fn eclipse_zenoh_reads_the_documented_keys_as_a_peer_and_as_a_client() {
+    let Some(python) = python_or_skip("eclipse-zenoh with ril-relay") else {
+        return;
+    };
+    let domain = TestDomain::new();
+    let status = StandInStatus::start(&domain);
+    let robot = Robot::start(&domain, &["hero_telemetry"], move || {
+        status.publish(&samples::telemetry());
+    });
+    let mut samples = samples().into_iter();
+    let hero = samples.find(|sample| sample.publication.topic == "/hero1/hero_telemetry");
+    let mut hero = hero.expect("telemetry");
+    leave_out_what_each_run_changes(&mut hero.values);
+    let expected = json!({
+        "robot": 1,
+        "key": "hero_telemetry",
+        "type": hero.publication.type_name,
+        "ros2_key": hero.publication.key_expression,
+        "timeout_s": 30,
+        "values": hero.values,
+    });
+    let mut command = script(python, "check_keys.py");
+    command.args(["--endpoint", &robot.endpoint, "--expected"]);
+    run(command.arg(expected.to_string())).unwrap();
     robot.end();
 }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
+use fastrand::Rng;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{MovementData, SharedStruct};
 use relay::message::{Ask, MAX_BYTES, Ping, Reply, decode, encode};
@@ -174,9 +175,8 @@ impl Flood {
             "topic/movement",
         ];
         Flood::new(stranger, move |count| {
-            let bytes: Vec<u8> = (0..count % 200)
-                .map(|byte| mix(count + byte) as u8)
-                .collect();
+            let mut bytes = vec![0; (count % 200) as usize];
+            Rng::with_seed(count).fill(&mut bytes);
             (key(keys[count as usize % keys.len()]), bytes)
         })
     }
@@ -208,7 +208,10 @@ impl Flood {
     /// New instances of a station, that want all there is.
     pub fn instances(stranger: Stranger, name: &'static str) -> Flood {
         Flood::new(stranger, move |count| {
-            (key(&format!("ask/{name}")), ping(mix(count)))
+            (
+                key(&format!("ask/{name}")),
+                ping(Rng::with_seed(count).u64(..)),
+            )
         })
     }
 
@@ -272,10 +275,6 @@ fn ping(station_instance: u64) -> Vec<u8> {
         sent_ns: MonotonicNs::now().0,
         suspended_ns: 0,
         wants_latest: true,
+        late_ms: 0,
     }))
-}
-
-fn mix(number: u64) -> u64 {
-    let mixed = number.wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    mixed ^ (mixed >> 29)
 }

@@ -196,6 +196,7 @@ pub fn robot_side(data: &[u8]) {
                     sent_ns: script.number(),
                     suspended_ns: script.number(),
                     wants_latest: true,
+                    late_ms: 0,
                 };
                 side.ask(&format!("{ask}{name}"), &Ask::Ping(ping), now);
             }

@@ -2,9 +2,9 @@
 
 use ipc_types::code::{
     DspPathState, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind,
-    PilotSwitch, SafetyAction, SafetyRule,
+    OutlineKind, PilotSwitch, PortKind, Reason, SafetyAction, SafetyRule, Stage,
 };
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
+use ipc_types::payload::{BridgeOutline, DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::{TelemetryGroup, Topic};
 
 /// A field, plain or nested, and whether it means something in a sample.
@@ -44,12 +44,27 @@ impl Meaning {
         }
     }
 
-    /// What is known of the struct with this type name, such as `hero.ModuleState.v3`.
+    /// What is known of the struct with this type name, such as `hero.ModuleState.v5`.
     pub fn of_type(type_name: &str) -> Meaning {
         match type_name {
             DspTelemetry::TYPE_NAME => Meaning::of::<DspTelemetry>(),
             HeroTelemetry::TYPE_NAME => Meaning::of::<HeroTelemetry>(),
             ModuleState::TYPE_NAME => Meaning::of::<ModuleState>(),
+            BridgeOutline::TYPE_NAME => Meaning::of::<BridgeOutline>(),
+            _ => Meaning::NONE,
+        }
+    }
+
+    /// What is known of what a core says on the topic with this key, or about `requests`.
+    pub fn of_key(key: &str) -> Meaning {
+        match key {
+            DspTelemetry::KEY => Meaning::of::<DspTelemetry>(),
+            HeroTelemetry::KEY => Meaning::of::<HeroTelemetry>(),
+            ModuleState::KEY => Meaning::of::<ModuleState>(),
+            "requests" => Meaning {
+                codes: OF_REPORT,
+                ..Meaning::NONE
+            },
             _ => Meaning::NONE,
         }
     }
@@ -60,7 +75,7 @@ impl Meaning {
     }
 
     /// Name of the number `code` in the field `path`; `None` if it has none.
-    pub(super) fn name_of(self, path: &str, code: u32) -> Option<String> {
+    pub fn name_of(self, path: &str, code: u32) -> Option<String> {
         let (_, name_of) = self.codes.iter().find(|(name, _)| *name == path)?;
         name_of(code)
     }
@@ -90,10 +105,10 @@ macro_rules! by_group {
 
 /// Rows `"field" => Code` of [`Shown::CODES`].
 macro_rules! codes {
-    ($($field:literal => $code:ident),+; $($other:literal as $name:expr),+ $(,)?) => {
+    ($($field:literal => $code:ident),+; $($other:literal as $name:expr),* $(,)?) => {
         &[
             $(($field, |number| $code::from_code(number).map(|code| code.to_string())),)+
-            $(($other, $name),)+
+            $(($other, $name),)*
         ]
     };
 }
@@ -163,6 +178,12 @@ impl Shown for ModuleState {
         ("safety.rule", |state| state.safety.rule != 0),
         ("safety.amount", |state| state.safety.rule != 0),
         ("safety.action", |state| state.safety.action != 0),
+        ("control.since_ns", |state| state.holder().is_some()),
+        ("control.last_order_ns", |state| {
+            state.control.last_order_ns > 0
+        }),
+        ("control.holder", |state| state.holder().is_some()),
+        ("control.asker", |state| state.asker().is_some()),
     ];
 
     const CODES: &'static [Naming] = codes! {
@@ -180,6 +201,30 @@ impl Shown for ModuleState {
         "dsp_errors.last_code" as dsp_error_name,
     };
 }
+
+impl Shown for BridgeOutline {
+    const CONDITIONS: &'static [Condition<Self>] = &[
+        ("area", |piece| piece.kind() != Some(OutlineKind::Path)),
+        ("inclusion", |piece| piece.kind() == Some(OutlineKind::Area)),
+        ("name", |piece| piece.kind() == Some(OutlineKind::Area)),
+        ("floor_m", |piece| piece.floor().is_some()),
+        ("ceiling_m", |piece| piece.ceiling().is_some()),
+        ("radius_m", |piece| piece.radius_m > 0.0),
+        ("points", |piece| piece.count > 0),
+    ];
+
+    const CODES: &'static [Naming] = codes! { "kind" => OutlineKind; };
+}
+
+/// The codes of a [`RequestReport`](ipc_types::payload::RequestReport).
+const OF_REPORT: &[Naming] = codes! {
+    "stage" => Stage,
+    "reason" => Reason,
+    "rule" => SafetyRule,
+    "port.kind" => PortKind;
+    "imi_error" as |code| Some(ImiCode(code).to_string()),
+    "dsp_error_code" as dsp_error_name,
+};
 
 /// Every DSP error has a name, of a known code or not.
 fn dsp_error_name(code: u32) -> Option<String> {
@@ -284,6 +329,7 @@ mod tests {
         check::<DspTelemetry>();
         check::<HeroTelemetry>();
         check::<ModuleState>();
+        check::<BridgeOutline>();
     }
 
     #[test]
@@ -307,6 +353,10 @@ mod tests {
             "safety.rule",
             "safety.amount",
             "safety.action",
+            "control.since_ns",
+            "control.last_order_ns",
+            "control.holder.session",
+            "control.asker.session",
         ] {
             assert!(before.iter().any(|name| name == path), "{path}");
         }
@@ -317,6 +367,8 @@ mod tests {
         state.dsp_errors.total = 1;
         state.safety.rule = SafetyRule::Battery.code();
         state.safety.action = SafetyAction::Warn.code();
+        (state.control.held, state.control.asked) = (1, 1);
+        state.control.last_order_ns = 1;
         assert_eq!(nothing(&state), ["movement.distance_to_go_m"]);
         state.movement.distance_valid = 1;
         assert_eq!(nothing(&state), [""; 0]);

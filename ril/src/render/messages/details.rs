@@ -8,6 +8,8 @@ use ipc_types::code::{PortKind, Reason, SafetyAction, SafetyRule};
 use ipc_types::payload::{PortInfo, RequestReport, SafetyState};
 use runtime::finding::Severity;
 
+use crate::render::words::distance;
+
 /// Unit of the amount by which a rule is broken; `None` for a rule without an amount.
 pub const fn unit(rule: SafetyRule) -> Option<&'static str> {
     match rule {
@@ -43,15 +45,52 @@ pub struct BrokenRule {
     pub action: &'static str,
     /// How bad that is.
     pub severity: Severity,
+    /// All of it in plain words, with the rule's name at the end.
+    pub words: String,
+    /// The same without the amount, which is another one at every look.
+    pub words_without_amount: String,
+}
+
+/// What it is to break a rule.
+const fn meaning(rule: SafetyRule) -> &'static str {
+    match rule {
+        SafetyRule::PilotSwitch => "the pilot's switch is on manual",
+        SafetyRule::FenceInclusion => "outside the fence",
+        SafetyRule::FenceExclusion => "inside an exclusion area",
+        SafetyRule::FenceFloor => "below the floor of the fence",
+        SafetyRule::FenceCeiling => "above the ceiling of the fence",
+        SafetyRule::FenceUnjudgeable => "where the fence cannot judge",
+        SafetyRule::Battery => "battery below its limit",
+        SafetyRule::Fuel => "fuel below its limit",
+        SafetyRule::LinkLoss => "the link to the DSP was lost",
+    }
+}
+
+/// What the bridge does.
+const fn doing(action: SafetyAction) -> &'static str {
+    match action {
+        SafetyAction::Warn => "the bridge warns only",
+        SafetyAction::Refuse => "no new movement is taken but a landing",
+        SafetyAction::Hold => "the path is ended and the helicopter hovers",
+        SafetyAction::Land => "the helicopter is landed",
+    }
 }
 
 /// The rule that is broken now; `None` if none is.
 pub fn broken_rule(safety: &SafetyState) -> Option<BrokenRule> {
     let rule = safety.rule();
     let by = rule.and_then(|rule| amount(rule, safety.amount));
+    let name = rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string());
+    let by = by.map_or_else(String::new, |by| format!(" {by}"));
+    let meaning = rule.map_or("a rule that is not known here is broken", meaning);
+    let doing = safety
+        .action()
+        .map_or("the bridge's action is not known here", doing);
     (safety.rule != 0).then(|| BrokenRule {
-        name: rule.map_or_else(|| format!("rule {}", safety.rule), |rule| rule.to_string()),
-        by: by.map_or_else(String::new, |by| format!(" {by}")),
+        words: format!("{meaning}{by}: {doing} ({name})"),
+        words_without_amount: format!("{meaning}: {doing} ({name})"),
+        name,
+        by,
         action: safety.action().map_or("unknown action", SafetyAction::name),
         severity: match safety.action() {
             Some(SafetyAction::Warn) => Severity::Warning,
@@ -84,15 +123,18 @@ pub fn details(report: &RequestReport) -> Option<String> {
         (None, 0) => None,
         (None, number) => Some(format!("rule {number}")),
     };
+    let area = report.area().map(|area| format!("area `{area}`"));
     let by = rule
         .zip(report.value())
         .and_then(|(rule, value)| amount(rule, value));
-    let late = report
-        .value()
-        .filter(|late_s| report.reason() == Some(Reason::TooLate) && late_s.is_finite())
-        .map(|late_s| format!("{late_s:.1} s late"));
+    let value = report.value().filter(|value| value.is_finite());
+    let excess = match report.reason() {
+        Some(Reason::TooLate) => value.map(|late_s| format!("{late_s:.1} s late")),
+        Some(Reason::TooFar) => value.map(|metres| format!("{} away", distance(metres))),
+        _ => None,
+    };
     let error = report.dsp_error().map(dsp_error);
-    let parts: Vec<String> = [rule_name, place, by, late, error]
+    let parts: Vec<String> = [rule_name, area, place, by, excess, error]
         .into_iter()
         .flatten()
         .collect();
@@ -217,6 +259,10 @@ mod tests {
         ] {
             assert_eq!(details(&report).as_deref(), Some(expected));
         }
+        let mut of_area = breach(SafetyRule::FenceExclusion, 1, 3.0);
+        of_area.port.name = PortInfo::name_bytes("north mast");
+        let expected = "fence-exclusion, area `north mast`, leg 1, by 3.0 m";
+        assert_eq!(details(&of_area).as_deref(), Some(expected));
         let later = RequestReport {
             rule: 99,
             waypoint: 1,
@@ -268,6 +314,20 @@ mod tests {
             ..RequestReport::new(Stage::Refused, Reason::TooLate)
         };
         assert_eq!(details(&report).as_deref(), Some("7.0 s late"));
+    }
+
+    #[test]
+    fn a_waypoint_that_is_too_far_says_how_far() {
+        let report = RequestReport {
+            value: 4_810_400.0,
+            value_valid: 1,
+            waypoint: 1,
+            ..RequestReport::new(Stage::Refused, Reason::TooFar)
+        };
+        assert_eq!(
+            details(&report).as_deref(),
+            Some("waypoint 1, 4810.4 km away")
+        );
     }
 
     #[test]

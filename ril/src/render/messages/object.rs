@@ -14,6 +14,9 @@ use super::details::{port_name, port_value};
 pub struct ReportObject {
     schema: &'static str,
     request: &'static str,
+    /// Of a command about several robots: which.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    robot: Option<u32>,
     request_id: u64,
     path_id: u64,
     reported_ns: u64,
@@ -25,6 +28,9 @@ pub struct ReportObject {
     waypoints_reached: u32,
     #[serde(skip_serializing_if = "Option::is_none")]
     rule: Option<&'static str>,
+    /// The area of the geofence that was broken.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    area: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     waypoint: Option<u32>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -95,6 +101,12 @@ impl ReportObject {
         }
     }
 
+    /// The same with the robot.
+    #[must_use]
+    pub fn of_robot(self, robot: Option<u32>) -> ReportObject {
+        ReportObject { robot, ..self }
+    }
+
     /// The report as it answers `verb`.
     pub fn new(verb: Verb, report: &RequestReport) -> ReportObject {
         // Without `..`: a field that is added must be thought of here.
@@ -119,6 +131,7 @@ impl ReportObject {
         ReportObject {
             schema: RequestReport::TYPE_NAME,
             request: verb.name(),
+            robot: None,
             request_id,
             path_id,
             reported_ns,
@@ -133,6 +146,7 @@ impl ReportObject {
             waypoints_sent,
             waypoints_reached,
             rule: report.rule().map(SafetyRule::name),
+            area: report.area().map(str::to_owned),
             waypoint: (waypoint > 0).then_some(waypoint),
             dsp_error_code: report.dsp_error(),
             value: report

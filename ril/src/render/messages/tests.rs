@@ -193,6 +193,31 @@ fn a_port_s_reports_say_its_value_or_its_limits() {
 }
 
 #[test]
+fn a_take_off_that_is_too_high_names_the_limit_of_the_dsp() {
+    let refused = RequestReport::new(Stage::Refused, Reason::OutOfRange);
+    assert_eq!(
+        end(Verb::TakeOff, refused),
+        "takeoff was refused (out-of-range): the DSP takes 0.5 to 200 m above take-off (port 20121)"
+    );
+    let of_path = end(Verb::GoTo, refused);
+    assert!(of_path.contains("`[movement]`"), "{of_path}");
+}
+
+/// A landing that was just refused must not read that it is always taken.
+#[test]
+fn a_refused_landing_says_what_can_be_done_now() {
+    for reason in Reason::ALL {
+        let text = end(Verb::Land, RequestReport::new(Stage::Refused, *reason));
+        assert!(!text.contains("always"), "{text}");
+    }
+    let low = end(
+        Verb::TakeOff,
+        RequestReport::new(Stage::Refused, Reason::SupplyLow),
+    );
+    assert!(low.contains("`ril land` is taken in flight"), "{low}");
+}
+
+#[test]
 fn people_read_what_goes_on() {
     let counted = |stage| RequestReport {
         waypoints_total: 3,
@@ -215,12 +240,7 @@ fn people_read_what_goes_on() {
             counted(Stage::Progress),
             Some("takeoff: begun on the DSP"),
         ),
-        (
-            Verb::GoTo,
-            0,
-            counted(Stage::Accepted),
-            Some("goto: waypoint 1 of 3 accepted"),
-        ),
+        (Verb::GoTo, 0, counted(Stage::Accepted), None),
         (
             Verb::Land,
             0,
@@ -232,7 +252,7 @@ fn people_read_what_goes_on() {
             Verb::GoTo,
             2,
             counted(Stage::Accepted),
-            Some("goto: waypoint 3 of 3 accepted, the path is complete"),
+            Some("goto: 3 waypoints accepted, the path is complete"),
         ),
         (
             Verb::GoTo,
@@ -272,7 +292,7 @@ fn programs_read_names_in_one_object() {
 #[test]
 fn an_operator_who_leaves_reads_what_goes_on() {
     for verb in Verb::ALL {
-        let can_be_stopped = verb == Verb::GoTo;
+        let can_be_stopped = matches!(verb, Verb::GoTo | Verb::ReturnToHome);
         assert_eq!(
             verb.goes_on().contains("`ril hold`"),
             can_be_stopped,

@@ -5,7 +5,7 @@
 //!
 //! Here are memory, configuration and repair; `domain`, `services`, `serial` and `relay_link` have the others.
 
-use ipc_types::Repair;
+use ipc_types::{LowLimit, Repair};
 use runtime::exit::ExitCode;
 use runtime::finding::{Finding, Severity};
 use serde::Serialize;
@@ -13,7 +13,7 @@ use serde::Serialize;
 use super::facts::{FileContent, FileFacts, FreeMemory, MachineFacts};
 use super::{domain, relay_link, serial, services};
 use crate::render::words::count_irregular;
-use crate::robot::domain::{Look, Trouble};
+use crate::robot::domain::{DomainFacts, Look, Trouble};
 
 /// What a finding is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -62,6 +62,11 @@ pub fn diagnose(facts: &MachineFacts) -> Vec<(Subject, Finding)> {
     match &facts.domain {
         Ok(domain) => {
             add(Subject::Domain, domain::diagnose(domain));
+            let unmakeable = |why: &String| root_unmakeable(domain, why);
+            add(
+                Subject::Domain,
+                facts.root_fault.iter().map(unmakeable).collect(),
+            );
             add(Subject::Services, services::diagnose(domain, facts.robot));
         }
         Err(reason) => add(Subject::Configuration, vec![domain_unnamed(reason)]),
@@ -70,6 +75,7 @@ pub fn diagnose(facts: &MachineFacts) -> Vec<(Subject, Finding)> {
         add(Subject::Relay, relay_link::diagnose(relay, facts.robot));
     }
     add(Subject::Memory, memory(&facts.free_memory));
+    add(Subject::Memory, facts.limits.iter().map(limit).collect());
     add(
         Subject::Configuration,
         facts.files.iter().map(configuration).collect(),
@@ -188,6 +194,33 @@ struct FreeRoom {
     next_step: &'static str,
 }
 
+/// The domain's folder does not exist and cannot be made.
+fn root_unmakeable(domain: &DomainFacts, why: &str) -> Finding {
+    let root = domain.root.display();
+    Finding::error(
+        "root-unmakeable",
+        format!("{root} cannot be made, so no process starts: {why}"),
+        "choose another domain with RIL_IPC_ROOT, or unset it",
+    )
+}
+
+/// A limit of this shell, or of whatever has started this process; a unit has its own.
+fn limit(low: &LowLimit) -> Finding {
+    let LowLimit {
+        name,
+        value,
+        needed,
+    } = low;
+    Finding::warning(
+        "limit-low",
+        format!("the limit `{name}` is {value} here, and a robot's processes may need {needed}"),
+        format!(
+            "raise it before you start them: `ulimit` of the shell, or `Limit{}=` of the unit",
+            name.to_uppercase()
+        ),
+    )
+}
+
 /// Whether there is room for the processes of another robot.
 fn memory(free: &Look<FreeMemory>) -> Vec<Finding> {
     let free = match free {
@@ -271,8 +304,8 @@ fn repaired(repair: &Repair) -> Vec<Finding> {
         ),
         (
             generations,
-            "generation of shared memory in which no process was",
-            "generations of shared memory in which no process was",
+            "generation of leftover shared memory",
+            "generations of leftover shared memory",
         ),
         (leftovers, "thing half removed", "things half removed"),
     ];

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use bridge::BridgeConfig;
 use bridge::shell::serial::holders::Holders;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
-use ipc_types::{MonotonicNs, Repair};
+use ipc_types::{LowLimit, MonotonicNs, Repair};
 
 use crate::robot::domain::{DomainFacts, Look};
 use crate::robot::running::ConfigOrigin;
@@ -18,6 +18,10 @@ pub struct MachineFacts {
     pub robot: u32,
     /// Its shared memory, or why the environment names none.
     pub domain: Result<DomainFacts, String>,
+    /// Why the folder of the domain, which is not there, cannot be made; `None` if it can, or is there.
+    pub root_fault: Option<String>,
+    /// What this process may use that is less than a robot's processes need.
+    pub limits: Vec<LowLimit>,
     /// What is free in `/dev/shm`.
     pub free_memory: Look<FreeMemory>,
     /// Configuration files.

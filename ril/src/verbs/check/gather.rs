@@ -65,6 +65,7 @@ pub(super) fn machine(
         Ok(place) => Ok(DomainFacts::look(place)),
         Err(error) => Err(error.to_string()),
     };
+    let root_fault = place.as_ref().ok().and_then(root_fault);
     // Where no provider can be found, that is a finding of its own.
     let is_readable = domain.as_ref().is_ok_and(|facts| facts.providers.is_ok());
     let (relay, running) = match place {
@@ -80,6 +81,8 @@ pub(super) fn machine(
         robot: robot.get(),
         domain,
         relay,
+        root_fault,
+        limits: ipc_types::low_limits(),
         free_memory: memory(),
         port: chosen_port(args, &files, bridge.as_ref(), bridge_process),
         files,
@@ -96,6 +99,23 @@ pub(super) fn machine(
     let running = running.map(|config| (config, ConfigOrigin::Running));
     let bridge = running.or_else(in_file);
     (facts, bridge)
+}
+
+/// Why the folder of the domain cannot be made. A folder of another name is made beside where it would be, and removed at once: nothing else
+/// knows of file systems that are read-only, full or not made for files.
+fn root_fault(domain: &Domain) -> Option<String> {
+    let root = domain.root().to_owned();
+    let looking = Looking::start(move || {
+        if root.symlink_metadata().is_ok() {
+            return None;
+        }
+        let parent = root.ancestors().skip(1).find(|parent| parent.exists())?;
+        let probe = parent.join(format!(".ril-doctor-{}", std::process::id()));
+        let made = fs::create_dir(&probe).and_then(|()| fs::remove_dir(&probe));
+        let why = made.err()?;
+        Some(format!("{}: {why}", parent.display()))
+    });
+    looking.end(LOOK_TIMEOUT).ok().flatten()
 }
 
 /// What the live bridge of `robot` says that it runs with.

@@ -8,7 +8,7 @@ use runtime::finding::Finding;
 use super::facts::PreflightFacts;
 use crate::config::PreflightLimits;
 use crate::render::messages::details::dsp_error;
-use crate::render::words::count;
+use crate::render::words::{count, module_words};
 use crate::robot::domain::Provided;
 
 /// With fewer messages than this a share of rejected ones says little: the share is then taken of so many. 1,000 messages are
@@ -92,8 +92,11 @@ pub(super) fn state<'a>(
 fn link(facts: &PreflightFacts) -> Checked {
     const ID: &str = "dsp-link";
     let state = state(facts, ID)?;
+    // 0: a state that has held since the bridge began, which is no moment to count from.
     let since = MonotonicNs(state.link.state_since_ns);
-    let since = age_s(since, facts.now).map_or(String::new(), |age| format!(" for {age:.1} s"));
+    let since = Some(since).filter(|since| since.0 > 0);
+    let since = since.and_then(|since| age_s(since, facts.now));
+    let since = since.map_or(String::new(), |age| format!(" for {age:.1} s"));
     Ok(match state.link.state() {
         Some(LinkState::Up) => Finding::note(ID, format!("up{since}")),
         Some(LinkState::Gone) => Finding::error(
@@ -226,17 +229,15 @@ fn fresh(
 fn module(facts: &PreflightFacts) -> Checked {
     const ID: &str = "module";
     let state = state(facts, ID)?;
-    Ok(match ModuleStatus::from_code(state.status) {
-        Some(ModuleStatus::WaitingDataToStart) => Finding::note(ID, "not started yet"),
-        Some(ModuleStatus::Running) => Finding::note(ID, "started"),
-        Some(ModuleStatus::Ended) if state.is_blocked() => Finding::note(ID, "stopped"),
-        Some(ModuleStatus::Ended) => Finding::note(ID, "started"),
-        Some(ModuleStatus::Aborted) => Finding::warning(
+    let words = module_words(state.status(), state.is_blocked());
+    Ok(match (state.status(), words) {
+        (Some(ModuleStatus::Aborted), _) => Finding::warning(
             ID,
             format!("aborted: {}", state.imi_error()),
             "find the cause in the bridge's log, then `ril start`",
         ),
-        None => Finding::warning(
+        (_, Some(words)) => Finding::note(ID, words),
+        (_, None) => Finding::warning(
             ID,
             format!("in a state with the unknown number {}", state.status),
             "use `ril` of the bridge's version",

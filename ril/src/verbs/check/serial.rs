@@ -80,10 +80,13 @@ fn elsewhere(port: &PortFacts, holders: &PortHolders, bridge: Option<u32>) -> Op
         .map(|path| path.display().to_string())
         .collect();
     let text = format!(
-        "the live bridge (process {pid}) has {} open, not {}",
-        theirs.join(", "),
-        port.path.display()
+        "the live bridge (process {pid}) has {} open",
+        theirs.join(", ")
     );
+    if !port.is_chosen {
+        return Some(Finding::note("port-right", text));
+    }
+    let text = format!("{text}, not {}", port.path.display());
     let finding = Finding::note("port-of-another-configuration", text);
     Some(finding.with_next_step(
         "to look at its port, name it with --port, or its configuration with --bridge",
@@ -330,5 +333,13 @@ mod tests {
                 .contains("has /dev/pts/3 open, not /dev/ttyUSB0")
         );
         assert_eq!(diagnose(&facts, None).id, "port-missing");
+        // The built-in port is no configuration.
+        facts.is_chosen = false;
+        let finding = diagnose(&facts, BRIDGE);
+        assert!(
+            finding.text.ends_with("has /dev/pts/3 open"),
+            "{}",
+            finding.text
+        );
     }
 }

@@ -51,6 +51,8 @@ fn ready() -> PreflightFacts {
                 stopped: Vec::new(),
                 others: Vec::new(),
             }),
+            root_fault: None,
+            limits: Vec::new(),
             free_memory: Ok(FreeMemory {
                 bytes: 1000 * MIB,
                 inodes: None,
@@ -167,6 +169,16 @@ fn each_trouble_is_found_by_its_own_check() {
             |facts| facts.live.state.as_mut().unwrap().link.state = LinkState::Gone.code(),
             Some(Error),
             "gone for 100.0 s: ",
+        ),
+        // Gone since the bridge began: there is no moment to count from, and the machine's start is none.
+        (
+            "dsp-link",
+            |facts| {
+                let link = &mut facts.live.state.as_mut().unwrap().link;
+                (link.state, link.state_since_ns) = (LinkState::Gone.code(), 0);
+            },
+            Some(Error),
+            "gone: the bridge has no serial port",
         ),
         (
             "dsp-link",

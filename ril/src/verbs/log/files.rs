@@ -250,7 +250,9 @@ impl LogFile {
 
 /// Opens a regular file: a pipe or a device would keep this process waiting.
 pub(super) fn open(path: &Path) -> Result<File, Failure> {
-    let metadata = fs::metadata(path).or_fail_usage(path)?;
+    let metadata = fs::metadata(path).or_fail_usage(path);
+    let metadata = metadata
+        .map_err(|absent| absent.with_next_step("`ril log list` shows which files there are"))?;
     if !metadata.is_file() {
         let name = path.display();
         return Err(Failure::usage(format!("{name}: it is no regular file")));

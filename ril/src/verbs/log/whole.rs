@@ -95,7 +95,7 @@ pub(super) fn recover(args: &LogRecoverArgs) -> Result<(), Failure> {
 ///
 /// # Errors
 ///
-/// As [`recover`].
+/// As [`recover`]; code 2 also when there is no such message.
 pub(super) fn export(args: &LogExportArgs) -> Result<(), Failure> {
     write(&args.file, PART, "ril.LogExported.v1", |record, to| {
         let summary = read::summary_of(record).unwrap_or_default();
@@ -134,7 +134,22 @@ fn write(
     let record = record(&args.file)?;
     let output = args.output.clone();
     let output = output.unwrap_or_else(|| args.file.with_extension(ending));
-    let written = new_file(&output, |to| write(&record, to))?;
+    let written = new_file(
+        &output,
+        "remove it, or name another file with --output",
+        |to| write(&record, to),
+    )?;
+    if written.messages == 0 && ending == PART {
+        // It would look like a part.
+        let _ = std::fs::remove_file(&output);
+        let file = args.file.display().to_string();
+        let text = format!("{file}: no message of these topics lies in this time");
+        let next_step = format!(
+            "`ril log check {}` shows its topics and times",
+            shell_word(&file)
+        );
+        return Err(Failure::usage(text).with_next_step(next_step));
+    }
     let mut out = io::stdout().lock();
     if args.json {
         let object = WrittenObject {
@@ -181,7 +196,7 @@ mod tests {
     #[test]
     fn a_recovered_file_lies_beside_the_damaged_one_and_belongs_to_no_recording() {
         for ending in [RECOVERED, PART] {
-            let output = Path::new("log/hero(1)_2026-11-22T11-54-43Z.mcap").with_extension(ending);
+            let output = Path::new("log/hero1_2026-11-22T11-54-43Z.mcap").with_extension(ending);
             let name = output.file_name().unwrap().to_str().unwrap();
             assert!(name.ends_with(&format!("43Z.{ending}")), "{name}");
             assert_eq!(status::log::file_name::recognize(name), None);

@@ -4,10 +4,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use dsp_protocol::port;
-use ipc_types::payload::{
-    ModuleState, MovementData, ParameterRequest, RequestReport, WaypointPosition,
-};
+use ipc_types::payload::{ModuleState, MovementData, RequestReport, WaypointPosition};
 use ipc_types::{MonotonicNs, Source, Subscriber, Topic, fresh_request_id};
 use plans::flight::{PathPoint, Step};
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -20,7 +17,8 @@ use super::report::PlanReport;
 use crate::render::json_line;
 use crate::render::messages::Verb;
 use crate::render::words::{columns, distance, duration};
-use crate::request::{Companion, Conversation, Format, Until, begin_by_ns, complete};
+use crate::request::cruise::CruiseSpeed;
+use crate::request::{Companion, Conversation, Format, Until, complete};
 use crate::robot::running::file_of;
 use crate::session::{Session, configuration, refuse_to_guess};
 
@@ -56,17 +54,23 @@ pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
     if args.fence {
         put_fence(args, &known, &session, timeout)?;
     }
+    let deadline_ms = ask.deadline.unwrap_or(config.request.deadline_ms);
+    let before_mps = known
+        .robot
+        .as_ref()
+        .and_then(|robot| robot.cruise_speed_mps);
+    let format = Flyer::format(ask.json);
     let mut flyer = Flyer {
         session: &session,
         known: &known,
         journal: FlownSteps::new(known.flight.steps.clone(), args.plan.from),
         timeout,
-        deadline_ms: ask.deadline.unwrap_or(config.request.deadline_ms),
+        deadline_ms,
         json: ask.json,
-        is_speed_changed: false,
+        speed: CruiseSpeed::new(&session, (timeout, deadline_ms), format, before_mps),
     };
     let result = flyer.fly();
-    flyer.restore_speed();
+    flyer.speed.restore();
     result.map_err(explain_closed_output).map_err(|failure| {
         let journal = &flyer.journal;
         match journal.next_item().zip(journal.resume(args, &known.site.home)) {
@@ -122,7 +126,7 @@ struct Flyer<'a> {
     timeout: Duration,
     deadline_ms: u32,
     json: bool,
-    is_speed_changed: bool,
+    speed: CruiseSpeed<'a>,
 }
 
 impl Flyer<'_> {
@@ -141,10 +145,7 @@ impl Flyer<'_> {
                 }
                 Step::Path(points) => self.path(points)?,
                 Step::Wait { duration_s, .. } => self.hover(*duration_s)?,
-                Step::Speed { speed_mps, .. } => {
-                    self.is_speed_changed = true;
-                    self.set_speed(*speed_mps)?;
-                }
+                Step::Speed { speed_mps, .. } => self.speed.set(*speed_mps)?,
                 Step::Land { .. } => {
                     let request = MovementData::land(fresh_request_id());
                     self.movement(Verb::Land, vec![request])?;
@@ -171,7 +172,7 @@ impl Flyer<'_> {
         Conversation::<MovementData>::open(self.session, verb, self.timeout)?.follow(
             &requests,
             Until::Final,
-            self.format(),
+            Flyer::format(self.json),
         )
     }
 
@@ -187,7 +188,7 @@ impl Flyer<'_> {
         let path_id = fresh_request_id();
         let requests = MovementData::path(path_id, &waypoints, fresh_request_id).collect();
         let requests = self.with_deadline(requests);
-        let format = self.format();
+        let format = Flyer::format(self.json);
         let mut bridge =
             Conversation::<MovementData>::open(self.session, Verb::GoTo, self.timeout)?;
         let mut watch = PathWatch::open(self.session, path_id, &mut self.journal, self.json)?;
@@ -211,43 +212,6 @@ impl Flyer<'_> {
         Ok(())
     }
 
-    fn set_speed(&self, speed_mps: f64) -> Result<(), Failure> {
-        let request =
-            ParameterRequest::write(fresh_request_id(), port::CRUISE_SPEED_MPS, speed_mps);
-        let request = ParameterRequest {
-            begin_by_ns: begin_by_ns(request.issued_ns, self.deadline_ms),
-            ..request
-        };
-        Conversation::<ParameterRequest>::open(self.session, Verb::SetParameter, self.timeout)?
-            .follow(&[request], Until::Final, self.format())
-            .map(drop)
-    }
-
-    /// The cruise speed from before the plan, which would otherwise hold until the bridge ends. After a signal the path goes on, and
-    /// so does its speed.
-    fn restore_speed(&self) {
-        if !self.is_speed_changed {
-            return;
-        }
-        let before = self
-            .known
-            .robot
-            .as_ref()
-            .and_then(|robot| robot.cruise_speed_mps);
-        let restored = match before {
-            Some(speed_mps) if !self.session.termination.requested() => self
-                .set_speed(speed_mps)
-                .map_err(|failure| failure.chain().join(": ")),
-            Some(_) => Err("the command was interrupted".to_owned()),
-            None => Err("the speed before the plan is not known".to_owned()),
-        };
-        if let Err(why) = restored {
-            eprintln!(
-                "warning: the cruise speed stays as the plan has set it: {why}. `ril param set cruise_speed_mps` changes it"
-            );
-        }
-    }
-
     fn with_deadline(&self, requests: Vec<MovementData>) -> Vec<MovementData> {
         let deadline_ms = self.deadline_ms;
         let requests = requests.into_iter();
@@ -257,8 +221,8 @@ impl Flyer<'_> {
     }
 
     /// In text the steps are printed, not the reports about each waypoint.
-    fn format(&self) -> Format {
-        match self.json {
+    fn format(json: bool) -> Format {
+        match json {
             true => Format::Json,
             false => Format::Silent,
         }

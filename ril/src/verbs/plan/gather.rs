@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use bridge::BridgeConfig;
 use dsp_protocol::{Waypoint, port};
+use ipc_types::Topic;
 use ipc_types::code::{LinkState, SafetyAction};
-use ipc_types::payload::{ModuleState, ParameterRequest};
-use ipc_types::{Topic, fresh_request_id};
+use ipc_types::payload::ModuleState;
 use plans::Plan;
 use plans::check::{check, configured};
 use plans::finding::sort;
@@ -19,8 +19,7 @@ use runtime::finding::{Finding, Severity};
 
 use super::options::{HomeArg, PlanFileArgs};
 use crate::config::PlanConfig;
-use crate::render::messages::Verb;
-use crate::request::{Conversation, Format, Until};
+use crate::request::cruise::read_mps;
 use crate::robot::absence::nothing_came;
 use crate::robot::chart::read_plan;
 use crate::robot::position::{Present, newest_state, present_position};
@@ -165,11 +164,8 @@ fn robot(
 
 /// What the DSP's port has; `None` if it cannot be read now, which changes no more than the times that are shown.
 fn cruise_speed(session: &Session, timeout: Duration) -> Option<f64> {
-    let request = ParameterRequest::read(fresh_request_id(), port::CRUISE_SPEED_MPS);
-    let report = Conversation::open(session, Verb::GetParameter, timeout)
-        .and_then(|mut bridge| bridge.follow(&[request], Until::Final, Format::Silent));
-    match report {
-        Ok(report) => report?.value().filter(|speed| *speed > 0.0),
+    match read_mps(session, timeout) {
+        Ok(speed_mps) => speed_mps,
         Err(failure) => {
             tracing::debug!(chain = ?failure.chain(), "the cruise speed cannot be read");
             None

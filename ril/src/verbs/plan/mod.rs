@@ -12,7 +12,7 @@ mod report;
 mod table;
 
 use std::fs::OpenOptions;
-use std::io::{self, Write};
+use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
 use plans::Plan;
@@ -105,7 +105,9 @@ fn write_plan(plan: &Plan, to: &Path) -> Result<(), Failure> {
         .create_new(true)
         .open(to)
         .and_then(|mut file| file.write_all(text.as_bytes()))
-        .map_err(|error| {
-            Failure::usage(format!("{name} was not written: {error}; name a new file"))
+        .map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => Failure::usage(format!("{name} exists already"))
+                .with_next_step("remove it, or name another file with --to"),
+            _ => Failure::usage(format!("{name} was not written: {error}")),
         })
 }

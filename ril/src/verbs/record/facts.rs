@@ -10,7 +10,7 @@ use runtime::config::resulting::Resulting;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::options::RecordArgs;
-use crate::robot::running::file_of;
+use crate::robot::running::{command_of, file_of};
 
 /// A process whose configuration is recorded.
 struct Configured {
@@ -159,14 +159,6 @@ impl FactsOfRobot {
         }
         Ok(())
     }
-}
-
-/// The command line of a live process on this machine, whose words take precedence over its configuration.
-fn command_of(provider: &Provider) -> Option<String> {
-    let bytes = fs::read(format!("/proc/{}/cmdline", provider.pid)).ok();
-    let bytes = bytes.filter(|_| provider.shares_pids())?;
-    let words = String::from_utf8_lossy(&bytes).replace('\0', " ");
-    Some(words.trim_end().to_owned())
 }
 
 /// The text of a file of the kernel's; empty when it cannot be read.

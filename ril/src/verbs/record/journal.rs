@@ -2,13 +2,14 @@
 //!
 //! The journal itself is recorded too, as it is. What is frequent and long in it, the bytes of the serial line, is not recorded twice.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 
 use bridge::journal::Record;
-use bridge::{Input, Output};
+use bridge::{Input, Output, Sender};
 use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason, Stage};
 use ipc_types::payload::{
-    BridgeJournal, ModuleControl, MovementData, ParameterRequest, RequestReport, SharedStruct,
+    BridgeJournal, ModuleControl, MovementData, ParameterRequest, RelayStations, RequestReport,
+    SharedStruct,
 };
 use ipc_types::{MonotonicNs, RobotId};
 use module_kit::journal::{Entry, Reader};
@@ -22,6 +23,9 @@ use crate::render::messages::{self, Verb};
 /// Open requests whose command is remembered for their reports: many times as many as the bridge's clients can have open. Of older
 /// ones the reports have no command.
 const MAX_OPEN: usize = 1024;
+
+/// Lives of stations whose names are remembered: four times as many as the relay shows. Requests of older ones have no name.
+const MAX_ORIGINS: usize = 64;
 
 /// Makes messages of the bridge's journal.
 #[derive(Debug)]
@@ -39,7 +43,23 @@ impl JournalTopics {
             made: Made {
                 requests: RecorderTopic::with_text(robot, "requests", REQUEST_EVENT, text),
                 open: BTreeMap::new(),
+                stations: VecDeque::new(),
             },
+        }
+    }
+
+    /// Remembers what the stations are called, so that their requests have their names.
+    pub fn stations(&mut self, stations: &RelayStations) {
+        for station in stations.stations() {
+            let known = &mut self.made.stations;
+            if known.iter().any(|(origin, _)| *origin == station.origin) {
+                continue;
+            }
+            if known.len() == MAX_ORIGINS {
+                known.pop_front();
+            }
+            let name = station.name().unwrap_or("unreadable").to_owned();
+            known.push_back((station.origin, name));
         }
     }
 
@@ -80,6 +100,8 @@ struct Made {
     requests: RecorderTopic,
     /// By request id.
     open: BTreeMap<u64, Open>,
+    /// Names of stations, by the `origin` of their requests.
+    stations: VecDeque<(u32, String)>,
 }
 
 /// What is known of a request: what was asked for, and by which process.
@@ -90,6 +112,8 @@ struct Open {
     verb: Option<Verb>,
     path_id: u64,
     sender_pid: u32,
+    /// Of a request that came over the relay; else 0.
+    origin: u32,
     position: [f64; 3],
 }
 
@@ -130,26 +154,30 @@ impl Made {
         }
     }
 
-    fn request(
-        &mut self,
-        to: &mut To<'_>,
-        at: MonotonicNs,
-        id: u64,
-        open: Open,
-        sender: Option<u32>,
-    ) {
+    fn request(&mut self, to: &mut To<'_>, at: MonotonicNs, id: u64, open: Open, sender: Sender) {
         let open = Open {
-            sender_pid: sender.unwrap_or_default(),
+            sender_pid: sender.process.unwrap_or_default(),
             ..open
         };
         if self.open.len() == MAX_OPEN {
             self.open.pop_first();
         }
         self.open.insert(id, open);
-        let by = sender.map_or_else(String::new, |pid| format!(" by process {pid}"));
+        let by = match (self.station(open.origin), sender.process) {
+            ("", None) => String::new(),
+            ("", Some(pid)) => format!(" by process {pid}"),
+            (station, _) => format!(" by station {station}"),
+        };
         let text = format!("{} requested{by}", open.command);
         self.event(to, at, id, &open, ("request", "", ""), &text);
         to.line(at, Level::Info, &text);
+    }
+
+    /// What the station is called whose requests have this origin; empty if it is none, or not known.
+    fn station(&self, origin: u32) -> &str {
+        let mut stations = self.stations.iter();
+        let known = stations.find(|(known, _)| origin != 0 && *known == origin);
+        known.map_or("", |(_, name)| name)
     }
 
     fn report(&mut self, to: &mut To<'_>, at: MonotonicNs, report: &RequestReport) {
@@ -186,7 +214,7 @@ impl Made {
         (event, stage, reason): (&str, &str, &str),
         text: &str,
     ) {
-        let event = RequestEvent {
+        let bytes = RequestEvent {
             at_ns: at.0,
             request_id,
             path_id: open.path_id,
@@ -198,8 +226,10 @@ impl Made {
             reason,
             text,
             position: open.position,
-        };
-        self.requests.add(to.recorder, to.now, at, &event.write());
+            station: self.station(open.origin),
+        }
+        .write();
+        self.requests.add(to.recorder, to.now, at, &bytes);
     }
 }
 
@@ -218,8 +248,12 @@ fn of_control(request: &ModuleControl) -> Open {
             ControlCommand::Start => Verb::Start,
             ControlCommand::Stop => Verb::Stop,
             ControlCommand::ReloadFence => Verb::ReloadFence,
+            ControlCommand::TakeControl => Verb::TakeControl,
+            ControlCommand::ReleaseControl => Verb::ReleaseControl,
+            ControlCommand::PassControl => Verb::PassControl,
         }),
         position: NOWHERE,
+        origin: request.origin,
         ..Open::default()
     }
 }
@@ -246,6 +280,7 @@ fn of_movement(request: &MovementData) -> Open {
         }),
         path_id: request.path_id,
         position,
+        origin: request.origin,
         ..Open::default()
     }
 }
@@ -261,6 +296,7 @@ fn of_parameter(request: &ParameterRequest) -> Open {
             ParameterOperation::List => Verb::ListParameters,
         }),
         position: NOWHERE,
+        origin: request.origin,
         ..Open::default()
     }
 }

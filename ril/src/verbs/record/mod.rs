@@ -103,6 +103,7 @@ fn refuse_unwritable(folder: &Path) -> Result<(), Failure> {
             if matches!(
                 error.kind(),
                 ErrorKind::PermissionDenied
+                    | ErrorKind::NotFound
                     | ErrorKind::ReadOnlyFilesystem
                     | ErrorKind::NotADirectory
                     | ErrorKind::AlreadyExists

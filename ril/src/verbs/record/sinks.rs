@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayStations, SharedStruct};
 use ipc_types::{MonotonicNs, RobotId};
 use module_kit::journal::LogLine;
 use recording::{Anchor, Recorder};
@@ -66,6 +66,13 @@ impl Sinks {
     pub fn state(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
         if let Some(state) = ModuleState::from_bytes(sample) {
             self.log.state(recorder, &state, now);
+        }
+    }
+
+    /// The stations that the relay knows.
+    pub fn stations(&mut self, sample: &[u8]) {
+        if let Some(stations) = RelayStations::from_bytes(sample) {
+            self.journal.stations(&stations);
         }
     }
 

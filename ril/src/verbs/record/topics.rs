@@ -6,7 +6,8 @@ use std::time::Duration;
 use ipc_types::discovery::Discovery;
 use ipc_types::dynamic::ServiceFacts;
 use ipc_types::payload::{
-    BridgeJournal, DspTelemetry, HeroTelemetry, ModuleState, SharedStruct, StatusJournal,
+    BridgeJournal, DspTelemetry, HeroTelemetry, ModuleState, RelayStations, SharedStruct,
+    StatusJournal,
 };
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::service::Pattern;
@@ -95,6 +96,7 @@ enum Conversion {
     State,
     BridgeJournal,
     StatusJournal,
+    Stations,
     Other,
 }
 
@@ -254,15 +256,11 @@ impl Topics {
             is_taken
         });
         self.discovery = discovery;
-        let new = failing
-            .iter()
-            .filter(|(key, _)| !self.failing.contains(*key));
-        let new: Vec<_> = new.collect();
-        for (key, error) in new.iter().take(MAX_NAMED) {
+        let (named, topics) = newly_failing(&failing, &self.failing);
+        for (key, error) in named {
             tracing::warn!(key, error, "a topic is not recorded yet");
         }
-        if new.len() > MAX_NAMED {
-            let topics = new.len() - MAX_NAMED;
+        if topics > 0 {
             tracing::warn!(topics, "further topics are not recorded yet");
         }
         self.retry = (!failing.is_empty()).then(|| MonotonicNs::now() + RETRY_PERIOD);
@@ -348,6 +346,7 @@ impl Intake {
             (ModuleState::TYPE_NAME, "module_state") => Conversion::State,
             (BridgeJournal::TYPE_NAME, BridgeJournal::KEY) => Conversion::BridgeJournal,
             (StatusJournal::TYPE_NAME, StatusJournal::KEY) => Conversion::StatusJournal,
+            (RelayStations::TYPE_NAME, RelayStations::KEY) => Conversion::Stations,
             _ => Conversion::Other,
         };
         Intake {
@@ -426,6 +425,7 @@ impl Intake {
                 self.has_snapshot |= begins::<StatusJournal>(sample);
                 sinks.status_journal(recorder, sample, now);
             }
+            Conversion::Stations => sinks.stations(sample),
             Conversion::Other => {}
         }
     }
@@ -449,9 +449,38 @@ fn now_after(
     now
 }
 
+/// The first topics that fail and did not before, with the reason, and how many more there are: anyone may make thousands.
+fn newly_failing<'a>(
+    failing: &'a BTreeMap<String, String>,
+    before: &BTreeSet<String>,
+) -> (Vec<(&'a String, &'a String)>, usize) {
+    let new = || failing.iter().filter(|(key, _)| !before.contains(*key));
+    let named = new().take(MAX_NAMED).collect();
+    (named, new().count().saturating_sub(MAX_NAMED))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn thousands_of_topics_that_cannot_be_recorded_are_a_few_lines_and_once() {
+        let failing = |range: std::ops::Range<u32>| -> BTreeMap<String, String> {
+            range
+                .map(|number| (format!("foreign/{number:04}"), "no place".to_owned()))
+                .collect()
+        };
+        let (first, more) = (failing(0..2000), failing(0..2001));
+        let nothing = BTreeSet::new();
+        let (named, further) = newly_failing(&first, &nothing);
+        assert_eq!((named.len(), further), (MAX_NAMED, 2000 - MAX_NAMED));
+        let known: BTreeSet<String> = first.into_keys().collect();
+        let (named, further) = newly_failing(&more, &known);
+        assert_eq!((named.len(), further), (1, 0));
+        let few = failing(0..3);
+        let (named, further) = newly_failing(&few, &nothing);
+        assert_eq!((named.len(), further), (3, 0));
+    }
 
     #[test]
     fn a_sample_of_after_the_wake_came_later_than_the_wake() {

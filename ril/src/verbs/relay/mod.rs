@@ -57,7 +57,7 @@ pub enum RelayCommand {
 
 /// `ril relay status`
 ///
-/// On a station's machine it shows the link to the robot, on a robot's machine the stations. It ends with exit code 0 when
+/// On a station's machine it shows the link to the robot, and the stations that the robot's relay knows; on a robot's machine these alone. It ends with exit code 0 when
 /// the link is up, or at least one station is, and with 6 when not.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
@@ -182,8 +182,9 @@ fn open(session: &Session) -> Result<Provided, Failure> {
             others_alive(robot),
             other_domains()
         );
-        return Err(Failure::new(ExitCode::ServiceAbsent, text)
-            .with_next_step("start `ril relay` and try again"));
+        return Err(Failure::new(ExitCode::ServiceAbsent, text).with_next_step(
+            "start `ril relay station` here, or `ril relay robot` beside the robot, and try again",
+        ));
     }
     Ok(topics)
 }

@@ -11,7 +11,8 @@ use serde::ser::{Serialize, Serializer};
 use crate::render::fields::{JsonLine, Tree};
 use crate::render::words::count;
 use crate::robot::relay_link::{
-    LinkReport, STALE_AFTER, UNREADABLE, ago, heard_ms, refusal_name, shown, since_ms,
+    LinkReport, STALE_AFTER, STATIONS_STALE_AFTER, UNREADABLE, ago, heard_ms, refusal_name, shown,
+    since_ms,
 };
 use crate::robot::sample_age::SampleAge;
 
@@ -24,7 +25,7 @@ pub struct RelayReport {
     robot: RobotId,
     /// The link to the robot; `None` on a robot's own machine.
     link: Option<LinkReport>,
-    /// The stations that the robot is relayed to; `None` on a station's machine.
+    /// The stations that the robot is relayed to; on a station's machine as the robot's relay says now and then.
     stations: Option<RelayStations>,
     now: MonotonicNs,
 }
@@ -51,8 +52,10 @@ impl RelayReport {
             !self.sample_of(stations).is_stale()
                 && stations.stations().iter().any(|station| station.is_up != 0)
         };
-        self.link.as_ref().is_some_and(LinkReport::is_up)
-            || self.stations.as_ref().is_some_and(is_any_up)
+        match &self.link {
+            Some(link) => link.is_up(),
+            None => self.stations.as_ref().is_some_and(is_any_up),
+        }
     }
 
     fn sample_of(&self, stations: &RelayStations) -> SampleAge {
@@ -60,7 +63,10 @@ impl RelayReport {
             stations.sequence,
             stations.published(),
             self.now,
-            STALE_AFTER,
+            match self.link {
+                Some(_) => STATIONS_STALE_AFTER,
+                None => STALE_AFTER,
+            },
         )
     }
 
@@ -93,7 +99,17 @@ impl fmt::Display for RelayReport {
         if let Some(link) = &self.link {
             write!(f, "{link}")?;
         }
-        if let Some(stations) = &self.stations {
+        if let Some(stations) = &self.stations
+            && self.link.is_some()
+        {
+            let commanding = stations.commanding();
+            let text = commanding.map_or("no station has yet".to_owned(), |station| {
+                let name = station.name().unwrap_or(UNREADABLE);
+                let last = ago(heard_ms(station.last_order(), self.now));
+                format!("{name}, last order {last}")
+            });
+            writeln!(f, "commands    {text}")?;
+        } else if let Some(stations) = &self.stations {
             if stations.stations().is_empty() {
                 writeln!(f, "station     none")?;
             }

@@ -207,6 +207,28 @@ relay       sample 5, 200 ms old
 }
 
 #[test]
+fn a_station_shows_which_station_commands_and_its_link_alone_decides() {
+    let link = RelayLink {
+        state: RelayLinkState::Down.code(),
+        ..up()
+    };
+    let of = |link: &RelayLink, stations: &RelayStations| {
+        RelayReport::new(RobotId::DEFAULT, Some(link), Some(stations), NOW)
+    };
+    let report = of(&link, &stations());
+    assert_eq!(report.exit_code(), ExitCode::LinkDown);
+    let text = report.to_string();
+    assert!(
+        text.ends_with("commands    ground-1, last order 450 ms ago\n"),
+        "{text}"
+    );
+    let nobody = of(&up(), &RelayStations::default());
+    assert_eq!(nobody.exit_code(), ExitCode::Ok);
+    let text = nobody.to_string();
+    assert!(text.ends_with("commands    no station has yet\n"), "{text}");
+}
+
+#[test]
 fn programs_get_numbers_and_nothing_for_what_is_not_known() {
     let json_of = |report: RelayReport| serde_json::to_value(report).unwrap();
     let report = json_of(of_link(&up()));

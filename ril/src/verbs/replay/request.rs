@@ -20,6 +20,8 @@ pub struct ReplayedRequest {
     path_id: u64,
     /// Process that sent it; 0 when that is not known.
     sender_pid: u32,
+    /// Station whose order the relay handed on; empty when there is none.
+    station: String,
     /// `request`, `report` or `sender-gone`.
     event: String,
     /// `control`, `movement` or `parameter`.
@@ -42,6 +44,7 @@ impl ReplayedRequest {
             request_id: event.request_id,
             path_id: event.path_id,
             sender_pid: event.sender_pid,
+            station: plain(event.station),
             event: plain(event.event),
             service: plain(event.service),
             command: plain(event.command),
@@ -70,9 +73,10 @@ impl fmt::Display for ReplayedRequest {
         if !self.text.is_empty() && self.text != self.command {
             write!(f, ", {}", self.text)?;
         }
-        match self.sender_pid {
-            0 => Ok(()),
-            pid => write!(f, ", from process {pid}"),
+        match (self.station.as_str(), self.sender_pid) {
+            ("", 0) => Ok(()),
+            ("", pid) => write!(f, ", from process {pid}"),
+            (station, _) => write!(f, ", from station {station}"),
         }
     }
 }
@@ -84,7 +88,7 @@ mod tests {
     use super::*;
 
     /// As `ril record` writes it.
-    fn message(texts: [&str; 6], sender_pid: u32) -> Vec<u8> {
+    fn message(texts: [&str; 6], sender_pid: u32, station: &str) -> Vec<u8> {
         let [event, service, command, stage, reason, text] = texts;
         let request = RequestEvent {
             at_ns: 1,
@@ -98,30 +102,40 @@ mod tests {
             reason,
             text,
             position: [f64::NAN; 3],
+            station,
         };
         request.write()
     }
 
     #[test]
     fn a_request_is_a_line() {
-        for (texts, pid, line) in [
+        for (texts, pid, station, line) in [
             (
                 ["request", "movement", "takeoff", "", "", "takeoff"],
                 812,
+                "",
                 "12.300 s  request 7: takeoff, from process 812",
+            ),
+            (
+                ["request", "movement", "land", "", "", "land"],
+                812,
+                "gcs",
+                "12.300 s  request 7: land, from station gcs",
             ),
             (
                 ["report", "movement", "goto", "refused", "busy", ""],
                 0,
+                "",
                 "12.300 s  report 7: goto refused (busy)",
             ),
             (
                 ["report", "movement", "goto", "done", "none", "a\x1b[2J"],
                 0,
+                "",
                 "12.300 s  report 7: goto done, a?[2J",
             ),
         ] {
-            let bytes = message(texts, pid);
+            let bytes = message(texts, pid, station);
             let request = ReplayedRequest::read(&bytes, Duration::from_millis(12_300)).unwrap();
             assert_eq!(request.to_string(), line);
             for len in 0..bytes.len() {

@@ -1,5 +1,8 @@
 //! `ril replay FILE --verify`, `--against` and `--keep`: no shared memory, no clock but for the time that it took.
 
+#[cfg(test)]
+mod tests;
+
 use std::fmt;
 use std::fs;
 use std::io::{self, Write};
@@ -17,6 +20,7 @@ use serde::Serialize;
 
 use super::options::ReplayArgs;
 use crate::recorded::new_file;
+use crate::render::fields::Meaning;
 use crate::render::json_line;
 use crate::render::words::{count, shell_word};
 
@@ -79,7 +83,8 @@ pub(super) fn keep(args: &ReplayArgs, folder: &Path) -> Result<(), Failure> {
         ExitCode::Internal,
         format!("{} cannot be made", folder.display()),
     )?;
-    new_file(&path, |to| {
+    let next_step = "remove it, or name another folder with --keep";
+    new_file(&path, next_step, |to| {
         extract(&record, to, |message| journal(message, robot).is_some())
     })?;
     let kept = fs::metadata(&path).or_fail(ExitCode::Internal)?.len();
@@ -362,13 +367,20 @@ impl JournalFigures {
 
 impl Differing {
     fn new(difference: &Difference, start: MonotonicNs) -> Differing {
+        let meaning = Meaning::of_key(&difference.topic);
+        // A code has a name, which says more than its number.
+        let in_words = |text: &String| {
+            let name = text.parse().ok();
+            let name = name.and_then(|code| meaning.name_of(&difference.field, code));
+            name.unwrap_or_else(|| text.clone())
+        };
         Differing {
             at_s: difference.at.since(start).as_secs_f64(),
             monotonic_ns: difference.at.0,
             topic: difference.topic.clone(),
             field: difference.field.clone(),
-            recorded: difference.recorded.clone(),
-            replayed: difference.replayed.clone(),
+            recorded: in_words(&difference.recorded),
+            replayed: in_words(&difference.replayed),
         }
     }
 }

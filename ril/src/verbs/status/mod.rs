@@ -6,7 +6,7 @@ use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, SystemTime};
 
 use clap::Args;
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayStations};
 use ipc_types::{MonotonicNs, Source, StateOf, StatusModule, Topic};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure};
@@ -17,6 +17,7 @@ use crate::render::json_line;
 use crate::render::terminal::{Block, Size};
 use crate::render::words::time_of_day;
 use crate::robot::absence::{absent, nothing_came};
+use crate::robot::controller::own_session;
 use crate::robot::pilot::PilotView;
 use crate::robot::relay_link::{LinkReport, LinkWatch};
 use crate::robot::sample_age::is_present;
@@ -132,6 +133,7 @@ struct Newest {
     dsp: Latest<DspTelemetry>,
     hero: Latest<HeroTelemetry>,
     status: Latest<StateOf<StatusModule>>,
+    stations: Latest<RelayStations>,
     relay: LinkWatch,
 }
 
@@ -142,6 +144,7 @@ impl Newest {
             dsp: Latest::open(&session.ipc)?,
             hero: Latest::open(&session.ipc)?,
             status: Latest::open(&session.ipc)?,
+            stations: Latest::open(&session.ipc)?,
             relay: LinkWatch::default(),
         })
     }
@@ -152,6 +155,8 @@ impl Newest {
             dsp: self.dsp.sample,
             hero: self.hero.sample,
             status: self.status.sample.as_deref().copied(),
+            stations: self.stations.sample,
+            own_session: own_session(),
             has_bridge: session.is_provided(ModuleState::KEY)?,
             has_status: session.is_provided(StateOf::<StatusModule>::KEY)?,
         })
@@ -206,6 +211,7 @@ impl Topics for Newest {
         ports.extend(self.dsp.ports());
         ports.extend(self.hero.ports());
         ports.extend(self.status.ports());
+        ports.extend(self.stations.ports());
         ports
     }
 
@@ -215,5 +221,6 @@ impl Topics for Newest {
         self.dsp.drain();
         self.hero.drain();
         self.status.drain();
+        self.stations.drain();
     }
 }

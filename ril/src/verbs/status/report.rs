@@ -12,7 +12,7 @@ use ipc_types::code::{Functionality, LinkState, ModuleId};
 use ipc_types::module::State;
 use ipc_types::payload::{
     DspErrorCounters, DspTelemetry, HeroTelemetry, LinkHealth, ModuleState, MovementState,
-    RefusedCounters, SafetyState,
+    RefusedCounters, RelayStations, SafetyState,
 };
 use ipc_types::{MonotonicNs, RobotId, TelemetryGroup};
 use runtime::exit::ExitCode;
@@ -20,6 +20,7 @@ use serde::ser::{Serialize, Serializer};
 
 use crate::render::fields::{JsonLine, Selection, Tree};
 use crate::render::messages::details;
+use crate::robot::controller::Senders;
 use crate::robot::pilot::{self, PilotView};
 use crate::robot::relay_link::LinkReport;
 use crate::robot::sample_age::{STALE_AFTER, SampleAge, age_ms, is_stale, named};
@@ -38,6 +39,10 @@ pub struct Samples {
     pub hero: Option<HeroTelemetry>,
     /// The state of the process status.
     pub status: Option<State>,
+    /// The stations of the robot's relay.
+    pub stations: Option<RelayStations>,
+    /// The session of this process.
+    pub own_session: Option<u32>,
     /// Whether a process provides the bridge's state.
     pub has_bridge: bool,
     /// Whether a process provides the state of status.
@@ -144,6 +149,14 @@ impl StateReport {
         Some(pilot::phase(state, self.view.flying))
     }
 
+    /// The senders' names.
+    fn senders(&self) -> Senders<'_> {
+        Senders {
+            own_session: self.samples.own_session.filter(|_| !self.is_relayed),
+            stations: self.samples.stations.as_ref(),
+        }
+    }
+
     fn sample(&self, sequence: u64, time_ns: u64) -> SampleAge {
         SampleAge::new(sequence, MonotonicNs(time_ns), self.now)
     }
@@ -229,7 +242,7 @@ impl StateReport {
     }
 
     /// The bridge as a module, and what its state says by the names of its schema; `null` without a state.
-    fn bridge(&self) -> [(&'static str, Tree); 6] {
+    fn bridge(&self) -> [(&'static str, Tree); 7] {
         let parts = self.samples.state.as_ref().map(|state| {
             let mut fields = Tree::of(state, &Selection::default());
             let mut take = |name| fields.take(name);
@@ -240,10 +253,11 @@ impl StateReport {
                 refused(take("refused"), &state.refused),
                 dsp_errors(take("dsp_errors"), &state.dsp_errors),
                 safety(take("safety"), &state.safety),
+                self.senders().tree(&state.control, self.now),
             ]
         });
-        let [module, movement, link, refused, dsp_errors, safety] =
-            parts.unwrap_or([const { Tree::NULL }; 6]);
+        let [module, movement, link, refused, dsp_errors, safety, control] =
+            parts.unwrap_or([const { Tree::NULL }; 7]);
         [
             ("module", module),
             ("movement", movement),
@@ -251,6 +265,7 @@ impl StateReport {
             ("refused", refused),
             ("dsp_errors", dsp_errors),
             ("safety", safety),
+            ("control", control),
         ]
     }
 

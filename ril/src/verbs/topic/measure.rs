@@ -8,11 +8,12 @@ use std::io::{self, IsTerminal, Write};
 use std::time::Duration;
 
 use clap::Args;
+use ipc_types::payload::RelayLink;
 use ipc_types::{Losses, MonotonicNs};
 use runtime::exit::Failure;
 
 use super::histogram::Detail;
-use super::meter::{Meter, MeterReport, Of, Quantity, RelayedTimes};
+use super::meter::{Meter, MeterReport, Of, Quantity, Relayed};
 use super::stream::{Stream, StreamArgs, Watched, Watcher};
 use crate::options::EXIT_CODES;
 use crate::render::json_line;
@@ -67,8 +68,8 @@ pub fn measure(quantity: Quantity, args: &MeasureArgs) -> Result<(), Failure> {
     let is_live = !args.json && io::stdout().is_terminal();
     let mut display = Display {
         watched: &watched,
-        // The ages alone depend on the link.
-        link: (quantity == Quantity::Age).then(LinkWatch::default),
+        link: LinkWatch::default(),
+        link_at_first: None,
         meter: Meter::new(quantity, watched.schema.size()),
         stamps: StampReader::of(&watched.schema),
         began,
@@ -90,8 +91,10 @@ pub fn measure(quantity: Quantity, args: &MeasureArgs) -> Result<(), Failure> {
 /// The measurement and where it is shown.
 struct Display<'a> {
     watched: &'a Watched,
-    /// The link to the machine that the samples come from; `None` if it does not matter.
-    link: Option<LinkWatch>,
+    /// The link to the machine that the samples come from.
+    link: LinkWatch,
+    /// What it was when the measurement began; `None` before its first sample.
+    link_at_first: Option<RelayLink>,
     meter: Meter,
     stamps: StampReader,
     began: MonotonicNs,
@@ -124,6 +127,9 @@ impl Watcher for Display<'_> {
     }
 
     fn woken(&mut self, losses: Losses, now: MonotonicNs) -> Result<(), Failure> {
+        if self.link.is_missing() {
+            self.take_link();
+        }
         if !self.is_empty && self.redraw_at.is_some_and(|at| now >= at) {
             self.look()?;
             let text = self.report(losses).text(self.detail);
@@ -150,20 +156,26 @@ impl Watcher for Display<'_> {
 impl Display<'_> {
     /// Looks where the samples come from, and how the link to that machine is.
     fn look(&mut self) -> Result<(), Failure> {
-        if let Some(link) = &mut self.link {
-            link.look(&self.watched.session, &self.watched.key)?;
-            link.drain();
-        }
+        self.link.look(&self.watched.session, &self.watched.key)?;
+        self.take_link();
         Ok(())
     }
 
+    fn take_link(&mut self) {
+        self.link.drain();
+        self.link_at_first = self.link_at_first.or_else(|| self.link.newest().copied());
+    }
+
     fn report(&self, losses: Losses) -> MeterReport {
-        let link = self.link.as_ref().filter(|link| link.is_relayed());
+        let newest = self.link.newest();
         let of = Of {
             robot: self.watched.session.ipc.robot().get(),
             service: &self.watched.key,
-            relayed: link.map(|link| RelayedTimes {
-                uncertainty_s: link.newest().and_then(|link| link.clock_uncertainty()),
+            relayed: self.link.is_relayed().then(|| Relayed {
+                uncertainty_s: newest.and_then(RelayLink::clock_uncertainty),
+                air: newest
+                    .zip(self.link_at_first.as_ref())
+                    .and_then(|(link, first)| link.since(first)),
             }),
         };
         self.meter.report(of, losses)
@@ -175,9 +187,7 @@ impl Display<'_> {
             return Ok(());
         }
         self.look()?;
-        if let Some(link) = &mut self.link {
-            link.wait(&self.watched.session, LINK_TIMEOUT)?;
-        }
+        self.link.wait(&self.watched.session, LINK_TIMEOUT)?;
         let mut out = io::stdout().lock();
         let report = self.report(losses);
         if json {

@@ -63,15 +63,18 @@ pub struct Of<'a> {
     pub robot: u32,
     /// Key of the service, such as `hero_telemetry`.
     pub service: &'a str,
-    /// How true times of another machine are; `None` if the samples are of this machine.
-    pub relayed: Option<RelayedTimes>,
+    /// What the relay says; `None` if the samples are of this machine.
+    pub relayed: Option<Relayed>,
 }
 
-/// How true the times in samples are that come from another machine: the relay translated them to this machine's clock.
+/// What the relay says of samples that come from another machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RelayedTimes {
-    /// How far they may be from the truth, to either side, s; `None` if the relay does not know it.
+pub struct Relayed {
+    /// How far their times, which the relay translated to this machine's clock, may be from the truth, to either side, s; `None` if the
+    /// relay does not know it.
     pub uncertainty_s: Option<f64>,
+    /// Samples of all topics that came, and that were lost on the air, while it was measured; `None` if that is not known.
+    pub air: Option<(u64, u64)>,
 }
 
 /// See the module's documentation. Whatever it reports, it measures all: pages of histograms that are not used take no memory.
@@ -244,6 +247,15 @@ impl Meter {
             losses.lost,
             count(losses.publisher_restarts, "publisher restart")
         ));
+        let air = of.relayed.and_then(|relayed| relayed.air);
+        let percent_of = |(came, lost): (u64, u64)| 100.0 * lost as f64 / (came + lost) as f64;
+        let air_percent = air.map(|air| rounded(percent_of(air), 4));
+        if let Some(((came, lost), percent)) = air.zip(air_percent) {
+            let sent = came + lost;
+            report.line(format!(
+                "on the air {lost} of {sent} samples of all topics lost ({percent:.2} %)"
+            ));
+        }
         report.add("schema", self.quantity.schema());
         report.add("robot", of.robot);
         report.add("service", of.service);
@@ -253,6 +265,9 @@ impl Meter {
         report.add("lost_percent", percent);
         report.add("repeated", losses.repeated);
         report.add("publisher_restarts", losses.publisher_restarts);
+        report.add("relayed", of.relayed.is_some());
+        report.add("lost_on_air", air.map(|(_, lost)| lost));
+        report.add("lost_on_air_percent", air_percent);
         match self.quantity {
             Quantity::Rate => self.report_rate(&mut report),
             Quantity::Age => self.report_age(of.relayed, &mut report),
@@ -276,7 +291,7 @@ impl Meter {
         report.spread("published_interval_ms", title, &self.published_intervals);
     }
 
-    fn report_age(&self, relayed: Option<RelayedTimes>, report: &mut MeterReport) {
+    fn report_age(&self, relayed: Option<Relayed>, report: &mut MeterReport) {
         let uncertainty_ms = relayed
             .and_then(|times| times.uncertainty_s)
             .map(|seconds| rounded(seconds * 1e3, 6));
@@ -298,7 +313,6 @@ impl Meter {
         );
         let title = "DSP's clock to here, behind the quickest";
         report.spread("behind_quickest_ms", title, &behind_quickest);
-        report.add("relayed", relayed.is_some());
         report.add("age_uncertainty_ms", uncertainty_ms);
     }
 
@@ -617,7 +631,12 @@ mod tests {
             let of = Of { relayed, ..OF };
             shown(&Meter::new(Quantity::Age, 0).report(of, Losses::default()))
         };
-        let relayed = |uncertainty_s| report(Some(RelayedTimes { uncertainty_s }));
+        let relayed = |uncertainty_s| {
+            report(Some(Relayed {
+                uncertainty_s,
+                air: None,
+            }))
+        };
         let (text, json) = relayed(Some(0.0025));
         assert_eq!(json["relayed"], true);
         assert_eq!(json["age_uncertainty_ms"], 2.5);
@@ -627,7 +646,19 @@ mod tests {
         assert!(json["age_uncertainty_ms"].is_null());
         let unknown = "how true the ages are is not known";
         assert!(text.contains(unknown), "{text}");
+        let (text, json) = report(Some(Relayed {
+            uncertainty_s: None,
+            air: Some((95, 5)),
+        }));
+        assert_eq!(
+            (&json["lost_on_air"], &json["lost"]),
+            (&5.into(), &0.into())
+        );
+        assert_eq!(json["lost_on_air_percent"], 5.0);
+        let expected = "on the air 5 of 100 samples of all topics lost (5.00 %)\n";
+        assert!(text.contains(expected), "{text}");
         let (text, json) = report(None);
+        assert!(json["lost_on_air"].is_null());
         assert_eq!(json["relayed"], false);
         assert!(json["age_uncertainty_ms"].is_null());
         assert!(!text.contains("relayed"), "{text}");

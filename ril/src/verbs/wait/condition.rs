@@ -338,8 +338,14 @@ fn field(name: &str) -> (String, f64, &'static str) {
 /// The one number that `field` names.
 fn select(field: &str) -> Result<Selection, String> {
     let schema = Schema::of::<HeroTelemetry>();
-    let selection =
-        Selection::of(&schema, &[field.to_owned()]).map_err(|error| error.to_string())?;
+    let selection = Selection::of(&schema, &[field.to_owned()]).map_err(|error| {
+        // A short name is one plain word.
+        let short = SHORT.iter().filter(|_| !field.contains(['_', '.']));
+        match runtime::config::nearest(field, short.map(|short| short.name)) {
+            Some(near) => format!("there is no field `{field}`; did you mean `{near}`?"),
+            None => error.to_string(),
+        }
+    })?;
     if schema.number(field).is_none() {
         return Err(format!(
             "`{field}` is not one number; `ril topic info hero` lists the fields"

@@ -5,11 +5,12 @@ mod tests;
 
 use ipc_types::{MonotonicNs, RobotId};
 
-use super::model::WatchedRobot;
 use super::prompt::{Prompt, PromptAnswer, ScreenOrder};
 use crate::render::terminal::Key;
 use crate::robot::changes::Weight;
 use crate::robot::chart::{Chart, Outline};
+use crate::robot::geo::Place;
+use crate::robot::model::WatchedRobot;
 
 /// Most robots that are watched at a time: those with a key of their own.
 pub const MAX_ROBOTS: usize = 9;
@@ -69,7 +70,7 @@ pub struct App {
     pub(super) prompt: Option<Prompt>,
     /// What the map shows.
     pub(super) zoom: Zoom,
-    /// The path; and the fence of a file, for robots whose bridge does not say its own.
+    /// The path of a plan, and the fence of a file, for robots whose bridge does not say what it holds.
     pub(super) chart: Chart,
 }
 
@@ -172,8 +173,15 @@ impl App {
 
     /// The fence of the robot in detail.
     pub(super) fn fence(&self) -> &[Outline] {
-        let running = self.robot().running_fence.as_ref();
-        running.unwrap_or(&self.chart.fence)
+        let held = self.robot().held.as_ref();
+        held.map_or(&self.chart.fence, |(_, chart)| &chart.fence)
+    }
+
+    /// The path that the robot in detail flies; without one that of the plan.
+    pub(super) fn path(&self) -> &[Place] {
+        let held = self.robot().held.as_ref().map(|(_, chart)| &chart.path);
+        let flown = held.filter(|path| !path.is_empty());
+        flown.unwrap_or(&self.chart.path)
     }
 
     /// The robot in detail.

@@ -1,21 +1,15 @@
 //! `ril watch`: the loop around pure values, into which samples, keys and the time go and out of which comes a screen. One wait for
 //! the terminal, signals, ports and the next moment at which the screen changes.
 //!
-//! * [`model`]: one robot, fed with samples; `freshness` says how old what it knows is;
-//! * `alarms`: what is wrong now, each reported once; `journal`: what happened; `history`: altitude and speed over time;
+//! * [`model`]: one robot, fed with samples by its ports, as for the page of `ril view`;
 //! * [`app`]: all robots, which of them is selected, and what a key does; `prompt`: orders are confirmed by a word;
 //! * [`view`]: draws all of that into a buffer; `paint`: bytes for a terminal;
-//! * `ports`, `terminal`: the shell.
+//! * `terminal`: the shell.
 
-mod alarms;
 pub mod app;
 #[cfg(test)]
 mod fixture;
-mod freshness;
-mod history;
-pub mod model;
 mod paint;
-mod ports;
 mod prompt;
 mod terminal;
 pub mod view;
@@ -23,11 +17,10 @@ pub mod view;
 use std::io::{self, IsTerminal};
 use std::num::NonZeroU32;
 use std::path::PathBuf;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 use clap::{ArgAction, Args};
 use ipc_types::{Descriptor, Domain, MonotonicNs, RobotId, Source, Waiter};
-use ports::RobotPorts;
 use ratatui::buffer::Buffer;
 use runtime::args::{CommonArgs, robot};
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -35,11 +28,13 @@ use runtime::signal::Termination;
 use terminal::Terminal;
 
 use self::app::{App, KeyAction, MAX_ROBOTS};
-use self::view::{Glyphs, ScreenClock};
+use self::view::Glyphs;
 use crate::config::RequestConfig;
 use crate::options::EXIT_CODES;
 use crate::render::terminal::read_keys;
-use crate::robot::chart;
+use crate::request::ports::{self, RobotPorts};
+use crate::robot::clock::{Clocks, WallClock};
+use crate::robot::{chart, model};
 use crate::session::{alive, configuration};
 
 /// `ril watch`
@@ -50,12 +45,12 @@ pub struct WatchArgs {
     #[arg(long = "robot", value_name = "N", env = "RIL_ROBOT", value_delimiter = ',', value_parser = robot)]
     pub robots: Vec<NonZeroU32>,
 
-    /// Configuration of the bridge, of which the geofence is drawn [default: that of the live bridge; without one bridge.toml, if it is
-    /// there]
+    /// Draw the geofence of this configuration of the bridge [default: the one in force, and the path that is flown; without a live bridge
+    /// that of bridge.toml, if it is there]
     #[arg(long, value_name = "FILE")]
     pub bridge: Option<PathBuf>,
 
-    /// Draw the path of this plan on the map; a file as for `ril plan`
+    /// Draw the path of this plan on the map while no path is flown; a file as for `ril plan`
     #[arg(long, value_name = "FILE")]
     pub plan: Option<PathBuf>,
 
@@ -101,9 +96,6 @@ impl WatchArgs {
 
 /// Shortest time between two drawings: what the eye can follow, and what a slow line carries. In that time samples wake nothing.
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);
-
-/// A wall clock that differs by more from what it was, beside the monotonic one, was set.
-const CLOCK_SET: Duration = Duration::from_millis(500);
 
 /// What a wake-up of the terminal is called.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -155,7 +147,7 @@ pub fn watch(args: &WatchArgs) -> Result<(), Failure> {
         is_changed: true,
         next_drawing: MonotonicNs(0),
         shown_second: 0,
-        zero_unix_ns: 0,
+        wall_clock: WallClock::default(),
     };
     screen.run()
 }
@@ -207,8 +199,7 @@ struct Screen {
     next_drawing: MonotonicNs,
     /// The second of the clock that is drawn.
     shown_second: u64,
-    /// The wall clock when host monotonic time was 0, ns since 1970.
-    zero_unix_ns: u64,
+    wall_clock: WallClock,
 }
 
 impl Screen {
@@ -227,12 +218,12 @@ impl Screen {
                 self.is_changed = true;
                 self.next_drawing = now;
             }
-            let clock = self.clock(now);
-            self.is_changed |= clock.utc_s(now) != self.shown_second;
+            let (clock, _) = self.wall_clock.look(now);
+            self.is_changed |= clock.unix_s(now) != self.shown_second;
             if self.is_changed && now >= self.next_drawing {
                 self.draw(clock);
             }
-            has_keys = self.wait(now)?;
+            has_keys = self.wait(clock)?;
         }
         Ok(())
     }
@@ -251,7 +242,8 @@ impl Screen {
                 KeyAction::Redraw => self.terminal.forget(),
                 KeyAction::Send(index, order) => {
                     let robot = &mut self.app.robots_mut()[index];
-                    self.ports[index].send(order, &self.requests, robot, now)?;
+                    // What is not sent is in the journal.
+                    let _ = self.ports[index].send(order.into(), &self.requests, robot, now)?;
                 }
             }
         }
@@ -273,20 +265,21 @@ impl Screen {
         }
     }
 
-    fn draw(&mut self, clock: ScreenClock) {
+    fn draw(&mut self, clock: Clocks) {
         let mut buffer = Buffer::empty(self.terminal.area());
         view::draw(&self.app, clock, self.glyphs, &mut buffer);
         // A terminal that has not taken the last picture gets the next one later.
         if self.terminal.show(buffer) {
             self.is_changed = false;
-            self.shown_second = clock.utc_s(clock.now);
+            self.shown_second = clock.unix_s(clock.now);
         }
         self.next_drawing = clock.now + REDRAW_PERIOD;
     }
 
     /// Sleeps until something comes or the screen changes; says whether keys came.
-    fn wait(&mut self, now: MonotonicNs) -> Result<bool, Failure> {
-        let until = self.wake_at(now);
+    fn wait(&mut self, clock: Clocks) -> Result<bool, Failure> {
+        let now = clock.now;
+        let until = self.wake_at(clock);
         let is_drawing_due = self.is_changed;
         let selected = self.app.selected;
         let mut signals = Descriptor::new(std::os::fd::AsFd::as_fd(&self.termination));
@@ -318,26 +311,13 @@ impl Screen {
         Ok(wake.has(Woken::Keys))
     }
 
-    /// The two clocks. A wall clock that was set gives all moments another time of day; one that is only adjusted does not.
-    fn clock(&mut self, now: MonotonicNs) -> ScreenClock {
-        let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
-        let unix_ns = u64::try_from(since_1970.as_nanos()).unwrap_or(u64::MAX);
-        let measured = unix_ns.saturating_sub(now.0);
-        if Duration::from_nanos(measured.abs_diff(self.zero_unix_ns)) > CLOCK_SET {
-            self.zero_unix_ns = measured;
-        }
-        ScreenClock {
-            now,
-            zero_unix_ns: self.zero_unix_ns,
-        }
-    }
-
     /// When the screen changes although nothing comes.
-    fn wake_at(&self, now: MonotonicNs) -> MonotonicNs {
+    fn wake_at(&self, clock: Clocks) -> MonotonicNs {
+        let now = clock.now;
         let drawing = self.is_changed.then_some(self.next_drawing);
         let orders = self.ports.iter().filter_map(RobotPorts::next);
         let second_ns = 1_000_000_000;
-        let passed_ns = self.zero_unix_ns.saturating_add(now.0) % second_ns;
+        let passed_ns = clock.unix_ns(now) % second_ns;
         let second = now + Duration::from_nanos(second_ns - passed_ns);
         let app = self.app.next(now);
         drawing

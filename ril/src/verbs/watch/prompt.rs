@@ -6,6 +6,7 @@ use std::time::Duration;
 use ipc_types::{MonotonicNs, RobotId};
 
 use crate::render::terminal::Key;
+use crate::request::order::RobotOrder;
 
 /// How long the word may take.
 pub const TIMEOUT: Duration = Duration::from_secs(10);
@@ -42,6 +43,16 @@ impl ScreenOrder {
             ScreenOrder::Stop => {
                 "hover, discard all that was planned, take no movement until a start"
             }
+        }
+    }
+}
+
+impl From<ScreenOrder> for RobotOrder {
+    fn from(order: ScreenOrder) -> RobotOrder {
+        match order {
+            ScreenOrder::Hold => RobotOrder::Hold,
+            ScreenOrder::Land => RobotOrder::Land,
+            ScreenOrder::Stop => RobotOrder::Stop,
         }
     }
 }

@@ -317,7 +317,7 @@ fn what_is_no_log_is_refused_with_the_reason() {
             ("empty.tsv", "it has no first line"),
             ("pipe", "it is no regular file"),
             (".", "it is no regular file"),
-            ("absent.tsv", "absent.tsv"),
+            ("absent.tsv", "`ril log list`"),
         ] {
             let finished = rig.run(&format!("log {verb} {file}"), 2);
             let said = finished.stderr.join("\n");

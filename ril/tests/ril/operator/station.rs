@@ -11,7 +11,7 @@ use ril_tests::{Process, Sandbox, pty};
 use rustix::fs::{Mode, OFlags};
 use rustix::termios::{Winsize, tcsetwinsize};
 
-use crate::common::end;
+use crate::common::{Flight, end, sandbox};
 
 /// A bridge that a machine that stalls for seconds does not take for dead, a fence, and limits of the supply.
 pub const BRIDGE: &str = "\
@@ -138,4 +138,22 @@ pub fn on_terminal(rig: &Sandbox, args: &str, code: i32) -> Vec<String> {
     }
     assert!(!lines.is_empty(), "ril {args} wrote nothing");
     lines
+}
+
+#[test]
+fn a_path_on_a_terminal_has_one_line_that_is_renewed_until_it_is_done() {
+    let rig = sandbox();
+    let flight = Flight::begin(&rig);
+    let lines = on_terminal(&rig, "goto +20,+0", 0);
+    let text = lines.join("\n");
+    assert!(text.contains("goto: 1 waypoint, "), "{text}");
+    assert!(text.contains(" m to go"), "{text}");
+    // Each is gone before the next one, and the last one before the end: one line up, and the rest of the screen erased.
+    let shown =
+        text.matches("goto: 1 waypoint, ").count() + text.matches("goto: 0 waypoints, ").count();
+    let erased = text.matches("\u{1b}[1A\u{1b}[J").count();
+    assert_eq!(shown, erased, "{text}");
+    // What was reported stands.
+    assert!(text.contains("goto: done, 1 of 1 waypoints sent"), "{text}");
+    flight.end();
 }

@@ -33,7 +33,10 @@ fn a_flight_is_followed_by_conditions() {
     );
     // What is never so ends in time, with how things are.
     rig.run("wait --for landed --for up --timeout 50ms", 4)
+        .err_says("timed out after 50ms: ")
         .err_says("landed (");
+    let finished = rig.run("wait --for battery<1 --timeout 50ms", 4);
+    finished.err_says("timed out after 50ms: battery<1 (");
     let finished = rig.run("wait --for battery<1 --timeout 50ms --json", 4);
     assert_eq!(json(&finished.stdout[0])["met"], false);
     let landing = rig.start("land");

@@ -188,6 +188,11 @@ fn verbs_and_options_are_completed_without_a_robot_and_nothing_is_created() {
     let rig = sandbox();
     let shells = Shells::new(&rig);
     shells.each(&["ril", "take"], |found| found == ["takeoff"]);
+    shells.each(&["ril", "st"], |found| {
+        let mut found = found.to_vec();
+        found.sort();
+        found == ["start", "status", "stop"]
+    });
     shells.each(&["ril", "goto", "--pre"], |found| found == ["--preempt"]);
     shells.each(&["ril", "completions", ""], |found| {
         found.iter().any(|one| one == "fish")

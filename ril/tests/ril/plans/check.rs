@@ -183,8 +183,10 @@ fn a_plan_is_shown_as_a_table_and_written_for_qgroundcontrol() {
         plan["origin"].take();
         assert_eq!(list, plan);
     }
-    rig.run("plan show square.waypoints --to square.plan", 2)
-        .err_says("name a new file");
+    let refused = rig.run("plan show square.waypoints --to square.plan", 2);
+    refused.err_says("square.plan exists already");
+    refused.err_says("name another file with --to");
+    assert!(!says(&refused.stderr, "os error"), "{refused:#?}");
 }
 
 #[test]

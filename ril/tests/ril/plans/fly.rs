@@ -270,7 +270,7 @@ fn the_plan_s_fence_comes_into_force_only_when_asked_for_and_only_where_the_brid
     // It is the bridge's own now.
     rig.run("takeoff 5m", 0);
     rig.run("goto 37.4125,-6.001,20m", 5)
-        .err_says("fence-inclusion, leg 1");
+        .err_says("fence-inclusion, area `plan: inclusion 1`, leg 1");
     rig.run("land", 0);
     robot.end();
 }

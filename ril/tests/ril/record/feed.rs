@@ -1,6 +1,6 @@
 //! A topic of a stranger's module, and the recorder of it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -93,6 +93,31 @@ pub fn until_recorded(rig: &Sandbox, number: u64) {
     }
 }
 
+/// Waits until the record has samples of so many publishers of a topic, one after the other.
+pub fn until_publishers(rig: &Sandbox, topic: &str, publishers: usize) {
+    let begun = Instant::now();
+    let found = || {
+        let files = files(rig).into_iter();
+        let records = files.filter_map(|file| RecordFile::open(&file).ok());
+        let mut epochs = BTreeSet::new();
+        for record in records {
+            let messages = read::messages(&record).filter_map(Result::ok);
+            for message in messages.filter(|message| message.topic() == topic) {
+                let payload = &message.data()[CDR_HEADER.len()..];
+                epochs.insert(u64::from_le_bytes(payload[8..16].try_into().unwrap()));
+            }
+        }
+        epochs.len()
+    };
+    while found() < publishers {
+        assert!(
+            begun.elapsed() < WAIT_LIMIT,
+            "{topic}: fewer than {publishers}"
+        );
+        std::thread::yield_now();
+    }
+}
+
 /// Whether the sample of this number is in the file, which may be empty yet, or be gone.
 pub fn has(file: &Path, number: u64) -> bool {
     let Ok(bytes) = RecordFile::open(file) else {
@@ -115,6 +140,24 @@ fn sample(message: &RecordedMessage) -> (u64, Vec<u8>) {
     let sequence = u64::from_le_bytes(payload[..8].try_into().unwrap());
     assert_eq!(sequence as u32, message.sequence);
     (sequence, payload.to_vec())
+}
+
+/// No message lies in the file before the time that it has itself.
+#[track_caller]
+pub fn assert_in_time(file: &Path) {
+    let bytes = RecordFile::open(file).unwrap();
+    let mut messages = 0;
+    for message in read::messages(&bytes).map(Result::unwrap) {
+        let (logged, published) = (message.log_time_ns, message.publish_time_ns);
+        assert!(
+            logged >= published,
+            "{} {}: {logged} {published}",
+            message.topic(),
+            message.sequence
+        );
+        messages += 1;
+    }
+    assert!(messages > 0);
 }
 
 /// Missing samples of a topic by the numbers of those that are there; they must be in order.

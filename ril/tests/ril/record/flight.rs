@@ -9,7 +9,7 @@ use ipc_types::{RobotId, Subscriber, Topic};
 use recording::read::{RecordFile, summary_of};
 use ril_tests::process::Signal;
 
-use super::feed::{check, files, only_file, samples, words};
+use super::feed::{assert_in_time, check, files, only_file, samples, words};
 use crate::common::{end, json, sandbox};
 
 /// A consumer that keeps all that it gets.
@@ -168,6 +168,7 @@ fn a_flight_is_recorded_as_a_consumer_saw_it() {
     dsp.compare(&samples(&file, "/robot1/dsp/telemetry"));
     hero.compare(&samples(&file, "/robot1/hero/telemetry"));
     state.compare(&samples(&file, "/robot1/bridge/state"));
+    assert_in_time(&file);
     let check = check(&file);
     assert!(check.is_complete);
     let topics: BTreeSet<&str> = check.topics.keys().map(String::as_str).collect();
@@ -222,6 +223,9 @@ fn a_flight_is_recorded_as_a_consumer_saw_it() {
     // A part of it is a record, too, with the times of the whole.
     let part = "--topic dsp/telemetry --topic requests --from 500ms --to 2s --output part.mcap";
     rig.run(&format!("log export {name} {part}"), 0);
+    rig.run(&format!("log export {name} {part}"), 2)
+        .err_says("exists already")
+        .err_says("name another file with --output");
     rig.run("log check part.mcap", 0);
     let part = self::check(&rig.folder().join("part.mcap"));
     let of_part: Vec<&str> = part.topics.keys().map(String::as_str).collect();
@@ -230,6 +234,10 @@ fn a_flight_is_recorded_as_a_consumer_saw_it() {
     let start_ns = check.first_ns.unwrap();
     assert!(part.first_ns.unwrap() >= start_ns + 500_000_000);
     assert!(part.last_ns.unwrap() <= start_ns + 2_000_000_000);
+    let nothing = format!("log export {name} --from 1h --output nothing.mcap");
+    rig.run(&nothing, 2)
+        .err_says("no message of these topics lies in this time");
+    assert!(!rig.path("nothing.mcap").exists());
     let csv = rig.run(&format!("log csv {name}"), 0).stdout;
     assert_eq!(csv.len() as u64, 1 + summary["rows"].as_u64().unwrap());
     let tail = rig.run(&format!("log tail -n 3 {name}"), 0).stdout;

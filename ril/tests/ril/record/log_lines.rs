@@ -101,12 +101,14 @@ fn what_the_processes_log_while_they_are_recorded_is_in_the_file() {
 fn the_report_has_what_a_process_warned_of() {
     let rig = sandbox();
     let sim = rig.sim(1, "--speed 5");
-    let bridge = rig.bridge(1);
+    let mut bridge = rig.bridge(1);
     rig.watch(1).until_ready();
     let mut recorder = rig.start(&words(""));
     recorder.wait_for_text("recording file=");
     rig.run("takeoff --altitude 5", 5);
-    for process in [bridge, sim, recorder] {
+    end(sim, Signal::TERM);
+    bridge.wait_for_text("the serial port is gone");
+    for process in [bridge, recorder] {
         end(process, Signal::TERM);
     }
     let file = only_file(&rig);
@@ -115,5 +117,11 @@ fn the_report_has_what_a_process_warned_of() {
         0,
     );
     let page = fs::read_to_string(rig.folder().join("report.html")).unwrap();
-    assert!(page.contains("bridge logged: report request="), "{page}");
+    assert!(
+        page.contains("bridge logged: the serial port is gone"),
+        "{page}"
+    );
+    // The table of requests has it, and an event of its own would be the same a second time.
+    assert!(page.contains("not-started"), "{page}");
+    assert!(!page.contains("bridge logged: report request="), "{page}");
 }

@@ -4,6 +4,7 @@ use std::fs;
 
 use ril_tests::process::Signal;
 
+use super::made::record;
 use crate::common::{end, json, sandbox};
 
 #[test]
@@ -42,4 +43,25 @@ fn what_was_recorded_is_verified_bit_for_bit_and_played() {
     // Four requests, and what became of them.
     assert!(summary["requests"].as_u64().unwrap() >= 8, "{summary}");
     played.out_says("\"command\":\"takeoff\"");
+}
+
+#[test]
+fn without_a_file_the_record_of_the_last_flight_is_meant_and_not_one_of_the_ground() {
+    let rig = sandbox();
+    let made = record(rig.folder());
+    rig.run(
+        "log export flight.mcap --from 7050ms --output ground.mcap",
+        0,
+    );
+    fs::create_dir(rig.path("log")).unwrap();
+    let [flown, ground] = [10, 11].map(|hour| format!("log/hero1_2026-11-01T{hour}-00-00Z.mcap"));
+    fs::rename(&made.file, rig.path(&flown)).unwrap();
+    fs::rename(rig.path("ground.mcap"), rig.path(&ground)).unwrap();
+    let of_ground = json(&rig.run(&format!("log summary {ground} --json"), 0).stdout[0]);
+    assert_eq!(of_ground["take_offs"], 0, "{of_ground:#}");
+    for verb in ["summary", "report", "check"] {
+        let object = json(&rig.run(&format!("log {verb} --dir log --json"), 0).stdout[0]);
+        let text = object.to_string();
+        assert!(text.contains("T10-00-00Z"), "{verb}: {object:#}");
+    }
 }

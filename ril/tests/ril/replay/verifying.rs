@@ -48,6 +48,7 @@ fn another_configuration_is_a_difference_with_time_topic_field_and_both_values()
     let rig = rig();
     let text = rig.run("replay wind.mcap --against other.toml", 8);
     text.out_says("DIFFERENT");
+    text.out_says("more, which may be a consequence");
     let expected = "module_state: safety.amount was 0 and is ";
     assert!(
         says(&text.stdout, expected) && says(&text.stderr, expected),
@@ -71,7 +72,8 @@ fn a_recording_becomes_a_test_by_one_command() {
         .err_says("library/new/wind.mcap");
     rig.run("replay library/new/wind.mcap --verify", 0);
     rig.run("replay wind.mcap --keep library/new", 2)
-        .err_says("exists already");
+        .err_says("exists already")
+        .err_says("name another folder with --keep");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 use std::time::Duration;
 
+use fastrand::Rng;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::{MonotonicNs, RobotId, Schema, schema};
 use recording::{
@@ -50,23 +51,11 @@ impl Made {
     }
 }
 
-/// Numbers that look like chance.
-struct Bits(u64);
-
-impl Bits {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn sample(&mut self, size: usize) -> Vec<u8> {
-        let words = (0..size.div_ceil(8)).flat_map(|_| self.next().to_le_bytes());
-        let mut sample: Vec<u8> = words.collect();
-        sample.truncate(size);
-        sample
-    }
+/// A sample of any bytes.
+fn any_bytes(random: &mut Rng, size: usize) -> Vec<u8> {
+    let mut sample = vec![0; size];
+    random.fill(&mut sample);
+    sample
 }
 
 struct Maker {
@@ -227,11 +216,11 @@ pub fn made() -> Made {
     let pieces = maker.channel("pieces", "stranger_msgs/msg/Piece", CHUNK_TEXT);
     maker.channel("silent", "stranger_msgs/msg/Piece", CHUNK_TEXT);
 
-    let mut bits = Bits(0x9e37_79b9_7f4a_7c15);
+    let mut random = Rng::with_seed(1);
     maker.settle();
     for round in 1..=ROUNDS {
         for (channel, schema) in &structs {
-            let sample = bits.sample(schema.size());
+            let sample = any_bytes(&mut random, schema.size());
             maker.add(
                 channel,
                 round,
@@ -244,7 +233,7 @@ pub fn made() -> Made {
             &mut maker,
             &pieces,
             round,
-            &bits.sample((round % 7) as usize),
+            &any_bytes(&mut random, (round % 7) as usize),
         );
         if round % 20 == 0 {
             maker.event("three samples did not come");

@@ -284,7 +284,7 @@ fn the_fence_of_the_live_bridge_is_drawn_and_not_that_of_the_file() {
     screen.until("the fence that is in force", |screen| {
         screen.contains("fence: ") && screen.contains("####")
     });
-    // Another number of areas is another fence.
+    // Another fence comes into force.
     rig.write("bridge.toml", FOR_SLOW_MACHINES);
     rig.run("fence reload", 0);
     screen.hides("####");

@@ -50,4 +50,9 @@ fn the_picture_of_the_documentation_is_one_of_a_flight() {
     ] {
         assert!(texts.contains(expected), "{expected}:\n{texts}");
     }
+    let link = texts.lines().find(|line| line.starts_with("up "));
+    assert!(
+        link.is_some_and(|link| !link.starts_with("up 0s")),
+        "{link:?}"
+    );
 }

@@ -38,6 +38,7 @@ fn a_flight_is_told_first_and_the_link_s_state_is_the_exit_code() {
         "data",
         "module",
         "status",
+        "control",
         "movement",
         "link",
         "DSP path",

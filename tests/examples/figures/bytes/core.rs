@@ -203,7 +203,7 @@ impl Core {
         self.listener.open.push(key);
         let input = Input::Control {
             key,
-            sender: None,
+            sender: bridge::Sender::default(),
             request,
         };
         self.bridge.apply(self.now, input, &mut self.listener);
@@ -225,7 +225,7 @@ impl Core {
         self.listener.open.push(key);
         let input = Input::Movement {
             key,
-            sender: None,
+            sender: bridge::Sender::default(),
             request,
         };
         self.bridge.apply(self.now, input, &mut self.listener);

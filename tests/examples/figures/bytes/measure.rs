@@ -3,12 +3,12 @@
 use std::time::Duration;
 
 use dsp_protocol::Profile;
+use fastrand::Rng;
 
 use super::core::{Core, Heard};
 use super::decoders::Decoders;
 use super::heap::Heap;
 use super::obliging::STATUS_PERIOD_MS;
-use super::random::Random;
 use super::stream;
 
 /// Bytes that go in at a time at the most; longer than any frame.
@@ -54,18 +54,18 @@ fn run(bytes: u64, mut feed: impl FnMut() -> usize) -> (u64, Heap) {
 
 /// Noise and damaged frames in turn, each byte into all four decoders.
 pub fn decoders(bytes: u64, seed: u64) -> Tally {
-    let mut random = Random::new(seed);
+    let mut random = Rng::with_seed(seed);
     let mut decoders = Decoders::new();
     let (mut line, mut spare) = (Vec::with_capacity(BUFFER), Vec::with_capacity(BUFFER));
     let (bytes, heap) = run(bytes, || {
         line.clear();
-        if random.once_in(2) {
-            stream::noise(random.below(CHUNK), &mut random, &mut line);
+        if random.bool() {
+            stream::noise(random.usize(..CHUNK), &mut random, &mut line);
         } else {
             while line.len() < CHUNK {
                 stream::frame(&mut random, &mut line);
             }
-            let one_in = 1 << (2 + random.below(10));
+            let one_in = 1 << (2 + random.usize(..10));
             stream::damage(one_in, &mut random, &mut line, &mut spare);
         }
         decoders.hear(&line);
@@ -83,13 +83,13 @@ pub fn decoders(bytes: u64, seed: u64) -> Tally {
 
 /// Nothing but noise and damaged frames into a bridge that hardly ever hears its DSP.
 pub fn core_in_noise(profile: Profile, bytes: u64, seed: u64) -> Tally {
-    let mut random = Random::new(seed);
+    let mut random = Rng::with_seed(seed);
     let mut core = Core::new(profile);
     let (mut line, mut spare) = (Vec::with_capacity(BUFFER), Vec::with_capacity(BUFFER));
     let (bytes, heap) = run(bytes, || {
         line.clear();
-        if random.once_in(2) {
-            stream::noise(random.below(CHUNK), &mut random, &mut line);
+        if random.bool() {
+            stream::noise(random.usize(..CHUNK), &mut random, &mut line);
         } else {
             stream::frame(&mut random, &mut line);
             stream::damage(32, &mut random, &mut line, &mut spare);
@@ -97,8 +97,8 @@ pub fn core_in_noise(profile: Profile, bytes: u64, seed: u64) -> Tally {
         core.receive(&line);
         let time_us = line.len() as u64 * 1_000_000 / BYTES_PER_SECOND;
         core.advance(Duration::from_micros(time_us));
-        if random.once_in(64) {
-            core.act(random.bits() as u8, random.bits());
+        if random.usize(..64) == 0 {
+            core.act(random.u8(..), random.u64(..));
         }
         line.len()
     });
@@ -107,34 +107,34 @@ pub fn core_in_noise(profile: Profile, bytes: u64, seed: u64) -> Tally {
 
 /// Whole flights with a DSP that obliges, on a line that damages from nothing to every fourth byte, and puts in noise.
 pub fn core_in_flight(profile: Profile, bytes: u64, seed: u64) -> Tally {
-    let mut random = Random::new(seed);
+    let mut random = Rng::with_seed(seed);
     let mut core = Core::new(profile);
     let (mut line, mut spare) = (Vec::with_capacity(BUFFER), Vec::with_capacity(BUFFER));
     let (mut periods, mut one_in) = (0, usize::MAX);
     let (bytes, heap) = run(bytes, || {
         periods += 1;
         if periods % PERIODS_ALIKE == 0 {
-            one_in = [usize::MAX, 10_000, 1_000, 100, 20, 4][random.below(6)];
+            one_in = [usize::MAX, 10_000, 1_000, 100, 20, 4][random.usize(..6)];
         }
         line.clear();
         core.listen(&mut line);
         line.truncate(CHUNK);
         if one_in != usize::MAX {
             stream::damage(one_in, &mut random, &mut line, &mut spare);
-            if random.once_in(50) {
+            if random.usize(..50) == 0 {
                 stream::frame(&mut random, &mut line);
             }
-            if random.once_in(200) {
-                stream::noise(random.below(64), &mut random, &mut line);
+            if random.usize(..200) == 0 {
+                stream::noise(random.usize(..64), &mut random, &mut line);
             }
         }
         // In two pieces, cut anywhere.
-        let (front, back) = line.split_at(random.below(line.len() + 1));
+        let (front, back) = line.split_at(random.usize(..line.len() + 1));
         core.receive(front);
         core.receive(back);
         core.advance(Duration::from_millis(STATUS_PERIOD_MS.into()));
-        if random.once_in(25) {
-            core.act(random.bits() as u8, random.bits());
+        if random.usize(..25) == 0 {
+            core.act(random.u8(..), random.u64(..));
         }
         line.len()
     });

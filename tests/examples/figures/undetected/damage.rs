@@ -2,8 +2,7 @@
 
 use dsp_protocol::header::{self, kind_of, of_kind};
 use dsp_protocol::{Frame, MAX_FRAME_LEN, Profile};
-
-use super::random::Random;
+use fastrand::Rng;
 
 /// A kind of damage, one row of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,9 +66,9 @@ pub struct Line {
 
 impl Line {
     /// A line with this damage.
-    pub fn new(damage: Damage, random: &mut Random) -> Line {
+    pub fn new(damage: Damage, random: &mut Rng) -> Line {
         let unhurt_bits = match damage {
-            Damage::BitErrors(rate) | Damage::LineErrors(rate) => random.bits_until_hit(rate),
+            Damage::BitErrors(rate) | Damage::LineErrors(rate) => bits_until_hit(random, rate),
             _ => 0,
         };
         Line {
@@ -86,7 +85,7 @@ impl Line {
         profile: Profile,
         frame: &Frame,
         other: &Frame,
-        random: &mut Random,
+        random: &mut Rng,
         bytes: &mut Vec<u8>,
     ) -> bool {
         let sent = frame.as_bytes();
@@ -104,21 +103,21 @@ impl Line {
                 burst(min, max, random, bytes);
             }
             Damage::Truncation => {
-                let lost = 1 + random.below(sent.len() - 1);
-                let first = match random.below(3) {
+                let lost = 1 + random.usize(..sent.len() - 1);
+                let first = match random.usize(..3) {
                     0 => 0,
                     1 => sent.len() - lost,
-                    _ => random.below(sent.len() - lost + 1),
+                    _ => random.usize(..sent.len() - lost + 1),
                 };
                 bytes.extend_from_slice(&sent[..first]);
                 bytes.extend_from_slice(&sent[first + lost..]);
             }
             Damage::Join => {
                 let (end, begin) = (
-                    1 + random.below(sent.len() - 1),
-                    1 + random.below(other.len() - 1),
+                    1 + random.usize(..sent.len() - 1),
+                    1 + random.usize(..other.len() - 1),
                 );
-                if random.once_in(4) {
+                if random.usize(..4) == 0 {
                     bytes.extend_from_slice(&sent[end..]);
                     bytes.extend_from_slice(&other[..begin]);
                 } else {
@@ -128,8 +127,8 @@ impl Line {
                 return !bytes.starts_with(sent) && bytes != other;
             }
             Damage::RandomBytes => {
-                let len = 1 + random.below(MAX_FRAME_LEN);
-                bytes.extend((0..len).map(|_| random.bits() as u8));
+                let len = 1 + random.usize(..MAX_FRAME_LEN);
+                bytes.extend((0..len).map(|_| random.u8(..)));
             }
             Damage::RandomPayload => {
                 bytes.extend_from_slice(sent);
@@ -140,13 +139,7 @@ impl Line {
     }
 
     /// Sends the bits of a frame over a line that goes on from frame to frame.
-    fn flip_bits(
-        &mut self,
-        rate: f64,
-        sent: &[u8],
-        random: &mut Random,
-        bytes: &mut Vec<u8>,
-    ) -> bool {
+    fn flip_bits(&mut self, rate: f64, sent: &[u8], random: &mut Rng, bytes: &mut Vec<u8>) -> bool {
         let bits = sent.len() * 8;
         if self.unhurt_bits >= bits {
             self.unhurt_bits -= bits;
@@ -155,20 +148,20 @@ impl Line {
         bytes.extend_from_slice(sent);
         while self.unhurt_bits < bits {
             bytes[self.unhurt_bits / 8] ^= 1 << (self.unhurt_bits % 8);
-            self.unhurt_bits += 1 + random.bits_until_hit(rate);
+            self.unhurt_bits += 1 + bits_until_hit(random, rate);
         }
         self.unhurt_bits -= bits;
         true
     }
 
     /// The same with the bits that frame a byte. A pause follows the frame, as between two messages.
-    fn flip_line_bits(&mut self, rate: f64, sent: &[u8], random: &mut Random, bytes: &mut Vec<u8>) {
+    fn flip_line_bits(&mut self, rate: f64, sent: &[u8], random: &mut Rng, bytes: &mut Vec<u8>) {
         self.bits.clear();
         sent.iter()
             .for_each(|byte| put_on_line(*byte, &mut self.bits));
         while let Some(bit) = self.bits.get_mut(self.unhurt_bits) {
             *bit = !*bit;
-            self.unhurt_bits += 1 + random.bits_until_hit(rate);
+            self.unhurt_bits += 1 + bits_until_hit(random, rate);
         }
         self.unhurt_bits -= self.bits.len();
         read_from_line(&self.bits, bytes);
@@ -201,14 +194,14 @@ fn read_from_line(bits: &[bool], bytes: &mut Vec<u8>) {
 }
 
 /// Flips a run of bits of `bytes`, in the order of the line, the lowest bit of a byte first.
-fn burst(min: usize, max: usize, random: &mut Random, bytes: &mut [u8]) {
+fn burst(min: usize, max: usize, random: &mut Rng, bytes: &mut [u8]) {
     let bits = bytes.len() * 8;
     let (min, max) = (min.min(bits), max.min(bits));
-    let len = min + random.below(max - min + 1);
-    let first = random.below(bits - len + 1);
+    let len = min + random.usize(..max - min + 1);
+    let first = random.usize(..bits - len + 1);
     let last = first + len - 1;
     for bit in first..=last {
-        if bit == first || bit == last || random.once_in(2) {
+        if bit == first || bit == last || random.bool() {
             bytes[bit / 8] ^= 1 << (bit % 8);
         }
     }
@@ -216,7 +209,7 @@ fn burst(min: usize, max: usize, random: &mut Random, bytes: &mut [u8]) {
 
 /// Puts random digits in place of everything in `frame` that does not tell its length. False when that is the check field
 /// alone: one that is right by chance would be the one that was sent.
-fn random_payload(profile: Profile, frame: &mut [u8], random: &mut Random) -> bool {
+fn random_payload(profile: Profile, frame: &mut [u8], random: &mut Rng) -> bool {
     let (front, kind, check) = match profile {
         Profile::Classic => (1, kind_of(frame[0]), 1),
         Profile::Extended => (3, frame[2], 5),
@@ -227,6 +220,12 @@ fn random_payload(profile: Profile, frame: &mut [u8], random: &mut Random) -> bo
         _ => 0,
     };
     let digits = &mut frame[front + tells_length..];
-    digits.fill_with(|| random.bits() as u8 & 0x7F);
+    digits.fill_with(|| random.u8(..0x80));
     digits.len() > check
+}
+
+/// How many bits arrive unhurt before the next one that is flipped, when each is flipped with `probability`.
+fn bits_until_hit(random: &mut Rng, probability: f64) -> usize {
+    // Never 0, whose logarithm has no end.
+    (random.f64_inclusive().max(f64::MIN_POSITIVE).ln() / (-probability).ln_1p()) as usize
 }

@@ -3,9 +3,9 @@
 use std::ops::AddAssign;
 
 use dsp_protocol::{DecodeError, Decoded, Decoder, Downlink, Frame, Profile, Uplink};
+use fastrand::Rng;
 
 use super::damage::{Damage, Line};
-use super::random::Random;
 use super::traffic::Traffic;
 
 /// Messages that are made up at a time. The line damages each of them several times in other ways.
@@ -43,7 +43,7 @@ impl AddAssign for Tally {
 
 /// Damages `frames` frames in one way, half of them in each direction.
 pub fn measure(profile: Profile, damage: Damage, frames: u64, seed: u64) -> Tally {
-    let mut random = Random::new(seed);
+    let mut random = Rng::with_seed(seed);
     let up = frames / 2;
     let mut tally = one_direction::<Downlink>(profile, damage, frames - up, &mut random);
     tally += one_direction::<Uplink>(profile, damage, up, &mut random);
@@ -54,7 +54,7 @@ fn one_direction<M: Traffic>(
     profile: Profile,
     damage: Damage,
     frames: u64,
-    random: &mut Random,
+    random: &mut Rng,
 ) -> Tally {
     let mut tally = Tally::default();
     let mut line = Line::new(damage, random);
@@ -71,7 +71,7 @@ fn one_direction<M: Traffic>(
             if tally.damaged == frames {
                 return tally;
             }
-            let mut any = || &messages[random.below(MESSAGES)];
+            let mut any = || &messages[random.usize(..MESSAGES)];
             let ((_, frame), (_, other), next) = (any(), any(), any());
             if line.send(profile, frame, other, random, &mut bytes) {
                 tally.damaged += 1;

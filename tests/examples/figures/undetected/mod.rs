@@ -2,5 +2,4 @@
 
 pub mod damage;
 pub mod measure;
-pub mod random;
 pub mod traffic;

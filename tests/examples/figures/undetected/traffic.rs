@@ -11,43 +11,42 @@ use dsp_protocol::{
     Command, Direction, Downlink, DspErrorCode, FlowControl, Frame, Profile, Sequence, Status,
     StatusMask, Uplink, Waypoint,
 };
-
-use super::random::Random;
+use fastrand::Rng;
 
 /// A direction whose messages can be made up.
 pub trait Traffic: Direction + Copy + Debug + PartialEq {
     /// A message as it may be sent.
-    fn random(random: &mut Random) -> Self;
+    fn random(random: &mut Rng) -> Self;
 
     /// The message as a frame, under random numbers.
-    fn frame(&self, profile: Profile, random: &mut Random) -> Frame;
+    fn frame(&self, profile: Profile, random: &mut Rng) -> Frame;
 
     /// Whether section 9 of `docs/protocol.md` forbids one of its values.
     fn is_implausible(&self) -> bool;
 }
 
 impl Traffic for Downlink {
-    fn random(random: &mut Random) -> Self {
-        let command = random.below(8) as u8;
-        match random.below(10) {
+    fn random(random: &mut Rng) -> Self {
+        let command = random.u8(..8);
+        match random.usize(..10) {
             // Half of a line is status, in the usual mask, in all groups and in others.
             0..5 => Downlink::Status(status(random)),
             5 => Downlink::FlowControl(FlowControl::Send),
             6 => Downlink::Ack { command },
             7 => Downlink::Ack16 {
                 command: 0,
-                value: random.bits() as u16,
+                value: random.u16(..),
             },
             8 => Downlink::Ack32 {
                 command: 2,
-                value: random.within(-1000, 1000) as f32 / 10.0,
+                value: random.i32(-1000..=1000) as f32 / 10.0,
             },
-            _ => Downlink::Error(DspErrorCode(random.below(301) as u16)),
+            _ => Downlink::Error(DspErrorCode(random.u16(..301))),
         }
     }
 
-    fn frame(&self, profile: Profile, random: &mut Random) -> Frame {
-        let mut number = || Sequence::new(random.bits() as u8);
+    fn frame(&self, profile: Profile, random: &mut Rng) -> Frame {
+        let mut number = || Sequence::new(random.u8(..));
         self.encode_in(profile, number(), number())
     }
 
@@ -60,25 +59,25 @@ impl Traffic for Downlink {
 }
 
 impl Traffic for Uplink {
-    fn random(random: &mut Random) -> Self {
-        let port = [10_000, 10_003, 10_121, 10_122, 20_000, 20_012][random.below(6)];
-        Uplink::Command(match random.below(16) {
+    fn random(random: &mut Rng) -> Self {
+        let port = random
+            .choice([10_000, 10_003, 10_121, 10_122, 20_000, 20_012])
+            .unwrap();
+        Uplink::Command(match random.usize(..16) {
             0 => Command::Read16 { port },
             1 => Command::Write16 {
                 port,
-                value: random.bits() as u16,
+                value: random.u16(..),
             },
             2 => Command::Read32 { port },
             3 => Command::Write32 {
                 port,
-                value: random.within(1, 200) as f32 / 10.0,
+                value: random.i32(1..=200) as f32 / 10.0,
             },
             4 => Command::ClearErrors,
             5 => Command::ActivateStatus,
             6 => Command::InvalidatePath,
-            7 => Command::Following {
-                on: random.once_in(2),
-            },
+            7 => Command::Following { on: random.bool() },
             _ => {
                 let place = geographic(random);
                 return Uplink::Waypoint(Waypoint {
@@ -90,8 +89,8 @@ impl Traffic for Uplink {
         })
     }
 
-    fn frame(&self, profile: Profile, random: &mut Random) -> Frame {
-        self.encode_in(profile, Sequence::new(random.bits() as u8))
+    fn frame(&self, profile: Profile, random: &mut Rng) -> Frame {
+        self.encode_in(profile, Sequence::new(random.u8(..)))
     }
 
     fn is_implausible(&self) -> bool {
@@ -116,27 +115,27 @@ impl Traffic for Uplink {
 /// Time, both positions, velocity, quality, the IMU, supply and rotor speed: what a mission asks for.
 const USUAL_MASK: StatusMask = StatusMask(0x14FF);
 
-fn status(random: &mut Random) -> Status {
+fn status(random: &mut Rng) -> Status {
     let mut status = every_group(random);
-    let mask = match random.below(4) {
+    let mask = match random.usize(..4) {
         0 => StatusMask::ALL,
-        1 => StatusMask(random.bits() as u16),
+        1 => StatusMask(random.u16(..)),
         _ => USUAL_MASK,
     };
     status.withdraw(StatusMask(!mask.0));
     status
 }
 
-fn geographic(random: &mut Random) -> Geographic {
+fn geographic(random: &mut Rng) -> Geographic {
     Geographic {
-        latitude_deg: f64::from(random.within(-850_000_000, 850_000_000)) / 1e7,
-        longitude_deg: f64::from(random.within(-1_800_000_000, 1_800_000_000)) / 1e7,
-        altitude_m: f64::from(random.within(0, 1_000_000)) / 1e3,
+        latitude_deg: f64::from(random.i32(-850_000_000..=850_000_000)) / 1e7,
+        longitude_deg: f64::from(random.i32(-1_800_000_000..=1_800_000_000)) / 1e7,
+        altitude_m: f64::from(random.i32(0..=1_000_000)) / 1e3,
     }
 }
 
-fn pulses(random: &mut Random) -> ServoPulses {
-    let mut pulse = || random.within(900, 2100) as u16;
+fn pulses(random: &mut Rng) -> ServoPulses {
+    let mut pulse = || random.u16(900..=2100);
     ServoPulses {
         collective_us: pulse(),
         roll_us: pulse(),
@@ -147,8 +146,8 @@ fn pulses(random: &mut Random) -> ServoPulses {
 }
 
 /// A helicopter in flight, somewhere.
-fn every_group(random: &mut Random) -> Status {
-    let mut hundredths = |limit: i32| random.within(-limit, limit) as f32 / 100.0;
+fn every_group(random: &mut Rng) -> Status {
+    let mut hundredths = |limit: i32| random.i32(-limit..=limit) as f32 / 100.0;
     let attitude = Attitude {
         pitch_deg: hundredths(3_000),
         roll_deg: hundredths(3_000),
@@ -172,13 +171,13 @@ fn every_group(random: &mut Random) -> Status {
         vertical_speed_mps: hundredths(500),
         heading_deg: hundredths(18_000) + 180.0,
     };
-    let mut thousandths = |limit: i32| random.within(-limit, limit) as f32 / 1000.0;
+    let mut thousandths = |limit: i32| random.i32(-limit..=limit) as f32 / 1000.0;
     let angular_rate = AngularRate {
         x_radps: thousandths(2_000),
         y_radps: thousandths(2_000),
         z_radps: thousandths(2_000),
     };
-    let mut adc = || random.below(4096) as u16;
+    let mut adc = || random.u16(..4096);
     let (sonar_adc, barometer_adc) = (adc(), adc());
     let pan_tilt = PanTilt {
         pan_adc: adc(),
@@ -186,26 +185,26 @@ fn every_group(random: &mut Random) -> Status {
     };
     Status {
         flying: true,
-        time_ms: Some(random.bits() as u32 >> 8),
+        time_ms: Some(random.u32(..) >> 8),
         geographic: Some(geographic(random)),
         xy: Some(Xy {
-            x_m: f64::from(random.within(-2_000_000, 2_000_000)) / 1e3,
-            y_m: f64::from(random.within(-2_000_000, 2_000_000)) / 1e3,
+            x_m: f64::from(random.i32(-2_000_000..=2_000_000)) / 1e3,
+            y_m: f64::from(random.i32(-2_000_000..=2_000_000)) / 1e3,
         }),
         gps_velocity: Some(gps_velocity),
-        gps_quality: Some(random.below(6) as u8),
+        gps_quality: Some(random.u8(..6)),
         attitude: Some(attitude),
         acceleration: Some(acceleration),
         angular_rate: Some(angular_rate),
         pilot_pwm: Some(pulses(random)),
         sonar_adc: Some(sonar_adc),
         supply: Some(Supply {
-            battery_mv: random.within(20_000, 26_000) as u16,
-            fuel_percent: random.below(101) as u8,
-            auto_switch: random.below(2) as u8,
+            battery_mv: random.u16(20_000..=26_000),
+            fuel_percent: random.u8(..101),
+            auto_switch: random.u8(..2),
         }),
         pan_tilt: Some(pan_tilt),
-        rotor_rpm: Some(random.within(1_300, 1_600) as u16),
+        rotor_rpm: Some(random.u16(1_300..=1_600)),
         barometer_adc: Some(barometer_adc),
         actuation: Some(pulses(random)),
         references: Some(references),

@@ -1,8 +1,9 @@
 //! How small the uncertainty gets, which exchanges are rejected, and translation at the edges.
 
+use fastrand::Rng;
 use ipc_types::MonotonicNs;
 
-use super::link::{Clocks, Link, MS, Random, SECOND};
+use super::link::{Clocks, Link, MS, SECOND};
 use super::truth::assert_true_at;
 use crate::clock::{
     Clock, Estimate, Exchange, MAX_ROUND_TRIP_NS, MAX_STAMP_NS, Rejected, RemoteNs,
@@ -21,7 +22,7 @@ fn after(exchanges: &[Exchange]) -> (Clock, Estimate) {
 #[test]
 fn the_uncertainty_after_one_exchange_is_half_its_round_trip() {
     let clocks = Clocks::steady(5, 0.0);
-    let exchanges = Link::quiet().exchanges(&clocks, 1.0, 1.0, &mut Random(1));
+    let exchanges = Link::quiet().exchanges(&clocks, 1.0, 1.0, &mut Rng::with_seed(1));
     let (_, estimate) = after(&exchanges);
     let half_ns = estimate.round_trip_ns / 2;
     // The exchange takes up to 10.4 ms, in which 200 ppm make 2 µs.
@@ -31,7 +32,7 @@ fn the_uncertainty_after_one_exchange_is_half_its_round_trip() {
 #[test]
 fn quiet_symmetric_delays_of_200_us_give_an_uncertainty_of_the_best_one_way_delay() {
     let clocks = Clocks::steady(3_600_000_000_000, -80_000.0);
-    let exchanges = Link::quiet().exchanges(&clocks, 120.0, 1.0, &mut Random(2));
+    let exchanges = Link::quiet().exchanges(&clocks, 120.0, 1.0, &mut Rng::with_seed(2));
     let (_, estimate) = after(&exchanges);
     assert!(estimate.uncertainty_ns < 210_000, "{estimate:?}");
     assert!(estimate.drift_ppb.abs_diff(-80_000) <= estimate.drift_uncertainty_ppb);
@@ -41,7 +42,7 @@ fn quiet_symmetric_delays_of_200_us_give_an_uncertainty_of_the_best_one_way_dela
 #[test]
 fn slow_exchanges_do_not_spoil_what_quick_ones_have_shown() {
     let clocks = Clocks::steady(-1_000_000_000, 60_000.0);
-    let random = &mut Random(3);
+    let random = &mut Rng::with_seed(3);
     let mut exchanges = Link::quiet().exchanges(&clocks, 120.0, 1.0, random);
     let mut slow = Link::quiet();
     slow.jitter_ns = 1e9;
@@ -65,7 +66,7 @@ fn slow_exchanges_do_not_spoil_what_quick_ones_have_shown() {
 #[test]
 fn the_uncertainty_grows_while_no_exchange_comes() {
     let clocks = Clocks::steady(0, 90_000.0);
-    let exchanges = Link::quiet().exchanges(&clocks, 120.0, 1.0, &mut Random(4));
+    let exchanges = Link::quiet().exchanges(&clocks, 120.0, 1.0, &mut Rng::with_seed(4));
     let (clock, at_once) = after(&exchanges);
     let last = exchanges[119].received.0;
     let uncertainty_after = |seconds: u64| {
@@ -88,7 +89,7 @@ fn the_uncertainty_grows_while_no_exchange_comes() {
 #[test]
 fn the_estimate_survives_an_outage_of_half_an_hour() {
     let clocks = Clocks::steady(0, 90_000.0);
-    let random = &mut Random(6);
+    let random = &mut Rng::with_seed(6);
     let mut exchanges = Link::quiet().exchanges(&clocks, 120.0, 1.0, random);
     let mut later = clocks.clone();
     later.start_ns += 1920 * SECOND;
@@ -102,7 +103,7 @@ fn the_estimate_survives_an_outage_of_half_an_hour() {
 #[test]
 fn the_shown_round_trip_is_the_shortest_of_the_last_minutes() {
     let clocks = Clocks::steady(0, 0.0);
-    let random = &mut Random(7);
+    let random = &mut Rng::with_seed(7);
     let mut exchanges = Link::quiet().exchanges(&clocks, 20.0, 1.0, random);
     let (_, quick) = after(&exchanges);
     assert!((360_000..400_000).contains(&quick.round_trip_ns));

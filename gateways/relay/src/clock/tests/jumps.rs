@@ -1,13 +1,14 @@
 //! Suspends, reboots and steps of either side.
 
+use fastrand::Rng;
 use ipc_types::MonotonicNs;
 
-use super::link::{Clocks, Jump, Link, MS, Random, SECOND};
+use super::link::{Clocks, Jump, Link, MS, SECOND, between, magnitude};
 use super::truth::assert_true_at;
 use crate::clock::{Clock, Exchange, Rejected, RemoteNs};
 
 /// Checks the truth before the jump, and from the first exchange on that was sent after it.
-fn assert_noticed(clocks: &Clocks, random: &mut Random) {
+fn assert_noticed(clocks: &Clocks, random: &mut Rng) {
     let link = Link::random(random);
     let jumped = clocks.jumped_at().expect("a jump");
     let began = match clocks.jump {
@@ -38,10 +39,10 @@ fn assert_noticed(clocks: &Clocks, random: &mut Random) {
 #[test]
 fn every_suspend_and_reboot_is_noticed_by_the_first_exchange_after_it() {
     for seed in 40_000..42_000 {
-        let random = &mut Random(seed);
+        let random = &mut Rng::with_seed(seed);
         let mut clocks = Clocks::random(random);
-        let at = clocks.start_ns + random.between(1e9, 60e9) as u64;
-        let lasts_ns = random.magnitude(6e6, 1e12) as u64;
+        let at = clocks.start_ns + between(random, 1e9, 60e9) as u64;
+        let lasts_ns = magnitude(random, 6e6, 1e12) as u64;
         clocks.jump = match seed % 3 {
             0 => Jump::LocalSuspend { at, lasts_ns },
             1 => Jump::RemoteSuspend { at, lasts_ns },

@@ -1,5 +1,6 @@
 //! Two simulated clocks, and a link that delays and loses messages.
 
+use fastrand::Rng;
 use ipc_types::MonotonicNs;
 
 use crate::clock::{Exchange, RemoteNs, Suspended};
@@ -7,37 +8,18 @@ use crate::clock::{Exchange, RemoteNs, Suspended};
 pub const MS: u64 = 1_000_000;
 pub const SECOND: u64 = 1_000_000_000;
 
-/// Random numbers that a seed repeats (SplitMix64).
-#[derive(Clone)]
-pub struct Random(pub u64);
+/// From `low` up to, but not including, `high`.
+pub fn between(random: &mut Rng, low: f64, high: f64) -> f64 {
+    low + (high - low) * random.f64()
+}
 
-impl Random {
-    pub fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut mixed = self.0;
-        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        mixed ^ (mixed >> 31)
-    }
+/// Every order of magnitude from `low` to `high` is equally likely.
+pub fn magnitude(random: &mut Rng, low: f64, high: f64) -> f64 {
+    low * (high / low).powf(random.f64())
+}
 
-    /// From 0 up to, but not including, 1.
-    pub fn uniform(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    /// From `low` up to, but not including, `high`.
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.uniform()
-    }
-
-    /// Every order of magnitude from `low` to `high` is equally likely.
-    pub fn magnitude(&mut self, low: f64, high: f64) -> f64 {
-        low * (high / low).powf(self.uniform())
-    }
-
-    pub fn once_in(&mut self, count: f64) -> bool {
-        self.uniform() * count < 1.0
-    }
+fn once_in(random: &mut Rng, count: f64) -> bool {
+    random.f64() * count < 1.0
 }
 
 /// What makes the offset jump, `at` a local moment, for `lasts_ns`.
@@ -76,19 +58,19 @@ pub struct Clocks {
 
 impl Clocks {
     /// Zeros that are up to hours apart, up to ±100 ppm, changing by up to 5 ppb/s.
-    pub fn random(random: &mut Random) -> Clocks {
-        let swing_s = random.magnitude(30.0, 40_000.0);
+    pub fn random(random: &mut Rng) -> Clocks {
+        let swing_s = magnitude(random, 30.0, 40_000.0);
         let greatest_swing = (5.0 * swing_s / std::f64::consts::TAU).min(50_000.0);
-        let swing_ppb = random.uniform() * greatest_swing;
-        let start_s = random.magnitude(40_000.0, 4_000_000.0);
+        let swing_ppb = random.f64() * greatest_swing;
+        let start_s = magnitude(random, 40_000.0, 4_000_000.0);
         Clocks {
-            offset_ns: (random.between(-36_000.0, 36_000.0) * 1e9) as i128,
+            offset_ns: (between(random, -36_000.0, 36_000.0) * 1e9) as i128,
             start_ns: (start_s * 1e9) as u64,
-            drift_ppb: random.between(-1.0, 1.0) * (100_000.0 - swing_ppb),
+            drift_ppb: between(random, -1.0, 1.0) * (100_000.0 - swing_ppb),
             swing_ppb,
             swing_s,
-            tremble_ppb: random.between(0.0, 900.0),
-            tremble_s: random.magnitude(1.0, 100.0),
+            tremble_ppb: between(random, 0.0, 900.0),
+            tremble_s: magnitude(random, 1.0, 100.0),
             jump: Jump::Never,
         }
     }
@@ -193,15 +175,15 @@ pub struct Link {
 
 impl Link {
     /// Delays of 0.1 ms to 2 s, different in both directions; bursts, losses, outages of up to 10 minutes.
-    pub fn random(random: &mut Random) -> Link {
+    pub fn random(random: &mut Rng) -> Link {
         Link {
-            there_ns: random.magnitude(1e5, 3e8),
-            back_ns: random.magnitude(1e5, 3e8),
-            jitter_ns: random.magnitude(1e3, 1e9),
-            lost: random.between(0.0, 0.5),
-            burst_once_in: random.magnitude(10.0, 1000.0),
-            outage_once_in: random.magnitude(30.0, 3000.0),
-            outage_s: random.magnitude(1.0, 600.0),
+            there_ns: magnitude(random, 1e5, 3e8),
+            back_ns: magnitude(random, 1e5, 3e8),
+            jitter_ns: magnitude(random, 1e3, 1e9),
+            lost: between(random, 0.0, 0.5),
+            burst_once_in: magnitude(random, 10.0, 1000.0),
+            outage_once_in: magnitude(random, 30.0, 3000.0),
+            outage_s: magnitude(random, 1.0, 600.0),
         }
     }
 
@@ -218,9 +200,9 @@ impl Link {
         }
     }
 
-    fn delay(&self, base_ns: f64, burst: bool, random: &mut Random) -> u64 {
-        let extra_ns = if burst { 2e9 * random.uniform() } else { 0.0 };
-        let delay_ns = base_ns + self.jitter_ns * random.uniform() + extra_ns;
+    fn delay(&self, base_ns: f64, burst: bool, random: &mut Rng) -> u64 {
+        let extra_ns = if burst { 2e9 * random.f64() } else { 0.0 };
+        let delay_ns = base_ns + self.jitter_ns * random.f64() + extra_ns;
         delay_ns.min(2e9) as u64
     }
 
@@ -230,20 +212,20 @@ impl Link {
         clocks: &Clocks,
         duration_s: f64,
         period_s: f64,
-        random: &mut Random,
+        random: &mut Rng,
     ) -> Vec<Exchange> {
         let mut exchanges = Vec::new();
         let end = clocks.start_ns + (duration_s * 1e9) as u64;
         let mut sent = clocks.start_ns;
         let mut slow_ones = 0;
         while sent < end {
-            if random.once_in(self.outage_once_in) {
-                sent += (random.uniform() * self.outage_s * 1e9) as u64;
+            if once_in(random, self.outage_once_in) {
+                sent += (random.f64() * self.outage_s * 1e9) as u64;
             }
-            if random.once_in(self.burst_once_in) {
+            if once_in(random, self.burst_once_in) {
                 slow_ones = 10;
             }
-            if !random.once_in(1.0 / self.lost) {
+            if !once_in(random, 1.0 / self.lost) {
                 exchanges.extend(self.exchange(clocks, sent, slow_ones > 0, random));
             }
             slow_ones -= i32::from(slow_ones > 0);
@@ -258,11 +240,11 @@ impl Link {
         clocks: &Clocks,
         sent: u64,
         burst: bool,
-        random: &mut Random,
+        random: &mut Rng,
     ) -> Option<Exchange> {
         let arrival = sent + self.delay(self.there_ns, burst, random);
         let remote_received = clocks.remote_awake(arrival)?;
-        let held_ns = random.magnitude(1e3, 1e7) as u64;
+        let held_ns = magnitude(random, 1e3, 1e7) as u64;
         let remote_sent = clocks.remote_awake(remote_received + held_ns)?;
         let received = remote_sent + self.delay(self.back_ns, burst, random);
         Some(Exchange {

@@ -1,8 +1,9 @@
 //! The true offset lies within the shown uncertainty, whatever the link does.
 
+use fastrand::Rng;
 use ipc_types::MonotonicNs;
 
-use super::link::{Clocks, Link, Random, SECOND};
+use super::link::{Clocks, Link, SECOND, between, magnitude};
 use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
 
 /// Compares everything that `clock` says of the moment `at` with the truth.
@@ -34,7 +35,7 @@ fn assert_true_throughout(
     link: &Link,
     duration_s: f64,
     period_s: f64,
-    random: &mut Random,
+    random: &mut Rng,
 ) {
     let mut clock = Clock::new();
     for exchange in link.exchanges(clocks, duration_s, period_s, random) {
@@ -44,7 +45,7 @@ fn assert_true_throughout(
             panic!("{rejected}: {exchange:?}");
         }
         assert_true_at(&clock, clocks, at, link);
-        let distance = random.magnitude(1e6, 3e12) as u64;
+        let distance = magnitude(random, 1e6, 3e12) as u64;
         assert_true_at(&clock, clocks, at + distance, link);
         if at > clocks.start_ns + distance {
             assert_true_at(&clock, clocks, at - distance, link);
@@ -56,11 +57,11 @@ fn assert_true_throughout(
 #[test]
 fn the_truth_lies_within_the_uncertainty_on_ten_thousand_links() {
     for seed in 0..10_000 {
-        let random = &mut Random(seed);
+        let random = &mut Rng::with_seed(seed);
         let clocks = Clocks::random(random);
         let link = Link::random(random);
-        let period_s = random.between(0.5, 1.0);
-        let duration_s = random.magnitude(5.0, 60.0);
+        let period_s = between(random, 0.5, 1.0);
+        let duration_s = magnitude(random, 5.0, 60.0);
         assert_true_throughout(&clocks, &link, duration_s, period_s, random);
     }
 }
@@ -68,7 +69,7 @@ fn the_truth_lies_within_the_uncertainty_on_ten_thousand_links() {
 #[test]
 fn the_truth_lies_within_the_uncertainty_for_many_minutes_of_bad_links() {
     for seed in 20_000..20_040 {
-        let random = &mut Random(seed);
+        let random = &mut Rng::with_seed(seed);
         let clocks = Clocks::random(random);
         let link = Link::random(random);
         assert_true_throughout(&clocks, &link, 3000.0, 1.0, random);
@@ -77,7 +78,7 @@ fn the_truth_lies_within_the_uncertainty_for_many_minutes_of_bad_links() {
 
 #[test]
 fn the_truth_lies_within_the_uncertainty_for_24_hours_at_100_ppm_and_zeros_hours_apart() {
-    let random = &mut Random(24);
+    let random = &mut Rng::with_seed(24);
     let mut clocks = Clocks::steady(-7 * 3600 * i128::from(SECOND), 100_000.0);
     clocks.start_ns = 50_000 * SECOND;
     let link = Link {
@@ -95,11 +96,11 @@ fn the_truth_lies_within_the_uncertainty_for_24_hours_at_100_ppm_and_zeros_hours
 #[test]
 fn a_drift_that_swings_as_fast_as_is_assumed_stays_within_the_uncertainty() {
     for seed in 30_000..30_020 {
-        let random = &mut Random(seed);
+        let random = &mut Rng::with_seed(seed);
         let mut clocks = Clocks::random(random);
-        clocks.swing_s = random.magnitude(20.0, 20_000.0);
+        clocks.swing_s = magnitude(random, 20.0, 20_000.0);
         clocks.swing_ppb = (49.0 * clocks.swing_s / std::f64::consts::TAU).min(100_000.0);
-        clocks.drift_ppb = random.between(-1.0, 1.0) * (198_000.0 - clocks.swing_ppb);
+        clocks.drift_ppb = between(random, -1.0, 1.0) * (198_000.0 - clocks.swing_ppb);
         assert_true_throughout(&clocks, &Link::quiet(), 1000.0, 1.0, random);
     }
 }
@@ -107,10 +108,10 @@ fn a_drift_that_swings_as_fast_as_is_assumed_stays_within_the_uncertainty() {
 #[test]
 fn a_drift_that_is_corrected_abruptly_stays_within_the_uncertainty_on_the_quickest_link() {
     for seed in 31_000..31_020 {
-        let random = &mut Random(seed);
+        let random = &mut Rng::with_seed(seed);
         let mut clocks = Clocks::random(random);
         clocks.tremble_ppb = 990.0;
-        clocks.tremble_s = random.magnitude(2.0, 200.0);
+        clocks.tremble_s = magnitude(random, 2.0, 200.0);
         let mut link = Link::quiet();
         (link.there_ns, link.back_ns, link.jitter_ns) = (50.0, 20.0, 10.0);
         assert_true_throughout(&clocks, &link, 500.0, 1.0, random);
@@ -123,7 +124,7 @@ fn the_uncertainty_bounds_translated_moments_when_the_truth_lies_at_its_very_edg
     let mut link = Link::quiet();
     // Only the request takes time, so the offset is the least that is possible.
     (link.there_ns, link.back_ns, link.jitter_ns) = (2e9, 0.0, 0.0);
-    let exchange = link.exchanges(&clocks, 1.0, 1.0, &mut Random(1))[0];
+    let exchange = link.exchanges(&clocks, 1.0, 1.0, &mut Rng::with_seed(1))[0];
     let mut clock = Clock::new();
     clock.take(&exchange).expect("plausible");
 
@@ -145,19 +146,19 @@ fn the_uncertainty_bounds_translated_moments_when_the_truth_lies_at_its_very_edg
 
 #[test]
 fn any_time_stamps_of_the_robot_are_taken_or_rejected_without_harm() {
-    let random = &mut Random(5);
-    let any = |random: &mut Random| random.bits() >> (random.bits() % 64);
+    let random = &mut Rng::with_seed(5);
+    let any = |random: &mut Rng| random.u64(..) >> (random.u64(..) % 64);
     let mut clock = Clock::new();
     let (mut taken, mut rejected) = (0, 0);
     for second in 0..50_000 {
         let sent = (second * SECOND) << (second / 40_000 * 12);
         let remote_received = any(random);
-        let held_ns = random.magnitude(1.0, 1e11) as u64;
+        let held_ns = magnitude(random, 1.0, 1e11) as u64;
         let exchange = Exchange {
             sent: MonotonicNs(sent),
             remote_received: RemoteNs(remote_received),
             remote_sent: RemoteNs(remote_received.saturating_add(held_ns)),
-            received: MonotonicNs(sent + random.magnitude(1e3, 3e10) as u64),
+            received: MonotonicNs(sent + magnitude(random, 1e3, 3e10) as u64),
             suspended: Suspended {
                 remote_ns: any(random) >> 32,
                 ..Suspended::default()

@@ -5,6 +5,7 @@
 
 use std::time::Duration;
 
+use fastrand::Rng;
 use ipc_types::MonotonicNs;
 
 use crate::orders::message::{NO_PLACE, NOT_PERMITTED, Verdict, WINDOW};
@@ -70,7 +71,7 @@ const _: () = assert!(WINDOW == u128::BITS as u64);
 pub(super) struct Sessions {
     sessions: Vec<Session>,
     /// State of the generator of tokens.
-    random: u64,
+    random: Rng,
 }
 
 impl Session {
@@ -114,7 +115,7 @@ impl Sessions {
     pub(super) fn new(seed: u64) -> Sessions {
         Sessions {
             sessions: Vec::with_capacity(SESSIONS),
-            random: seed,
+            random: Rng::with_seed(seed),
         }
     }
 
@@ -197,15 +198,11 @@ impl Sessions {
         longest.map(|(index, _)| index)
     }
 
-    /// The next number of SplitMix64 that can be a token. Random enough to tell sessions apart; it keeps no attacker out.
+    /// A random number that can be a token: it tells sessions apart, and keeps no attacker out.
     fn fresh_token(&mut self) -> u64 {
         loop {
-            self.random = self.random.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut token = self.random;
-            token = (token ^ (token >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            token = (token ^ (token >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            token ^= token >> 31;
-            if token > NO_PLACE && self.of(token).is_none() {
+            let token = self.random.u64(NO_PLACE + 1..);
+            if self.of(token).is_none() {
                 return token;
             }
         }

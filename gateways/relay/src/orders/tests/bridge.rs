@@ -2,10 +2,11 @@
 
 use std::collections::{BTreeMap, VecDeque};
 
+use fastrand::Rng;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-use super::{MS, Random, SECOND};
+use super::{MS, SECOND};
 use crate::orders::message::{Order, request_id};
 use crate::orders::robot::{NotSent, Traits};
 
@@ -40,8 +41,8 @@ pub(super) enum Kind {
 }
 
 impl Kind {
-    pub(super) fn random(random: &mut Random) -> Kind {
-        match random.below(100) {
+    pub(super) fn random(random: &mut Rng) -> Kind {
+        match random.u64(..100) {
             0..30 => Kind::Quick,
             30..70 => Kind::Short,
             70..92 => Kind::Movement,
@@ -123,7 +124,7 @@ impl Bridge {
         request: &[u8],
         is_repeat: bool,
         now: u64,
-        random: &mut Random,
+        random: &mut Rng,
     ) -> Result<(), NotSent> {
         if !self.is_up {
             return Err(NotSent::NoServer);
@@ -151,7 +152,7 @@ impl Bridge {
         Ok(())
     }
 
-    fn execute(&mut self, service: u64, request: &[u8], now: u64, random: &mut Random) {
+    fn execute(&mut self, service: u64, request: &[u8], now: u64, random: &mut Rng) {
         let id = request_id(request);
         let kind = Kind::of(request);
         let refusal = match kind {
@@ -174,15 +175,15 @@ impl Bridge {
         let open = Open {
             service,
             is_attached: true,
-            progress_left: if is_movement { 1 + random.below(10) } else { 0 },
+            progress_left: if is_movement { 1 + random.u64(..10) } else { 0 },
             is_movement,
         };
         self.open.insert(id, open);
         let pause = if is_movement { SECOND } else { 500 * MS };
-        self.later(id, now + random.below(pause));
+        self.later(id, now + random.u64(..pause));
     }
 
-    pub(super) fn step(&mut self, step: &Step, random: &mut Random) {
+    pub(super) fn step(&mut self, step: &Step, random: &mut Rng) {
         let id = step.request_id;
         if step.instance != self.instance {
             return;
@@ -200,7 +201,7 @@ impl Bridge {
             self.later(id, step.at + SECOND);
             return;
         }
-        let is_aborted = open.is_movement && random.chance(0.1);
+        let is_aborted = open.is_movement && random.f64() < 0.1;
         self.open.remove(&id);
         let (stage, reason) = if is_aborted {
             (Stage::Aborted, Reason::Replaced)

@@ -4,11 +4,12 @@
 use std::collections::BTreeMap;
 
 use bridge::flight::request::{IssueMark, Issued};
+use fastrand::Rng;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-use super::{MS, Random, SECOND, count};
+use super::{MS, SECOND, count};
 use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
 use crate::orders::message::{Answer, Order, request_id};
 use crate::orders::robot::{self, Robot, Traits};
@@ -90,7 +91,7 @@ struct Sky {
     now: u64,
     count: u64,
     events: BTreeMap<(u64, u64), Event>,
-    random: Random,
+    random: Rng,
     loss: f64,
     repetition: f64,
     delay: u64,
@@ -117,8 +118,8 @@ fn word(bytes: &[u8], range: std::ops::Range<usize>) -> u64 {
 
 impl Sky {
     fn new(seed: u64) -> Sky {
-        let mut random = Random::new(seed);
-        let stations = 1 + random.below(3) as usize;
+        let mut random = Rng::with_seed(seed);
+        let stations = 1 + random.u64(..3) as usize;
         let slot = |_| Slot {
             station: Station::new(station::Config::default()),
             clock: Clock::new(),
@@ -130,11 +131,11 @@ impl Sky {
             now: 0,
             count: 0,
             events: BTreeMap::new(),
-            loss: random.below(40) as f64 / 100.0,
-            repetition: random.below(30) as f64 / 100.0,
-            delay: [20, 100, 400][random.below(3) as usize] * MS,
+            loss: random.u64(..40) as f64 / 100.0,
+            repetition: random.u64(..30) as f64 / 100.0,
+            delay: random.choice([20, 100, 400]).unwrap() * MS,
             slots: (0..stations).map(slot).collect(),
-            robot: Robot::new(robot::Config::default(), random.next()),
+            robot: Robot::new(robot::Config::default(), random.u64(..)),
             robot_stalled_until: 0,
             bridge: Bridge::default(),
             cases: Vec::new(),
@@ -142,20 +143,20 @@ impl Sky {
         };
         for slot in 0..stations {
             sky.at(0, Event::Ping(slot));
-            let outage = 3 * SECOND + sky.random.below(15 * SECOND);
+            let outage = 3 * SECOND + sky.random.u64(..15 * SECOND);
             sky.at(outage, Event::Outage(slot));
         }
         for _ in 0..2 {
-            let stall = 3 * SECOND + sky.random.below(15 * SECOND);
+            let stall = 3 * SECOND + sky.random.u64(..15 * SECOND);
             sky.at(stall, Event::Stall);
         }
-        for _ in 0..2 + sky.random.below(7) {
-            let at = 3 * SECOND + sky.random.below(ISSUED_UNTIL - 3 * SECOND);
-            let who = sky.random.below(stations as u64 + 1) as usize;
+        for _ in 0..2 + sky.random.u64(..7) {
+            let at = 3 * SECOND + sky.random.u64(..ISSUED_UNTIL - 3 * SECOND);
+            let who = sky.random.u64(..stations as u64 + 1) as usize;
             // Often two of one sender within two seconds.
             sky.at(at, Event::Decide(who));
-            if sky.random.chance(0.5) {
-                let next = at + sky.random.below(2 * SECOND);
+            if sky.random.f64() < 0.5 {
+                let next = at + sky.random.u64(..2 * SECOND);
                 sky.at(next, Event::Decide(who));
             }
         }
@@ -233,12 +234,12 @@ impl Sky {
                 self.with_robot(|robot, now, out| robot.report(0, &report, now, out));
             }
             Event::Outage(slot) => {
-                let outage = 300 * MS + self.random.below(6 * SECOND);
+                let outage = 300 * MS + self.random.u64(..6 * SECOND);
                 self.slots[slot].outage_until = self.now + outage;
             }
             Event::Stall => {
-                let until = self.now + self.random.below(8 * SECOND);
-                match self.random.chance(0.5) {
+                let until = self.now + self.random.u64(..8 * SECOND);
+                match self.random.f64() < 0.5 {
                     true => self.bridge.stalled_until = until,
                     false => self.robot_stalled_until = until,
                 }
@@ -248,7 +249,7 @@ impl Sky {
 
     /// Issues an order. Its sender may be held up before it sends it.
     fn decide(&mut self, who: usize) {
-        let is_hold = self.random.chance(0.4);
+        let is_hold = self.random.f64() < 0.4;
         self.cases.push(Case {
             is_hold,
             truth: self.now,
@@ -266,9 +267,9 @@ impl Sky {
         bytes[HOLD] = is_hold.into();
         bytes[ISSUED].copy_from_slice(&clock.0.to_le_bytes());
         bytes[BEGIN_BY].copy_from_slice(&(clock.0 + within).to_le_bytes());
-        let held_up = match self.random.chance(0.1) {
-            true => self.random.below(8 * SECOND),
-            false => self.random.below(20 * MS),
+        let held_up = match self.random.f64() < 0.1 {
+            true => self.random.u64(..8 * SECOND),
+            false => self.random.u64(..20 * MS),
         };
         self.at(self.now + held_up, Event::Ordered(who, bytes));
     }
@@ -446,12 +447,12 @@ impl Sky {
 
     /// A message on the link of this station.
     fn carry(&mut self, slot: usize, message: impl Fn() -> Event) {
-        if self.now < self.slots[slot].outage_until || self.random.chance(self.loss) {
+        if self.now < self.slots[slot].outage_until || self.random.f64() < self.loss {
             return;
         }
-        for _ in 0..1 + u32::from(self.random.chance(self.repetition)) {
-            let mut delay = MS + self.random.below(self.delay);
-            if self.random.chance(0.02) {
+        for _ in 0..1 + u32::from(self.random.f64() < self.repetition) {
+            let mut delay = MS + self.random.u64(..self.delay);
+            if self.random.f64() < 0.02 {
                 delay *= 20;
             }
             self.at(self.now + delay, message());

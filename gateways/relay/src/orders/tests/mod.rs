@@ -6,43 +6,15 @@ mod last_order;
 mod world;
 
 use cases::Counts;
+use fastrand::Rng;
 use world::{Faults, World};
 
 const MS: u64 = 1_000_000;
 const SECOND: u64 = 1_000 * MS;
 
-/// Random numbers that are the same in every run (xorshift64*).
-struct Random(u64);
-
-impl Random {
-    fn new(seed: u64) -> Random {
-        let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
-        for _ in 0..8 {
-            random.next();
-        }
-        random
-    }
-
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
-    }
-
-    /// Less than `bound`, which is not 0.
-    fn below(&mut self, bound: u64) -> u64 {
-        (self.next() >> 11) % bound
-    }
-
-    fn chance(&mut self, probability: f64) -> bool {
-        (self.next() >> 11) as f64 / ((1_u64 << 53) as f64) < probability
-    }
-
-    /// Between half and one and a half of `mean`.
-    fn around(&mut self, mean: u64) -> u64 {
-        mean / 2 + self.below(mean + 1)
-    }
+/// Between half and one and a half of `mean`.
+fn around(random: &mut Rng, mean: u64) -> u64 {
+    mean / 2 + random.u64(..=mean)
 }
 
 /// 20 % loss, 10 s outages, restarts of everything.
@@ -60,10 +32,10 @@ const HARD: Faults = Faults {
     pause: SECOND,
 };
 
-fn random_faults(random: &mut Random) -> Faults {
+fn random_faults(random: &mut Rng) -> Faults {
     let mut sometimes = |mean: u64| {
-        let every = random.around(mean);
-        if random.chance(0.5) { every } else { 0 }
+        let every = around(random, mean);
+        if random.f64() < 0.5 { every } else { 0 }
     };
     let mut faults = Faults {
         outage_every: sometimes(200 * SECOND),
@@ -74,11 +46,11 @@ fn random_faults(random: &mut Random) -> Faults {
         pause: SECOND,
         ..Faults::default()
     };
-    faults.outage = [10, 60, 180][random.below(3) as usize] * SECOND;
-    faults.loss = random.below(51) as f64 / 100.0;
-    faults.repetition = random.below(31) as f64 / 100.0;
-    faults.straggler = random.below(6) as f64 / 100.0;
-    faults.give_up = random.below(11) as f64 / 100.0;
+    faults.outage = random.choice([10, 60, 180]).unwrap() * SECOND;
+    faults.loss = random.u64(..51) as f64 / 100.0;
+    faults.repetition = random.u64(..31) as f64 / 100.0;
+    faults.straggler = random.u64(..6) as f64 / 100.0;
+    faults.give_up = random.u64(..11) as f64 / 100.0;
     faults
 }
 
@@ -103,9 +75,9 @@ fn ten_thousand_requests_through_loss_outages_and_restarts_have_one_final_report
 fn random_faults_of_all_kinds_break_no_rule() {
     let mut counts = Counts::default();
     for seed in 0..count("RELAY_ORDERS_WORLDS", 40) {
-        let mut random = Random::new(1_000 + seed);
+        let mut random = Rng::with_seed(1_000 + seed);
         let faults = random_faults(&mut random);
-        let stations = 1 + random.below(5) as usize;
+        let stations = 1 + random.u64(..5) as usize;
         counts += World::new(seed, stations, faults).run(200);
     }
     println!("{counts:?}");

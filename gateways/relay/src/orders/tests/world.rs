@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use fastrand::Rng;
 use ipc_types::MonotonicNs;
 
 use super::bridge::{Bridge, Kind, SERVICES, Step, traits_of};
 use super::cases::{Cases, Counts};
-use super::{MS, Random, SECOND};
+use super::{MS, SECOND, around};
 use crate::orders::message::{Answer, Order, WINDOW};
 use crate::orders::robot::{self, ORPHANS, Robot, SESSIONS};
 use crate::orders::station::{self, OPEN_ORDERS, Station};
@@ -85,7 +86,7 @@ pub(super) struct World {
     now: u64,
     count: u64,
     events: BTreeMap<(u64, u64), Event>,
-    random: Random,
+    random: Rng,
     faults: Faults,
     slots: Vec<Slot>,
     robot: Option<Robot>,
@@ -113,7 +114,7 @@ impl World {
             now: 0,
             count: 0,
             events: BTreeMap::new(),
-            random: Random::new(seed),
+            random: Rng::with_seed(seed),
             faults,
             slots: Vec::new(),
             robot: None,
@@ -128,7 +129,7 @@ impl World {
         world.bridge.start();
         world.start_robot();
         for slot in 0..stations {
-            let instance = world.random.next();
+            let instance = world.random.u64(..);
             world.slots.push(Slot {
                 instance,
                 station: Station::new(station::Config::default()),
@@ -180,7 +181,7 @@ impl World {
 
     fn fault(&mut self, every: u64, event: Event) {
         if every > 0 {
-            let at = self.now + self.random.around(every);
+            let at = self.now + around(&mut self.random, every);
             self.at(at, event);
         }
     }
@@ -257,14 +258,14 @@ impl World {
         let faults = self.faults;
         match fault {
             Event::Outage(slot) => {
-                let outage = self.random.around(faults.outage);
+                let outage = around(&mut self.random, faults.outage);
                 self.slots[slot].outage_until = self.now + outage;
                 self.fault(faults.outage_every, Event::Outage(slot));
             }
             Event::StationRestart(slot) => {
                 self.cases.station_gone(slot);
                 let station = &mut self.slots[slot];
-                station.instance = self.random.next();
+                station.instance = self.random.u64(..);
                 station.station = Station::new(station::Config::default());
                 station.heard = None;
                 self.fault(faults.station_restart_every, Event::StationRestart(slot));
@@ -273,7 +274,7 @@ impl World {
                 self.robot = None;
                 self.robot_instance += 1;
                 self.bridge.client_gone(None);
-                let back = self.now + self.random.below(3 * SECOND);
+                let back = self.now + self.random.u64(..3 * SECOND);
                 self.at(back, Event::RobotUp);
                 self.fault(faults.robot_restart_every, Event::RobotRestart);
             }
@@ -281,7 +282,7 @@ impl World {
             Event::BridgeRestart => {
                 self.bridge.kill();
                 self.drain_bridge(250 * MS);
-                let back = self.now + self.random.below(4 * SECOND);
+                let back = self.now + self.random.u64(..4 * SECOND);
                 self.at(back, Event::BridgeUp);
                 self.fault(faults.bridge_restart_every, Event::BridgeRestart);
             }
@@ -295,7 +296,7 @@ impl World {
             link_loss: Some(Duration::from_secs(5)),
             still_open: Duration::from_secs(120),
         };
-        self.robot = Some(Robot::new(config, self.random.next()));
+        self.robot = Some(Robot::new(config, self.random.u64(..)));
     }
 
     fn client(&mut self, slot: usize) {
@@ -303,23 +304,23 @@ impl World {
             return;
         }
         self.requests_left -= 1;
-        let next = self.now + self.random.around(self.faults.pause);
+        let next = self.now + around(&mut self.random, self.faults.pause);
         self.at(next, Event::Client(slot));
         let id = self.next_id;
         self.next_id += 1;
         let mut bytes = id.to_le_bytes().to_vec();
         bytes.push(Kind::random(&mut self.random) as u8);
-        let expires = self.now + 200 * MS + self.random.below(5 * SECOND);
+        let expires = self.now + 200 * MS + self.random.u64(..5 * SECOND);
         let request = station::ClientRequest {
             handle: id,
             path_id: id + 1,
-            service: self.random.below(SERVICES),
+            service: self.random.u64(..SERVICES),
             expires: robot_clock(expires),
             bytes,
         };
         self.cases.begin(id, slot, expires);
-        if self.random.chance(self.faults.give_up) {
-            let at = self.now + self.random.below(3 * SECOND);
+        if self.random.f64() < self.faults.give_up {
+            let at = self.now + self.random.u64(..3 * SECOND);
             self.at(at, Event::ClientGone(id));
         }
         let heard = self.slots[slot].heard;
@@ -456,13 +457,13 @@ impl World {
     /// A message on the link of this station.
     fn carry(&mut self, slot: usize, message: impl Fn(u64) -> Event) {
         let faults = self.faults;
-        if self.now < self.slots[slot].outage_until || self.random.chance(faults.loss) {
+        if self.now < self.slots[slot].outage_until || self.random.f64() < faults.loss {
             return;
         }
-        let copies = 1 + u32::from(self.random.chance(faults.repetition));
+        let copies = 1 + u32::from(self.random.f64() < faults.repetition);
         for _ in 0..copies {
-            let mut delay = MS + self.random.below(faults.delay + 1);
-            if self.random.chance(faults.straggler) {
+            let mut delay = MS + self.random.u64(..faults.delay + 1);
+            if self.random.f64() < faults.straggler {
                 delay *= 100;
             }
             self.at(self.now + delay, message(self.slots[slot].instance));

@@ -346,7 +346,7 @@ impl Collector {
         // What was asked for is the plan, when the operator names none.
         let mut chart = chart.clone();
         if chart.path.is_empty() {
-            chart.path = self.requests.path().to_vec();
+            chart.path = self.requests.path();
         }
         flight.map = map_of(self.track.points(), &chart, places);
         flight.requests = self.requests.finish(|ns| self.clock.within(ns));

@@ -103,7 +103,7 @@ impl Curves {
     /// The plots, with limits of the altitude.
     pub fn plots(self, altitude_limits: Vec<Limit>) -> Vec<Plot> {
         let mut altitude = Plot::new("altitude", "Altitude", "m", Scale::Auto { least_span: 4.0 });
-        altitude.about = "Telemetry altitude.".to_owned();
+        altitude.about = "Telemetry altitude (not above take-off).".to_owned();
         altitude.curves = vec![
             Curve::line("GPS", Ink::Blue, self.altitude),
             Curve::dashes("asked for", Ink::Purple, self.asked_altitude),

@@ -127,10 +127,7 @@ fn safety(at_s: f64, before: &ModuleState, state: &ModuleState, event_log: &mut 
         let text = "no safety rule is broken any more";
         return event_log.add(Kind::Safety, at_s, Weight::Note, text, None);
     };
-    let text = format!(
-        "safety rule {} broken{}: {}",
-        broken.name, broken.by, broken.action
-    );
+    let text = broken.words;
     let weight = match broken.severity {
         Severity::Error => Weight::Alarm,
         Severity::Note | Severity::Warning => Weight::Warning,

@@ -58,12 +58,20 @@ fn recorded(collector: &mut Collector, event: &RecordedEvent, since_ns: Option<u
     }
 }
 
-/// What a process warned of in its log. The most of it is seen in the samples and states as well, so it weighs less than there.
+/// The lines of the bridge's audit trail that the page has from requests, states and samples: shown again they would be events that
+/// happened twice.
+const SEEN_ELSEWHERE: [&str; 3] = ["report ", "safety rule ", "DSP error "];
+
+/// What a process warned of in its log. Some of it is seen in the samples and states as well, so it weighs less than there.
 fn complaint(message: &RecordedMessage) -> Option<(Weight, String)> {
     if message.schema_name() != Log::TYPE_NAME {
         return None;
     }
     let log = Log::read(message.data()).filter(|log| log.process != FLIGHT)?;
+    let is_audit = log.module.ends_with("shell::audit");
+    if is_audit && SEEN_ELSEWHERE.iter().any(|line| log.text.starts_with(line)) {
+        return None;
+    }
     let weight = match log.level {
         Level::Debug | Level::Info => return None,
         Level::Warn => Weight::Note,

@@ -19,11 +19,13 @@ const MAX_WAYPOINTS: usize = 5000;
 #[derive(Clone, Debug)]
 struct Open {
     at_ns: u64,
-    sender_pid: u32,
+    sender: String,
     command: String,
     waypoints: u32,
     /// Requests of the path that have no final report yet.
     pending: u32,
+    /// Whether a request of the path was refused: then nothing of it was flown.
+    is_refused: bool,
     ended_ns: Option<u64>,
     outcome: Outcome,
     reason: String,
@@ -35,7 +37,8 @@ pub struct Requests {
     /// By the path, or else by the request, in the order of arrival.
     open: Vec<Open>,
     places: BTreeMap<(bool, u64), usize>,
-    path: Vec<Place>,
+    /// Waypoints, each with the request that it belongs to, by its place in `open`.
+    path: Vec<(usize, Place)>,
     left_out: u64,
 }
 
@@ -56,11 +59,13 @@ impl Requests {
     fn request(&mut self, key: (bool, u64), event: &RequestEvent<'_>) {
         let is_waypoint = event.command == "goto";
         let [latitude_deg, longitude_deg, _] = event.position;
+        let index = self.places.get(&key).copied().unwrap_or(self.open.len());
         if let Some(place) = Place::new(latitude_deg, longitude_deg)
             && is_waypoint
+            && index < MAX_REQUESTS
             && self.path.len() < MAX_WAYPOINTS
         {
-            self.path.push(place);
+            self.path.push((index, place));
         }
         if let Some(open) = self
             .places
@@ -78,10 +83,15 @@ impl Requests {
         self.places.insert(key, self.open.len());
         self.open.push(Open {
             at_ns: event.at_ns,
-            sender_pid: event.sender_pid,
+            sender: match (event.station, event.sender_pid) {
+                ("", 0) => String::new(),
+                ("", pid) => format!("process {pid}"),
+                (station, _) => format!("station {station}"),
+            },
             command: event.command.to_owned(),
             waypoints: u32::from(is_waypoint),
             pending: 1,
+            is_refused: false,
             ended_ns: None,
             outcome: Outcome::Open,
             reason: String::new(),
@@ -105,6 +115,7 @@ impl Requests {
             return;
         };
         open.pending = open.pending.saturating_sub(1);
+        open.is_refused |= outcome == Outcome::Refused;
         // Of a path, what went wrong with one waypoint is what became of the path.
         if open.outcome == Outcome::Open || outcome != Outcome::Done {
             open.outcome = outcome;
@@ -123,19 +134,19 @@ impl Requests {
                 1 => format!("{}, 1 waypoint", open.command),
                 waypoints => format!("{}, {waypoints} waypoints", open.command),
             },
-            sender: match open.sender_pid {
-                0 => String::new(),
-                pid => format!("process {pid}"),
-            },
+            sender: open.sender.clone(),
             outcome: open.outcome,
             reason: open.reason.clone(),
         };
         self.open.iter().map(request).collect()
     }
 
-    /// The waypoints that were asked for, in order.
-    pub fn path(&self) -> &[Place] {
-        &self.path
+    /// The waypoints that were asked for, in order, without those of paths that were refused.
+    pub fn path(&self) -> Vec<Place> {
+        let is_taken = |index: usize| self.open.get(index).is_some_and(|open| !open.is_refused);
+        let waypoints = self.path.iter();
+        let taken = waypoints.filter(|(index, _)| is_taken(*index));
+        taken.map(|(_, place)| *place).collect()
     }
 
     /// Requests that are not shown.
@@ -171,6 +182,7 @@ mod tests {
                 "goto" => [37.0, -6.0, 20.0],
                 _ => [f64::NAN; 3],
             },
+            station: if command == "land" { "gcs" } else { "" },
         }
     }
 
@@ -219,6 +231,27 @@ mod tests {
         });
         assert_eq!(shown, expected);
         assert_eq!(requests.path().len(), 2);
+        let senders = requests.finish(|_| 0.0).into_iter();
+        let senders: Vec<_> = senders.map(|request| request.sender).collect();
+        assert_eq!(senders, ["process 812", "process 812", "station gcs"]);
+    }
+
+    #[test]
+    fn waypoints_of_a_path_that_was_refused_are_no_plan_whatever_becomes_of_its_others() {
+        for order in [["refused", "aborted"], ["aborted", "refused"]] {
+            let mut requests = Requests::default();
+            for event in [
+                event(1, 1, 8, "request", "goto", ""),
+                event(2, 2, 8, "request", "goto", ""),
+                event(3, 1, 8, "report", "goto", order[0]),
+                event(4, 2, 8, "report", "goto", order[1]),
+                event(5, 3, 9, "request", "goto", ""),
+                event(6, 3, 9, "report", "goto", "aborted"),
+            ] {
+                requests.take(&event);
+            }
+            assert_eq!(requests.path().len(), 1, "{order:?}");
+        }
     }
 
     #[test]

@@ -179,6 +179,20 @@ fn a_flight_without_faults_says_so() {
 }
 
 #[test]
+fn a_flight_with_a_gap_alone_says_that_and_that_no_sample_was_lost() {
+    let mut rows = Rows::new();
+    rows.add(100, 1, 4, 1, 0);
+    rows.at_ms += 4000;
+    rows.dsp_ms += 4000;
+    rows.add(100, 1, 4, 1, 0);
+    let (_, sentences) = flight(&rows.text);
+    assert_eq!(
+        sentences.last().unwrap(),
+        "None of the 200 samples that the bridge published was lost, but there was one gap of 4.0s."
+    );
+}
+
+#[test]
 fn a_log_with_few_columns_or_no_row_is_a_report() {
     for text in [
         "flying\tsequence\treceived_ns\n",

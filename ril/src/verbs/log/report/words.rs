@@ -150,6 +150,7 @@ fn quality(summary: &Summary) -> String {
     count(summary.damaged_lines, "one damaged line", "damaged lines");
     match (summary.lost_samples, parts.is_empty()) {
         (_, true) => format!("{lost}."),
+        (0, false) if parts == [one_gap.as_str()] => format!("{lost}, but there was {one_gap}."),
         (0, false) => format!("{lost}, but there were faults: {}.", parts.join(", ")),
         (_, false) => format!("{lost}; other faults: {}.", parts.join(", ")),
     }

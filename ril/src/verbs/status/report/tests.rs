@@ -98,6 +98,8 @@ fn report(
         dsp,
         hero,
         status: status.copied(),
+        stations: None,
+        own_session: None,
         has_bridge: true,
         has_status: status.is_some(),
     };
@@ -159,8 +161,9 @@ fn a_bridge_that_has_seen_nothing_says_so() {
 robot       1
 flight      no telemetry, at rest
 data        no telemetry; bridge's state 0 ms old
-module      hero-bridge waiting-data-to-start, at-rest, blocked; no-error; sample 0, 0 ms old
+module      hero-bridge not started, at rest; no error; sample 0, 0 ms old
 status      no sample
+control     free
 movement    none yet
 link        gone since an unknown time; port opened 0 times, DSP boots seen 0
             last message never, last telemetry never
@@ -195,19 +198,19 @@ fn everything_that_happened_is_shown_with_its_age() {
         "supply      battery 24.1 V, fuel 80 %, pilot's switch auto\n",
         "GPS         RTK fixed (4)\n",
         "data        telemetry 1000 ms old; bridge's state 120 ms old\n",
-        "running, following-path, blocked, unable to abort; impossible-to-stop-module; sample 9, 120 ms old\n",
+        "started, flying the path, blocked, unable to abort; impossible-to-stop-module; sample 9, 120 ms old\n",
         "goto, 3 waypoints, 2 sent, 1 reached, 12.3 m to go\n",
         "up for 12.3s; port opened 2 times",
         "last message 15 ms ago, last telemetry 2500 ms ago\n",
         "DSP path    ours; when the bridge is gone: the DSP stops the helicopter by itself\n",
-        "safety      fence-ceiling by 4.2 m: hold; pilot's switch auto, 3 fence areas, 2 interventions\n",
+        "safety      above the ceiling of the fence by 4.2 m: the path is ended and the helicopter hovers (fence-ceiling); pilot's switch auto, 3 fence areas, 2 interventions\n",
         "refused     checksum 3, implausible groups 1 (groups: sonar)\n",
         "DSP errors  4, 1 of them fatal; last dsp-error-777 (unknown)\n",
         "3 × 102: checksum error from the PC\n",
         "1 × unknown codes\n",
         "dsp         sample 30, 2500 ms old, STALE\n",
         "hero        sample 29, 1000 ms old\n",
-        "status      hero-status running, translating telemetry; no-error; sample 4, 300 ms old\n",
+        "status      hero-status started, translating telemetry; no error; sample 4, 300 ms old\n",
     ] {
         assert!(
             text.contains(expected),
@@ -409,7 +412,7 @@ robot       1
 flight      no telemetry
 data        no telemetry; no bridge runs
 module      no sample
-status      hero-status running, translating telemetry; no-error; sample 4, 300 ms old
+status      hero-status started, translating telemetry; no error; sample 4, 300 ms old
 dsp         no sample
 hero        no sample
 ";
@@ -442,4 +445,22 @@ fn a_line_is_another_situation_only_when_something_happened() {
     );
     let silent = now_over(LinkState::Silent);
     assert!(at(later, &silent).line().contains("link silent"));
+}
+
+/// The wire's words are those of the JSON object alone.
+#[test]
+fn a_line_has_plain_words_and_none_of_the_wire() {
+    let mut state = eventful();
+    state.status = ModuleStatus::Ended.code();
+    state.blocked = 0;
+    let line = report(7, &state, None, Some(flight(1, NOW)), None).situation();
+    for expected in [
+        "; module ready; ",
+        "; above the ceiling of the fence: the path is ended and the helicopter hovers (fence-ceiling)",
+    ] {
+        assert!(line.contains(expected), "{expected:?} is missing in {line}");
+    }
+    for wrong in ["ended;", "fence-ceiling: hold", "by 4.2"] {
+        assert!(!line.contains(wrong), "{line}");
+    }
 }

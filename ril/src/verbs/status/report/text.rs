@@ -4,7 +4,7 @@ use std::fmt;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
-use ipc_types::code::{Functionality, ModuleId};
+use ipc_types::code::{ModuleId, ModuleStatus};
 use ipc_types::module::State;
 use ipc_types::payload::{DspErrorCounters, LinkHealth, ModuleState, MovementState, SafetyState};
 use runtime::duration::Shown;
@@ -12,8 +12,9 @@ use runtime::duration::Shown;
 use super::{StateReport, UNREADABLE, implausible, known_dsp_errors, pc_timeout_supported};
 use crate::render::fields::{Selection, Tree};
 use crate::render::messages::details;
-use crate::render::words::count;
+use crate::render::words::{count, error_words, module_words};
 use crate::robot::geo::Place;
+use crate::robot::pilot;
 use crate::robot::sample_age::{age_ms, named};
 
 impl fmt::Display for StateReport {
@@ -44,6 +45,8 @@ impl fmt::Display for StateReport {
             writeln!(f, "{title:<12}{}", text.as_deref().unwrap_or("no sample"))?;
         }
         if let Some(state) = state {
+            let control = self.senders().in_words(state, self.now);
+            writeln!(f, "control     {control}")?;
             writeln!(f, "movement    {}", movement(&state.movement))?;
             self.write_link(f, &state.link)?;
             writeln!(f, "safety      {}", safety(&state.safety))?;
@@ -139,36 +142,38 @@ impl StateReport {
     }
 
     fn module_text(&self, state: &ModuleState) -> String {
-        let functionality = Functionality::from_code(state.functionality);
+        let activity = match state.functionality() {
+            Some(functionality) => pilot::activity(functionality, self.view.flying).to_owned(),
+            None => format!("unknown-{}", state.functionality),
+        };
         let mut text = format!(
-            "{} {}, {}",
+            "{} {}, {activity}",
             named(ModuleId::from_code(state.module_id), state.module_id),
-            named(state.status(), state.status),
-            named(functionality, state.functionality)
+            words(state.status(), state.status, state.is_blocked()),
         );
-        if state.is_blocked() {
+        if says_blocked(state.status(), state.is_blocked()) {
             text += ", blocked";
         }
         if state.is_unable_to_abort() {
             text += ", unable to abort";
         }
         let sample = self.sample(state.sequence, state.published_ns);
-        format!("{text}; {}; {sample}", state.imi_error())
+        format!("{text}; {}; {sample}", error_words(state.imi_error()))
     }
 
     fn status_text(&self, state: &State) -> String {
         let mut text = format!(
             "{} {}, {}",
             named(ModuleId::from_code(state.module_id), state.module_id),
-            named(state.status(), state.status),
+            words(state.status(), state.status, state.is_blocked()),
             // Text of another process: it must not command the terminal.
             state.doing().unwrap_or(UNREADABLE).escape_debug()
         );
-        if state.is_blocked() {
+        if says_blocked(state.status(), state.is_blocked()) {
             text += ", blocked";
         }
         let sample = self.sample(state.sequence, state.published_ns);
-        format!("{text}; {}; {sample}", state.error())
+        format!("{text}; {}; {sample}", error_words(state.error()))
     }
 
     fn write_link(&self, f: &mut fmt::Formatter<'_>, link: &LinkHealth) -> fmt::Result {
@@ -260,16 +265,17 @@ impl StateReport {
         );
         parts.extend(view.gps.map(|gps| format!("fix {}", gps.name())));
         if let Some(state) = &self.samples.state {
-            let status = named(state.status(), state.status);
-            let blocked = if state.is_blocked() { ", blocked" } else { "" };
+            let is_blocked = state.is_blocked();
+            let status = words(state.status(), state.status, is_blocked);
+            let blocked = match says_blocked(state.status(), is_blocked) {
+                true => ", blocked",
+                false => "",
+            };
             parts.push(format!("module {status}{blocked}"));
             let link = &state.link;
             parts.push(format!("link {}", named(link.state(), link.state)));
-            let safety = &state.safety;
-            if safety.rule != 0 {
-                let rule = named(safety.rule(), safety.rule);
-                parts.push(format!("{rule}: {}", named(safety.action(), safety.action)));
-            }
+            let broken = details::broken_rule(&state.safety);
+            parts.extend(broken.map(|broken| broken.words_without_amount));
         }
         parts.extend(self.trouble().map(|(_, trouble)| trouble));
         parts.join("; ")
@@ -291,6 +297,20 @@ impl StateReport {
             false => format!("{}; {}", self.situation(), numbers.join(", ")),
         }
     }
+}
+
+/// The module's state, or a number that is not in the contract.
+fn words(status: Option<ModuleStatus>, number: u32, is_blocked: bool) -> String {
+    module_words(status, is_blocked).map_or_else(|| format!("unknown-{number}"), str::to_owned)
+}
+
+/// Whether it is worth a word that no movement is taken: a module that was not started, or was stopped, takes none.
+fn says_blocked(status: Option<ModuleStatus>, is_blocked: bool) -> bool {
+    let is_at_work = !matches!(
+        status,
+        Some(ModuleStatus::WaitingDataToStart | ModuleStatus::Ended)
+    );
+    is_blocked && is_at_work
 }
 
 fn or_dash(text: Option<String>) -> String {
@@ -319,7 +339,7 @@ fn movement(movement: &MovementState) -> String {
 fn safety(safety: &SafetyState) -> String {
     let violation = match details::broken_rule(safety) {
         None => "no rule violated".to_owned(),
-        Some(broken) => format!("{}{}: {}", broken.name, broken.by, broken.action),
+        Some(broken) => broken.words,
     };
     format!(
         "{violation}; pilot's switch {}, {} fence areas, {} interventions",

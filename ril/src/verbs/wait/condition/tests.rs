@@ -156,6 +156,7 @@ fn a_mistake_is_named_with_what_may_have_been_meant() {
         ("altitude>20V", "is not a number of m"),
         ("altitude>nan", "is not a number of m"),
         ("altitude_m>20", "did you mean `geodetic.altitude_m`"),
+        ("altitud>20", "did you mean `altitude`?"),
         ("geodetic>20", "is not one number"),
         ("zzz>20", "the fields are"),
         (">20", "the fields are"),

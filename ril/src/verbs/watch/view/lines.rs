@@ -6,15 +6,16 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
 
-use super::pen::{ALARM, GOOD, Glyphs, OLD, ScreenClock, TITLE, WARNING, put, put_right, style_of};
+use super::pen::{ALARM, GOOD, Glyphs, OLD, TITLE, WARNING, put, put_right, style_of};
 use crate::robot::changes::Weight;
+use crate::robot::clock::Clocks;
+use crate::robot::freshness::Freshness;
+use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::pilot;
 use crate::verbs::watch::app::App;
-use crate::verbs::watch::freshness::Freshness;
-use crate::verbs::watch::model::{Process, WatchedRobot};
 
 /// What the robot does, in words; and the style of these.
-pub(super) fn doing(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
+pub(super) fn doing(robot: &WatchedRobot, clock: Clocks) -> (String, Style) {
     let flying = robot.pilot.flying;
     let phase = robot
         .state
@@ -33,7 +34,7 @@ pub(super) fn doing(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style)
 }
 
 /// Whether the robot is in the air, as telemetry says.
-pub(super) fn flying(robot: &WatchedRobot, clock: ScreenClock) -> (&'static str, Style) {
+pub(super) fn flying(robot: &WatchedRobot, clock: Clocks) -> (&'static str, Style) {
     let is_fresh = robot.telemetry_freshness(clock.now).is_fresh();
     match (robot.pilot.flying, is_fresh) {
         (Some(true), true) => ("in the air", TITLE),
@@ -45,7 +46,7 @@ pub(super) fn flying(robot: &WatchedRobot, clock: ScreenClock) -> (&'static str,
 }
 
 /// Draws robot, phase, flying or landed, switch, and the time. A recording that `ril replay` plays is no robot, and is called so.
-pub(super) fn draw(robot: &WatchedRobot, clock: ScreenClock, area: Rect, buffer: &mut Buffer) {
+pub(super) fn draw(robot: &WatchedRobot, clock: Clocks, area: Rect, buffer: &mut Buffer) {
     let mut x = put(buffer, area, 1, &format!("robot {}", robot.id), TITLE);
     if robot.state.as_ref().is_some_and(ModuleState::is_replayed) {
         x = put(buffer, area, x + 2, "REPLAY", ALARM);
@@ -67,12 +68,7 @@ pub(super) fn draw(robot: &WatchedRobot, clock: ScreenClock, area: Rect, buffer:
 }
 
 /// The worst alarm, and how many more there are.
-pub(super) fn draw_alarm(
-    robot: &WatchedRobot,
-    clock: ScreenClock,
-    area: Rect,
-    buffer: &mut Buffer,
-) {
+pub(super) fn draw_alarm(robot: &WatchedRobot, clock: Clocks, area: Rect, buffer: &mut Buffer) {
     let mut alarms = robot.alarms.lasting();
     let Some(worst) = alarms.next() else {
         put(buffer, area, 1, "no alarm", OLD);
@@ -94,7 +90,7 @@ pub(super) fn draw_alarm(
 }
 
 /// The keys, or the prompt.
-pub(super) fn draw_keys(app: &App, clock: ScreenClock, area: Rect, buffer: &mut Buffer) {
+pub(super) fn draw_keys(app: &App, clock: Clocks, area: Rect, buffer: &mut Buffer) {
     let Some(prompt) = app.prompt.as_ref() else {
         let robots = if app.robots.len() > 1 {
             "  1-9 Tab robot"
@@ -127,7 +123,7 @@ const BATTERY: u16 = 56;
 const WORST: u16 = 65;
 
 /// Draws as many robots as fit, the selected one among them.
-pub(super) fn draw_list(app: &App, clock: ScreenClock, area: Rect, buffer: &mut Buffer) {
+pub(super) fn draw_list(app: &App, clock: Clocks, area: Rect, buffer: &mut Buffer) {
     let height = usize::from(area.height);
     let first = (app.selected + 1).saturating_sub(height);
     for (line, index) in (first..app.robots.len()).take(height).enumerate() {
@@ -181,7 +177,7 @@ pub(super) fn draw_list(app: &App, clock: ScreenClock, area: Rect, buffer: &mut 
 /// Draws a title, with words at its right end, and as many lines as fit under it.
 pub(super) fn draw_log(
     robot: &WatchedRobot,
-    clock: ScreenClock,
+    clock: Clocks,
     glyphs: Glyphs,
     (title, right): (&str, &str),
     area: Rect,

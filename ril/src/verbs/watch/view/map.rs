@@ -11,8 +11,8 @@ use ratatui::widgets::{Block, Widget};
 use super::pen::{Glyphs, OLD, TITLE, put};
 use crate::robot::geo::Place;
 use crate::robot::geo::offset_m;
+use crate::robot::model::WatchedRobot;
 use crate::verbs::watch::app::{App, Zoom};
-use crate::verbs::watch::model::WatchedRobot;
 
 /// Least width and height of what is shown, m: a robot that stands still is not drawn larger than its error.
 const LEAST_SPAN_M: f64 = 20.0;
@@ -72,7 +72,7 @@ pub(super) fn draw(app: &App, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
     let block = Block::bordered().border_set(set).border_style(OLD);
     let inner = block.inner(area);
     let origin = robot.pilot.place.or(robot.track.points().last().copied());
-    let origin = origin.or_else(|| app.chart.path.first().copied());
+    let origin = origin.or_else(|| app.path().first().copied());
     let Some(origin) = origin else {
         block.title("map").render(area, buffer);
         put(buffer, inner, 1, "no position yet", OLD);
@@ -82,9 +82,12 @@ pub(super) fn draw(app: &App, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
     let wide_m = extent.east_m[1] - extent.east_m[0];
     let title = format!(" {}: {wide_m:.0} m wide, north up ", app.zoom.name());
     let (dot, dots) = (glyphs.pick("·", "."), glyphs.pick("⠶", "*"));
-    let legend = match robot.running_fence.is_none() && !app.chart.fence.is_empty() {
-        true => format!(" #x fence of file {dot} path {dots} track "),
-        false => format!(" #x fence {dot} path {dots} track H home "),
+    let is_of_file = robot.held.is_none() && !app.chart.fence.is_empty();
+    let legend = match (is_of_file, robot.is_held_outdated()) {
+        (true, _) => format!(" #x fence of file {dot} path {dots} track "),
+        // The pieces of the one that holds are on their way.
+        (_, true) => format!(" #x fence ? {dot} path ? {dots} track "),
+        _ => format!(" #x fence {dot} path {dots} track H home "),
     };
     block
         .title(Span::styled(title, TITLE))
@@ -113,7 +116,7 @@ fn shown(app: &App, origin: Place) -> Vec<(f64, f64)> {
     let mut places: Vec<Place> = vec![here];
     places.extend(robot.home.map(|home| home.place));
     places.extend(robot.track.points());
-    places.extend(&app.chart.path);
+    places.extend(app.path());
     if app.zoom == Zoom::Fence {
         places.extend(app.fence().iter().flat_map(|area| &area.corners));
     }
@@ -147,7 +150,7 @@ impl Sheet<'_> {
                 .collect();
             self.lines(&closed, Some(letter), colour);
         }
-        self.lines(&app.chart.path, Some(glyphs.pick("·", ".")), Color::Cyan);
+        self.lines(app.path(), Some(glyphs.pick("·", ".")), Color::Cyan);
     }
 
     fn track(&mut self, robot: &WatchedRobot, glyphs: Glyphs) {
@@ -194,7 +197,7 @@ impl Sheet<'_> {
         for place in &robot.reached {
             self.mark(place, "o", waypoint);
         }
-        for (index, place) in app.chart.path.iter().enumerate() {
+        for (index, place) in app.path().iter().enumerate() {
             self.mark(place, &(index + 1).to_string(), waypoint);
         }
         let pilot = &robot.pilot;

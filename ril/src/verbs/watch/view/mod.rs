@@ -12,7 +12,8 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use super::app::App;
-pub use pen::{Glyphs, ScreenClock};
+use crate::robot::clock::Clocks;
+pub use pen::Glyphs;
 
 /// The least that the whole view needs, characters. On less there are a few lines and a word about it.
 pub const MIN_WIDTH: u16 = 80;
@@ -36,7 +37,7 @@ const USUAL_LOG: u16 = 8;
 const VALUES_WIDTH: u16 = 44;
 
 /// Draws `app` into all of `buffer`.
-pub fn draw(app: &App, clock: ScreenClock, glyphs: Glyphs, buffer: &mut Buffer) {
+pub fn draw(app: &App, clock: Clocks, glyphs: Glyphs, buffer: &mut Buffer) {
     let area = buffer.area;
     if area.width < MIN_WIDTH || area.height < MIN_HEIGHT {
         return draw_small(app, clock, glyphs, buffer);
@@ -82,7 +83,7 @@ pub fn draw(app: &App, clock: ScreenClock, glyphs: Glyphs, buffer: &mut Buffer) 
 }
 
 /// What matters most, where there is no room for all: mode, alarm, values, then what happened, newest last.
-fn draw_small(app: &App, clock: ScreenClock, glyphs: Glyphs, buffer: &mut Buffer) {
+fn draw_small(app: &App, clock: Clocks, glyphs: Glyphs, buffer: &mut Buffer) {
     let area = buffer.area;
     let row = |y: u16, height: u16| Rect {
         y: area.y + y,

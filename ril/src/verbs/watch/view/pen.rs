@@ -1,12 +1,10 @@
-//! What every part of the screen is drawn with: characters, the clock, styles, and text at a place.
+//! What every part of the screen is drawn with: characters, styles, and text at a place.
 
-use ipc_types::MonotonicNs;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 
-use crate::render::words::time_of_day;
 use crate::robot::changes::Weight;
 
 /// Which characters are drawn.
@@ -26,28 +24,6 @@ impl Glyphs {
             Glyphs::Unicode => unicode,
             Glyphs::Ascii => ascii,
         }
-    }
-}
-
-/// The time for which the screen is drawn.
-#[derive(Clone, Copy, Debug)]
-pub struct ScreenClock {
-    /// Host monotonic time.
-    pub now: MonotonicNs,
-    /// The wall clock when host monotonic time was 0, ns since 1970-01-01 UTC. Measured once and not for each picture, so that a
-    /// moment has the same time of day in all of them.
-    pub zero_unix_ns: u64,
-}
-
-impl ScreenClock {
-    /// A moment by the wall clock, seconds since 1970-01-01 UTC.
-    pub fn utc_s(self, at: MonotonicNs) -> u64 {
-        self.zero_unix_ns.saturating_add(at.0) / 1_000_000_000
-    }
-
-    /// The time of day of a moment, UTC.
-    pub fn time_of_day(self, at: MonotonicNs) -> String {
-        time_of_day(self.utc_s(at))
     }
 }
 

@@ -2,7 +2,10 @@
 
 use ipc_types::RobotId;
 use ipc_types::module::State;
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink, SharedStruct};
+use ipc_types::payload::{
+    DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStation, RelayStations, SharedStruct,
+    ascii_bytes,
+};
 use proptest::prelude::*;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
@@ -14,10 +17,11 @@ use super::*;
 use crate::render::terminal::Key;
 use crate::robot::changes::Weight;
 use crate::robot::chart::Chart;
-use crate::verbs::watch::fixture::{app, at, clock, hero, on_path};
-use crate::verbs::watch::model::Process;
+use crate::robot::fixture::{at, hero, on_path};
+use crate::robot::model::Process;
+use crate::verbs::watch::fixture::{app, clock};
 
-fn drawn(app: &App, clock: ScreenClock, glyphs: Glyphs, width: u16, height: u16) -> Buffer {
+fn drawn(app: &App, clock: Clocks, glyphs: Glyphs, width: u16, height: u16) -> Buffer {
     let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a test's terminal");
     let frame = |frame: &mut ratatui::Frame<'_>| draw(app, clock, glyphs, frame.buffer_mut());
     terminal.draw(frame).expect("a picture");
@@ -105,6 +109,42 @@ fn at_60_by_15_what_matters_most_comes_first_and_fills_the_screen() {
 }
 
 #[test]
+fn the_station_that_commands_is_named_on_the_robot_and_at_every_station() {
+    let mut stations = RelayStations {
+        published_ns: at(20_000).0,
+        count: 2,
+        ..RelayStations::default()
+    };
+    for (index, (name, last_order_ns)) in [("watcher", 0), ("gcs", 7)].into_iter().enumerate() {
+        stations.stations[index] = RelayStation {
+            name: ascii_bytes(name),
+            last_order_ns,
+            is_up: 1,
+            ..RelayStation::default()
+        };
+    }
+    for (is_relayed, expected) in [
+        (false, "2 stations, gcs commands"),
+        (true, "0.0 s, gcs commands"),
+    ] {
+        let mut app = app(1);
+        let robot = &mut app.robots_mut()[0];
+        robot.is_relayed = is_relayed;
+        let link = RelayLink {
+            published_ns: at(20_000).0,
+            last_heard_ns: at(20_000).0,
+            samples_received: 1,
+            ..RelayLink::default()
+        };
+        robot.relay(&link, at(20_000));
+        robot.stations(&stations);
+        let shown = |now_ms| text(&drawn(&app, clock(now_ms), Glyphs::Unicode, 120, 40));
+        assert!(shown(20_000).contains(expected), "{}", shown(20_000));
+        assert!(!shown(26_000).contains("gcs"), "the relay has ended");
+    }
+}
+
+#[test]
 fn a_link_says_for_how_long_it_has_been_as_it_is() {
     for (since_ms, now_ms, expected) in [
         (Some(8_000), 611_000, "up 10m03s, 0 lost"),
@@ -140,19 +180,23 @@ fn an_event_has_the_same_time_of_day_whenever_it_is_drawn() {
 #[test]
 fn the_fence_of_a_file_is_called_so_until_the_bridge_says_its_own() {
     let drawn_with = |app: &App| text(&drawn(app, clock(20_000), Glyphs::Unicode, 80, 24));
-    let mut app = App::new(&[RobotId::DEFAULT], crate::verbs::watch::fixture::chart());
-    crate::verbs::watch::fixture::fly(&mut app.robots_mut()[0]);
+    let mut app = App::new(&[RobotId::DEFAULT], crate::robot::fixture::chart());
+    crate::robot::fixture::fly(&mut app.robots_mut()[0]);
     let shown = drawn_with(&app);
     assert!(
         shown.contains("#x fence of file") && shown.contains("xxx"),
         "{shown}"
     );
-    app.robots_mut()[0].running_fence(Vec::new());
+    app.robots_mut()[0].held(0, Chart::default());
     let shown = drawn_with(&app);
     assert!(
         shown.contains("#x fence ·") && !shown.contains("xxx"),
         "{shown}"
     );
+    // The state names another outline than the last one that came.
+    app.robots_mut()[0].held(7, Chart::default());
+    let shown = drawn_with(&app);
+    assert!(shown.contains("#x fence ? · path ?"), "{shown}");
 }
 
 #[test]
@@ -251,6 +295,7 @@ proptest! {
         dsp in any::<DspTelemetry>(),
         status in any::<State>(),
         link in any::<RelayLink>(),
+        stations in any::<RelayStations>(),
         width in 0..200_u16,
         height in 0..60_u16,
         ms in 0..1_000_000_u64,
@@ -261,6 +306,7 @@ proptest! {
         robot.is_relayed = true;
         robot.status(&status, now);
         robot.relay(&link, now);
+        robot.stations(&stations);
         robot.dsp(&dsp, now);
         for state in &states {
             robot.state(state, now);

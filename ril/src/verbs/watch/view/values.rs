@@ -7,12 +7,14 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 
-use super::pen::{GOOD, Glyphs, OLD, ScreenClock, TITLE, WARNING, put};
-use crate::render::words::duration;
+use super::pen::{GOOD, Glyphs, OLD, TITLE, WARNING, put};
+use crate::render::words::{count, duration};
+use crate::robot::clock::Clocks;
+use crate::robot::freshness::Freshness;
+use crate::robot::history::History;
+use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::pilot;
-use crate::verbs::watch::freshness::Freshness;
-use crate::verbs::watch::history::History;
-use crate::verbs::watch::model::{Process, WatchedRobot};
+use crate::robot::relay_link::UNREADABLE;
 
 /// Width of the names, characters.
 const NAMES: u16 = 9;
@@ -59,7 +61,7 @@ pub(super) const SHORT: [&str; 11] = [
 pub(super) fn draw(
     names: &[&str],
     robot: &WatchedRobot,
-    clock: ScreenClock,
+    clock: Clocks,
     glyphs: Glyphs,
     area: Rect,
     buffer: &mut Buffer,
@@ -231,10 +233,16 @@ fn switch(robot: &WatchedRobot) -> (String, Style) {
         Some(PilotSwitch::Manual) => ("manual: the pilot flies", WARNING),
         _ => ("-", OLD),
     };
-    (text.to_owned(), style)
+    // Of both the shorter form has room on a narrow screen.
+    let text = match (robot.commander(), text.split_once(':')) {
+        (Some(commander), Some((switch, _))) => format!("{switch}; {commander} commands"),
+        (Some(commander), None) => format!("{text}; {commander} commands"),
+        (None, _) => text.to_owned(),
+    };
+    (text, style)
 }
 
-fn dsp_link(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
+fn dsp_link(robot: &WatchedRobot, clock: Clocks) -> (String, Style) {
     let Some(state) = robot.state.as_ref() else {
         return ("-".to_owned(), OLD);
     };
@@ -265,7 +273,7 @@ fn dsp_link(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
     (text, style)
 }
 
-fn telemetry_line(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
+fn telemetry_line(robot: &WatchedRobot, clock: Clocks) -> (String, Style) {
     let freshness = robot.telemetry_freshness(clock.now);
     match freshness.age() {
         Some(age) => (format!("STALE, {age}"), WARNING),
@@ -274,7 +282,7 @@ fn telemetry_line(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
     }
 }
 
-fn status(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
+fn status(robot: &WatchedRobot, clock: Clocks) -> (String, Style) {
     let freshness = robot.process(Process::Status, clock.now);
     let doing = robot.status.as_ref().and_then(|status| status.doing());
     let doing = doing.unwrap_or("unreadable");
@@ -287,9 +295,19 @@ fn status(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
     }
 }
 
-fn relay(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
+fn relay(robot: &WatchedRobot, clock: Clocks) -> (String, Style) {
+    let stations = robot.known_stations(clock.now);
+    let commands = stations.and_then(|stations| stations.commanding());
+    let commands = commands.map_or(String::new(), |station| {
+        format!(", {} commands", station.name().unwrap_or(UNREADABLE))
+    });
     if !robot.is_relayed {
-        return ("none: the robot is on this host".to_owned(), OLD);
+        let Some(stations) = stations else {
+            return ("none: the robot is on this host".to_owned(), OLD);
+        };
+        let up = stations.stations().iter().filter(|one| one.is_up != 0);
+        let text = format!("{}{commands}", count(up.count() as u64, "station"));
+        return (text, GOOD);
     }
     let Some(link) = robot.last_relay() else {
         return ("link unknown".to_owned(), WARNING);
@@ -306,7 +324,7 @@ fn relay(robot: &WatchedRobot, clock: ScreenClock) -> (String, Style) {
     let trip = link.round_trip().map_or(String::new(), |seconds| {
         format!(", round trip {:.0} ms", seconds * 1000.0)
     });
-    let text = format!("{state} {age}, {lost}{trip}");
+    let text = format!("{state} {age}{commands}, {lost}{trip}");
     match freshness.age() {
         Some(age) => (format!("STALE, {age}: {text}"), WARNING),
         None if link.is_up() => (text, GOOD),

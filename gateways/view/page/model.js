@@ -1,0 +1,152 @@
+// All that the page knows. Pure: messages and the time of the page's clock in, changes by name out.
+
+import { History } from "./history.js";
+import { OrderBook } from "./orders.js";
+
+/** @typedef {import("./protocol.d.ts").Message} Message */
+/** @typedef {"hello"|"reload"|"robots"|"robot"|"chart"|"now"|"past"|"events"|"order"|"check"|"lease"|"replay"|"choose"} Part */
+
+/** Most events that are kept. */
+const EVENTS = 300;
+
+export class Model {
+  /** @type {import("./protocol.d.ts").Hello|null} */ hello = null;
+  /** The robot that is looked at. @type {number|null} */ chosen = null;
+  /** @type {import("./protocol.d.ts").RobotLine[]} */ robots = [];
+  /** @type {import("./protocol.d.ts").RobotState|null} */ robot = null;
+  /** When `robot` came, ms. */ robotAt = 0;
+  /** @type {import("./protocol.d.ts").Chart|null} */ chart = null;
+  /** @type {import("./protocol.d.ts").Now|null} */ now = null;
+  /** When `now` came, ms. */ nowAt = 0;
+  history = new History();
+  /** The newest first. @type {import("./protocol.d.ts").EventLine[]} */ events = [];
+  orders = new OrderBook();
+  /** @type {import("./protocol.d.ts").CheckReport|null} */ check = null;
+  /** @type {import("./protocol.d.ts").Lease|null} */ lease = null;
+  /** @type {import("./protocol.d.ts").ReplayState|null} */ replay = null;
+  /** When `replay` came, ms. */ replayAt = 0;
+
+  /**
+   * Takes a message; gives the names of what changed.
+   * @param {Message} message @param {number} at ms of the page's clock
+   * @returns {Part[]}
+   */
+  take(message, at) {
+    if (message.type === "hello") return this.#hello(message, at);
+    if (message.type === "robots") {
+      this.robots = message.robots;
+      return this.#choose(message.robots.map((line) => line.robot), ["robots"]);
+    }
+    if (message.type === "replay") {
+      [this.replay, this.replayAt] = [message, at];
+      return ["replay"];
+    }
+    if (message.type === "order") {
+      this.orders.report(message, at);
+      return ["order"];
+    }
+    // What is about another robot was on its way when this one was chosen.
+    if (message.robot !== this.chosen || this.chosen === null) return [];
+    return this.#ofRobot(message, at);
+  }
+
+  /** @param {Message} message @param {number} at @returns {Part[]} */
+  #ofRobot(message, at) {
+    switch (message.type) {
+      case "robot":
+        [this.robot, this.robotAt] = [message, at];
+        this.history.phase(this.time(at), message.phase);
+        return ["robot"];
+      case "chart":
+        this.chart = message;
+        return ["chart"];
+      case "now":
+        [this.now, this.nowAt] = [message, at];
+        this.history.add(this.time(at), message);
+        return ["now"];
+      case "past":
+        this.history.replace(message, this.time(at));
+        this.events = message.events.slice(-EVENTS).reverse();
+        return ["past", "events"];
+      case "event":
+        this.events.unshift({ at_unix_ms: message.at_unix_ms, severity: message.severity, text: message.text });
+        this.events.length = Math.min(this.events.length, EVENTS);
+        return ["events"];
+      case "check":
+        this.check = message;
+        return ["check"];
+      case "lease":
+        this.lease = message;
+        return ["lease"];
+      default:
+        return [];
+    }
+  }
+
+  /** @param {import("./protocol.d.ts").Hello} hello @param {number} at @returns {Part[]} */
+  #hello(hello, at) {
+    const before = this.hello;
+    if (before && before.build !== hello.build) return ["reload"];
+    if (before && before.instance !== hello.instance) {
+      this.#forgetRobot();
+      this.robots = [];
+      this.replay = null;
+      this.orders.forgotten(at);
+    }
+    this.hello = hello;
+    return this.#choose(hello.robots, ["hello", "robots", "robot", "chart", "events", "order", "lease", "replay"]);
+  }
+
+  /** @param {number[]} robots @param {Part[]} parts @returns {Part[]} */
+  #choose(robots, parts) {
+    if (robots.length === 0 || (this.chosen !== null && robots.includes(this.chosen))) return parts;
+    // A robot that has left stays chosen once something is known of it: its last place matters.
+    if (this.chosen !== null && this.robot !== null) return parts;
+    this.choose(robots[0]);
+    return [...parts, "choose"];
+  }
+
+  /** Looks at another robot. @param {number} robot */
+  choose(robot) {
+    this.chosen = robot;
+    this.#forgetRobot();
+  }
+
+  #forgetRobot() {
+    this.robot = this.chart = this.now = this.check = this.lease = null;
+    this.events = [];
+    this.history.clear();
+  }
+
+  /** The time of the plots, s: of the page's clock, in a replay that of the recording. @param {number} at ms */
+  time(at) {
+    if (!this.hello?.replay) return at / 1000;
+    if (!this.replay) return 0;
+    const { position_s, playing, speed } = this.replay;
+    const on = playing ? ((at - this.replayAt) / 1000) * speed : 0;
+    return Math.min(position_s + on, this.hello.replay.duration_s);
+  }
+
+  /** The alarms that last, the worst first. */
+  get alarms() {
+    return this.robot?.alarms ?? [];
+  }
+
+  /**
+   * How the values are: as the server says, and no better than stale when nothing newer has come.
+   * @param {number} at ms @param {number} sinceMs how long ago the newest was sent, at most
+   * @returns {import("./protocol.d.ts").Freshness}
+   */
+  freshness(at, sinceMs) {
+    if (!this.now) return "never";
+    const said = this.now.telemetry.freshness;
+    if (said !== "fresh" || (this.hello?.replay && !this.replay?.playing)) return said;
+    const most = this.hello?.stale_after_ms ?? 1500;
+    return at - this.nowAt > most || (Number.isFinite(sinceMs) && sinceMs > most) ? "stale" : said;
+  }
+
+  /** The lease in one word; "none" if nothing was said of it. */
+  get holder() {
+    return this.lease?.holder ?? "none";
+  }
+}

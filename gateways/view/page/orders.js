@@ -1,0 +1,94 @@
+// The orders that this page has given, and what became of each. Pure. Nothing waits here to be sent later.
+
+/** @typedef {import("./protocol.d.ts").OrderKind} OrderKind */
+/** @typedef {{order: string, robot: number, kind: OrderKind, stage: string, text: string, final: boolean, given: number,
+ *    changed: number}} Entry times are of performance.now() */
+
+/** Most orders that are kept; the oldest goes. */
+const KEPT = 20;
+/** The same order within this time is a double click. */
+const DOUBLE_MS = 700;
+/** A final report stays so long; what went wrong stays longer. */
+const SHOWN_MS = { good: 10000, bad: 30000 };
+
+/** Names as they are read. @type {Record<OrderKind, string>} */
+export const NAMES = { hold: "Hold", land: "Land", goto: "Go to", takeoff: "Take-off", start: "Start", stop: "Stop" };
+
+export class OrderBook {
+  /** The newest first. @type {Entry[]} */
+  entries = [];
+
+  /**
+   * Gives an order. The answer is the message to send now; null if nothing is to be sent, and then nothing ever is.
+   * @param {OrderKind} kind @param {number} robot
+   * @param {{order: string, live: boolean, seen: number|null, at: number, position?: [number, number]|null,
+   *    altitude_m?: number|null, confirm?: string|null}} how
+   */
+  give(kind, robot, how) {
+    const { order, at } = how;
+    const same = this.entries.find((entry) => entry.kind === kind && entry.robot === robot);
+    if (same && at - same.given < DOUBLE_MS && same.stage !== "not-sent") return null;
+    const entry = { order, robot, kind, stage: "given", text: "no answer yet", final: false, given: at, changed: at };
+    this.entries.unshift(entry);
+    this.entries.length = Math.min(this.entries.length, KEPT);
+    if (!how.live) {
+      this.notSent(order, at);
+      return null;
+    }
+    return {
+      type: "order", order, robot, kind, seen: how.seen ?? 0,
+      position: how.position ?? null, altitude_m: how.altitude_m ?? null, confirm: how.confirm ?? null,
+    };
+  }
+
+  /** The socket did not take it. @param {string} order @param {number} at */
+  notSent(order, at) {
+    this.#change(order, { stage: "not-sent", text: "no contact; it will not be sent later", final: true, changed: at });
+  }
+
+  /** Takes a report; also of an order that was given before this page was loaded. @param {import("./protocol.d.ts").OrderReport} report @param {number} at */
+  report(report, at) {
+    const { order, robot, kind, stage, text, final } = report;
+    if (!this.#change(order, { stage, text, final, changed: at })) {
+      this.entries.unshift({ order, robot, kind, stage, text, final, given: at, changed: at });
+      this.entries.length = Math.min(this.entries.length, KEPT);
+    }
+  }
+
+  /** The server was started again: it does not know the orders of before. @param {number} at */
+  forgotten(at) {
+    for (const entry of this.entries) {
+      if (entry.final) continue;
+      const text = "the server was started again; see what the robot does";
+      Object.assign(entry, { stage: "unknown", text, final: true, changed: at });
+    }
+  }
+
+  /** What is shown: what goes on, and what ended a short while ago. @param {number} at */
+  shown(at) {
+    return this.entries.filter((entry) => {
+      if (!entry.final) return true;
+      return at - entry.changed < (entry.stage === "done" ? SHOWN_MS.good : SHOWN_MS.bad);
+    });
+  }
+
+  /** @param {string} order @param {Partial<Entry>} change */
+  #change(order, change) {
+    const entry = this.entries.find((known) => known.order === order);
+    // A final report is the last word; one that comes later is an echo.
+    if (entry && !entry.final) Object.assign(entry, change);
+    return entry !== undefined;
+  }
+}
+
+/** The severity of a stage. @param {string} stage @returns {import("./protocol.d.ts").Severity} */
+export function severityOf(stage) {
+  if (stage === "not-sent" || stage === "refused" || stage === "aborted") return "alarm";
+  if (stage === "replaced" || stage === "unknown") return "warning";
+  return stage === "done" ? "ok" : "order";
+}
+
+/** A stage in words. @param {string} stage */
+export function stageWords(stage) {
+  return { given: "WAITING", "not-sent": "NOT SENT", "in-progress": "IN PROGRESS" }[stage] ?? stage.toUpperCase();
+}

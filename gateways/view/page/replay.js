@@ -1,0 +1,100 @@
+// The controls of a replay: play, pause, speed, and a scrubber with the phases and events of the recording.
+
+import { byId, make, setAttribute, setHidden, setText, svg } from "./dom.js";
+import { clock, mark, position, word } from "./format.js";
+
+/** @typedef {import("./model.js").Model} Model */
+
+const SPEEDS = [0.25, 0.5, 1, 2, 5, 10];
+/** While the hand is on the scrubber, the server's position does not move it. */
+const HAND_MS = 600;
+
+/** @type {Model} */ let model;
+/** @type {(message: object) => boolean} */ let send;
+/** @type {any} */ let box = null;
+let handAt = -Infinity;
+/** @type {unknown} */ let drawnInfo = null;
+
+/** @param {Model} ofModel @param {(message: object) => boolean} bySend */
+export function build(ofModel, bySend) {
+  [model, send] = [ofModel, bySend];
+}
+
+/** @param {string} action @param {{position_s?: number, speed?: number}} [more] */
+function order(action, more = {}) {
+  send({ type: "replay", action, position_s: more.position_s ?? null, speed: more.speed ?? null });
+}
+
+export function playOrPause() {
+  if (model.hello?.replay) order(model.replay?.playing ? "pause" : "play");
+}
+
+/** @param {number} by s */
+function step(by) {
+  const info = model.hello?.replay;
+  if (info) order("seek", { position_s: Math.min(Math.max(model.time(performance.now()) + by, 0), info.duration_s) });
+}
+
+/** To the next event, or the one before. @param {1|-1} way */
+function jump(way) {
+  const info = model.hello?.replay;
+  if (!info) return;
+  const here = model.time(performance.now());
+  const times = info.events.map(({ at_s }) => at_s).filter((at) => (way > 0 ? at > here + 0.5 : at < here - 1.5));
+  if (times.length > 0) order("seek", { position_s: way > 0 ? Math.min(...times) : Math.max(...times) });
+}
+
+function make_() {
+  const info = /** @type {import("./protocol.d.ts").ReplayInfo} */ (model.hello?.replay);
+  const press = (text, act, more = {}) => make("button", { type: "button", onclick: act, ...more }, text);
+  const scrub = make("input", { type: "range", id: "scrub", min: 0, max: info.duration_s, step: 0.1, value: 0, "aria-label": "Position in the recording",
+    oninput: () => {
+      handAt = performance.now();
+      order("seek", { position_s: Number(scrub.value) });
+    } });
+  const speed = make("select", { id: "speed", "aria-label": "Speed", onchange: () => order("speed", { speed: Number(speed.value) }) },
+    ...SPEEDS.map((value) => make("option", { value }, `${value}×`)));
+  speed.value = "1";
+  box = make("div", { id: "replay" },
+    make("div", { class: "row" }, press("Play", playOrPause, { id: "play", "aria-keyshortcuts": "Space" }), press("−10 s", () => step(-10)), press("+10 s", () => step(10)),
+      press("Event before", () => jump(-1)), press("Next event", () => jump(1)), speed, make("span", { id: "replay-at" })),
+    make("div", { class: "lane" }, lane(info), scrub));
+  byId("bar").append(box);
+}
+
+/** @param {import("./protocol.d.ts").ReplayInfo} info */
+function lane(info) {
+  const share = (s) => `${(100 * Math.min(Math.max(s / Math.max(info.duration_s, 0.001), 0), 1)).toFixed(3)}%`;
+  const drawing = svg("svg", { class: "phases", "aria-hidden": "true", width: "100%", height: "100%" });
+  info.phases.forEach(({ from_s, to_s, text }, index) => {
+    const wide = (to_s ?? info.duration_s) - from_s;
+    drawing.append(svg("rect", { x: share(from_s), y: 0, width: share(wide), height: "100%", class: index % 2 ? "odd" : "even" }, svg("title", {}, text)));
+    if (wide / info.duration_s > 0.12) drawing.append(svg("text", { x: share(from_s), dx: 4, y: 13 }, text));
+  });
+  for (const { at_s, severity, text } of info.events) {
+    if (severity === "note") continue;
+    drawing.append(svg("text", { x: share(at_s), y: 30, class: "event", "data-severity": severity }, mark(severity), svg("title", {}, `${word(severity)}: ${text}`)));
+  }
+  return drawing;
+}
+
+/** @param {number} at ms */
+export function draw(at) {
+  const info = model.hello?.replay ?? null;
+  if (info !== drawnInfo) {
+    drawnInfo = info;
+    box?.remove();
+    box = null;
+    if (info) make_();
+  }
+  if (!info || !box) return;
+  const here = model.time(at);
+  const scrub = byId("scrub");
+  if (at - handAt > HAND_MS) scrub.value = String(here);
+  setAttribute(scrub, "aria-valuetext", `${position(here)} of ${position(info.duration_s)}`);
+  setText(byId("play"), model.replay?.playing ? "Pause" : "Play");
+  if (model.replay && document.activeElement !== byId("speed")) byId("speed").value = String(model.replay.speed);
+  const wall = info.start_unix_ms === null ? "" : ` · ${clock(info.start_unix_ms + here * 1000)}`;
+  setText(byId("replay-at"), `${position(here)} of ${position(info.duration_s)}${wall}`);
+  setHidden(box, false);
+}

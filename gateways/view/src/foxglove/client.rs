@@ -1,0 +1,392 @@
+//! [`Client`]: one Foxglove client: what it knows of channels and services, what it has subscribed to, and what waits for it.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use ipc_types::MonotonicNs;
+
+use super::channels::{Channels, Sample};
+use super::message::{self, ChannelInfo, Outgoing, Subscription};
+use super::parameters::Parameters;
+use super::samples::Samples;
+use super::services::{ENCODING, Services};
+use crate::authority::access::Permit;
+use crate::id::{Call, ChannelId};
+use crate::pace::{ORDERS_PER_S, Pace};
+use crate::page::Role;
+use crate::settings::Peer;
+
+/// Answers that wait for a client; one for which more wait is closed. It has asked for all of them and reads none.
+pub const MAX_ANSWERS: usize = 64;
+
+/// Bytes of these answers.
+const MAX_ANSWER_BYTES: usize = 512 << 10;
+
+/// Calls, and parameters that were set, of a client that wait for the program around the server. Further ones are refused.
+pub const MAX_OPEN: usize = 16;
+
+/// Channels in one message. A schema has 1 to 5 kB.
+const ADVERTISED_AT_ONCE: usize = 8;
+
+/// What a client gets to read at most once. These are three fixed texts: clients show each different text for ever.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Notice {
+    /// Samples are left out.
+    Slow,
+    /// It may not order.
+    ReadOnly,
+    /// It wants to publish.
+    NoPublishing,
+}
+
+impl Notice {
+    fn message(self) -> Outgoing<'static> {
+        let (level, id, message) = match self {
+            Notice::Slow => (
+                1,
+                "slow",
+                "This connection is slow: of each topic only the newest samples come.",
+            ),
+            Notice::ReadOnly => (
+                1,
+                "read-only",
+                "This connection may only look: services and parameters need a token, and view.toml that allows it.",
+            ),
+            Notice::NoPublishing => (
+                2,
+                "no-publishing",
+                "This server takes no messages: orders are services.",
+            ),
+        };
+        Outgoing::Status { level, message, id }
+    }
+}
+
+/// What is sent.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Frame {
+    Text(String),
+    Binary(Vec<u8>),
+}
+
+/// A parameter that a client has set.
+#[derive(Debug)]
+struct Wanted {
+    name: String,
+    /// What the answer is called.
+    id: Option<String>,
+}
+
+/// See the module's documentation.
+#[derive(Debug)]
+pub(crate) struct Client {
+    pub peer: Peer,
+    pub permit: Permit,
+    pub orders: Pace,
+    answers: VecDeque<Frame>,
+    answer_bytes: usize,
+    /// Channels that it knows, of this version of them.
+    channels: BTreeSet<ChannelId>,
+    channels_version: Option<u64>,
+    has_advertised: bool,
+    services: BTreeSet<u32>,
+    services_version: Option<u64>,
+    by_subscription: BTreeMap<u32, ChannelId>,
+    by_channel: BTreeMap<ChannelId, u32>,
+    samples: Samples,
+    time_unix_ns: Option<u64>,
+    said: Vec<Notice>,
+    /// Parameters whose changes it gets.
+    follows: BTreeSet<String>,
+    changed: BTreeSet<String>,
+    wanted: Vec<Wanted>,
+    calls: BTreeSet<Call>,
+}
+
+impl Client {
+    pub fn new(peer: Peer, permit: Permit) -> Client {
+        Client {
+            peer,
+            permit,
+            orders: Pace::new(ORDERS_PER_S),
+            answers: VecDeque::new(),
+            answer_bytes: 0,
+            channels: BTreeSet::new(),
+            channels_version: None,
+            has_advertised: false,
+            services: BTreeSet::new(),
+            services_version: None,
+            by_subscription: BTreeMap::new(),
+            by_channel: BTreeMap::new(),
+            samples: Samples::default(),
+            time_unix_ns: None,
+            said: Vec::new(),
+            follows: BTreeSet::new(),
+            changed: BTreeSet::new(),
+            wanted: Vec::new(),
+            calls: BTreeSet::new(),
+        }
+    }
+
+    /// Whether it may call services and set parameters.
+    pub fn may_order(&self) -> bool {
+        self.permit.role == Role::Command
+    }
+
+    /// Whether more answers wait than may.
+    pub fn is_too_slow(&self) -> bool {
+        self.answers.len() > MAX_ANSWERS || self.answer_bytes > MAX_ANSWER_BYTES
+    }
+
+    /// Puts an answer behind the others.
+    pub fn answer(&mut self, frame: Frame) {
+        self.answer_bytes += frame.len();
+        self.answers.push_back(frame);
+    }
+
+    /// Says something, once.
+    pub fn notice(&mut self, notice: Notice) {
+        if !self.said.contains(&notice) {
+            self.said.push(notice);
+            self.answer(Frame::Text(notice.message().text()));
+        }
+    }
+
+    /// Subscribes. True if it is new.
+    pub fn subscribe(
+        &mut self,
+        subscription: Subscription,
+        channels: &Channels,
+        now: MonotonicNs,
+    ) -> bool {
+        let channel = ChannelId(subscription.channel_id);
+        let is_taken = self.by_subscription.contains_key(&subscription.id)
+            || self.by_channel.contains_key(&channel);
+        let Some(offered) = channels.get(channel).filter(|_| !is_taken) else {
+            return false;
+        };
+        self.by_subscription.insert(subscription.id, channel);
+        self.by_channel.insert(channel, subscription.id);
+        if let Some(latest) = &offered.latest {
+            self.samples.push(latest.clone(), now);
+        }
+        true
+    }
+
+    /// Gives up a subscription, and says to which channel it was.
+    pub fn unsubscribe(&mut self, id: u32) -> Option<ChannelId> {
+        let channel = self.by_subscription.remove(&id)?;
+        self.by_channel.remove(&channel);
+        self.samples.forget(channel);
+        Some(channel)
+    }
+
+    /// Whether it has subscribed to this channel.
+    pub fn follows(&self, channel: ChannelId) -> bool {
+        self.by_channel.contains_key(&channel)
+    }
+
+    /// All channels to which it has subscribed.
+    pub fn followed(&self) -> impl Iterator<Item = ChannelId> {
+        self.by_channel.keys().copied()
+    }
+
+    /// Takes a sample of a channel to which it has subscribed.
+    pub fn sample(&mut self, sample: &Sample, now: MonotonicNs) {
+        if self.follows(sample.channel) {
+            self.samples.push(sample.clone(), now);
+            if self.samples.left_out() > 0 {
+                self.notice(Notice::Slow);
+            }
+        }
+    }
+
+    /// Takes the server's time in the place of the one that waits.
+    pub fn set_time(&mut self, unix_ns: u64) {
+        self.time_unix_ns = Some(unix_ns);
+    }
+
+    /// Is told of changes of these parameters, or of all that there are.
+    pub fn follow(&mut self, names: &[String], parameters: &Parameters) {
+        let found = parameters.find(names);
+        self.follows
+            .extend(found.into_iter().map(|parameter| parameter.name));
+    }
+
+    /// Is told no more of changes of these parameters, or of any.
+    pub fn unfollow(&mut self, names: &[String]) {
+        match names {
+            [] => self.follows.clear(),
+            names => self.follows.retain(|name| !names.contains(name)),
+        }
+    }
+
+    /// Remembers that it has set a parameter. False if too many wait.
+    pub fn want(&mut self, name: &str, id: Option<&str>) -> bool {
+        let has_room = self.wanted.len() < MAX_OPEN;
+        if has_room {
+            self.wanted.push(Wanted {
+                name: name.to_owned(),
+                id: id.map(str::to_owned),
+            });
+        }
+        has_room
+    }
+
+    /// A parameter has its value, whether it changed or not.
+    pub fn parameter(&mut self, name: &str, has_changed: bool, parameters: &Parameters) {
+        let (wanted, others) = std::mem::take(&mut self.wanted)
+            .into_iter()
+            .partition(|one| one.name == name);
+        self.wanted = others;
+        let wanted: Vec<Wanted> = wanted;
+        for one in &wanted {
+            let parameters = vec![parameters.get(name)];
+            let message = Outgoing::ParameterValues {
+                parameters,
+                id: one.id.as_deref(),
+            };
+            self.answer(Frame::Text(message.text()));
+        }
+        if has_changed && self.follows.contains(name) {
+            self.changed.insert(name.to_owned());
+        }
+    }
+
+    /// Remembers a call. False if too many wait, or it is one that waits already.
+    pub fn call(&mut self, call: Call) -> bool {
+        self.calls.len() < MAX_OPEN && self.calls.insert(call)
+    }
+
+    /// Answers a call, once.
+    pub fn respond(&mut self, call: Call, response: &[u8]) {
+        if self.calls.remove(&call) {
+            self.refuse(call, response);
+        }
+    }
+
+    /// Answers a call that does not wait.
+    pub fn refuse(&mut self, call: Call, response: &[u8]) {
+        let bytes = message::service_response(call.service, call.call, ENCODING, response);
+        self.answer(Frame::Binary(bytes));
+    }
+
+    /// What is sent next: answers, what there is, the time, samples.
+    pub fn next(
+        &mut self,
+        channels: &Channels,
+        services: &Services,
+        parameters: &Parameters,
+    ) -> Option<Frame> {
+        if let Some(frame) = self.answers.pop_front() {
+            self.answer_bytes -= frame.len();
+            return Some(frame);
+        }
+        let told = self
+            .tell_channels(channels)
+            .or_else(|| self.tell_services(services));
+        if let Some(message) = told {
+            return Some(Frame::Text(message));
+        }
+        if !self.changed.is_empty() {
+            let names = std::mem::take(&mut self.changed);
+            let parameters = names.iter().map(|name| parameters.get(name)).collect();
+            let message = Outgoing::ParameterValues {
+                parameters,
+                id: None,
+            };
+            return Some(Frame::Text(message.text()));
+        }
+        if let Some(unix_ns) = self.time_unix_ns.take() {
+            return Some(Frame::Binary(message::time(unix_ns)));
+        }
+        loop {
+            let sample = self.samples.next()?;
+            if let Some(subscription) = self.by_channel.get(&sample.channel) {
+                let bytes =
+                    message::message_data(*subscription, sample.log_time_unix_ns, &sample.bytes);
+                return Some(Frame::Binary(bytes));
+            }
+        }
+    }
+
+    /// What it is to know of channels, some at a time: so nothing of this waits in memory, however slow it is.
+    fn tell_channels(&mut self, channels: &Channels) -> Option<String> {
+        if self.channels_version == Some(channels.version()) {
+            return None;
+        }
+        let gone: Vec<_> = self
+            .channels
+            .iter()
+            .copied()
+            .filter(|id| channels.get(*id).is_none())
+            .collect();
+        if !gone.is_empty() {
+            for id in &gone {
+                self.channels.remove(id);
+                if let Some(subscription) = self.by_channel.get(id).copied() {
+                    self.unsubscribe(subscription);
+                }
+            }
+            let channel_ids = gone.iter().map(|id| id.0).collect();
+            return Some(Outgoing::Unadvertise { channel_ids }.text());
+        }
+        let is_new = |id: &ChannelId| !self.channels.contains(id);
+        let new: Vec<_> = channels
+            .iter()
+            .filter(|(id, _)| is_new(id))
+            .take(ADVERTISED_AT_ONCE)
+            .collect();
+        if new.len() < ADVERTISED_AT_ONCE {
+            self.channels_version = Some(channels.version());
+        }
+        // A client gets one such message at least, also when there is nothing.
+        if new.is_empty() && self.has_advertised {
+            return None;
+        }
+        self.has_advertised = true;
+        self.channels.extend(new.iter().map(|(id, _)| *id));
+        let channels = new.into_iter().map(|(id, channel)| ChannelInfo {
+            id: id.0,
+            topic: &channel.topic,
+            encoding: &channel.encoding,
+            schema_name: &channel.schema_name,
+            schema: &channel.schema,
+            schema_encoding: &channel.schema_encoding,
+        });
+        Some(
+            Outgoing::Advertise {
+                channels: channels.collect(),
+            }
+            .text(),
+        )
+    }
+
+    fn tell_services(&mut self, services: &Services) -> Option<String> {
+        if !self.may_order() || self.services_version == Some(services.version()) {
+            return None;
+        }
+        let offered: BTreeSet<u32> = services.ids().collect();
+        let gone: Vec<u32> = self.services.difference(&offered).copied().collect();
+        if !gone.is_empty() {
+            self.services.retain(|id| offered.contains(id));
+            return Some(Outgoing::UnadvertiseServices { service_ids: gone }.text());
+        }
+        self.services_version = Some(services.version());
+        let new: Vec<u32> = offered.difference(&self.services).copied().collect();
+        self.services = offered;
+        let infos = new
+            .iter()
+            .filter_map(|id| services.get(*id).map(|service| service.info(*id)));
+        let services: Vec<_> = infos.collect();
+        (!services.is_empty()).then(|| Outgoing::AdvertiseServices { services }.text())
+    }
+}
+
+impl Frame {
+    fn len(&self) -> usize {
+        match self {
+            Frame::Text(text) => text.len(),
+            Frame::Binary(bytes) => bytes.len(),
+        }
+    }
+}

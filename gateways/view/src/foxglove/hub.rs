@@ -1,0 +1,355 @@
+//! [`Hub`]: all Foxglove clients, and what they are offered.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use ipc_types::MonotonicNs;
+use serde_json::Value;
+
+use super::channels::{Channel, Channels, Sample};
+use super::client::{Client, Frame, Notice};
+use super::message::{Binary, Incoming, Outgoing, Parameter, read_binary};
+use super::parameters::Parameters;
+use super::services::{ENCODING, Service, Services, refused};
+use crate::authority::access::Permit;
+use crate::event::{Event, Events};
+use crate::id::{Call, ChannelId, ViewerId};
+use crate::page::Role;
+use crate::settings::Peer;
+use crate::viewer::from;
+use crate::websocket::{Close, Received};
+
+/// What clients show as the server's name.
+const NAME: &str = "HERO RIL";
+
+/// See the module's documentation.
+#[derive(Debug)]
+pub(crate) struct Hub {
+    /// What distinguishes this beginning of time from others.
+    session: String,
+    has_commands: bool,
+    has_parameters: bool,
+    clients: BTreeMap<ViewerId, Client>,
+    channels: Channels,
+    services: Services,
+    parameters: Parameters,
+}
+
+impl Hub {
+    pub fn new(session: String, has_commands: bool, has_parameters: bool) -> Hub {
+        Hub {
+            session,
+            has_commands,
+            has_parameters,
+            clients: BTreeMap::new(),
+            channels: Channels::default(),
+            services: Services::default(),
+            parameters: Parameters::default(),
+        }
+    }
+
+    /// A client has connected.
+    pub fn connect(&mut self, viewer: ViewerId, peer: Peer, permit: Permit) {
+        let may_order = self.has_commands && permit.role == Role::Command;
+        let role = if may_order {
+            Role::Command
+        } else {
+            Role::Watch
+        };
+        let mut client = Client::new(peer, Permit { role, ..permit });
+        let mut capabilities = vec!["time"];
+        if self.has_parameters {
+            capabilities.extend(["parameters", "parametersSubscribe"]);
+        }
+        if may_order {
+            capabilities.push("services");
+        }
+        let info = Outgoing::ServerInfo {
+            name: NAME,
+            capabilities: &capabilities,
+            supported_encodings: &[ENCODING],
+            session_id: &self.session,
+        };
+        client.answer(Frame::Text(info.text()));
+        self.clients.insert(viewer, client);
+    }
+
+    /// A client is gone.
+    pub fn leave(&mut self, viewer: ViewerId, events: &mut Events) {
+        if let Some(client) = self.clients.remove(&viewer) {
+            for channel in client.followed() {
+                self.say_lost(channel, events);
+            }
+        }
+    }
+
+    fn say_lost(&self, channel: ChannelId, events: &mut Events) {
+        if !self.is_subscribed(channel) {
+            events.push_back(Event::Unsubscribed(channel));
+        }
+    }
+
+    /// Whether a client has subscribed to this channel.
+    pub fn is_subscribed(&self, channel: ChannelId) -> bool {
+        self.clients.values().any(|client| client.follows(channel))
+    }
+
+    /// Whether a client is here.
+    pub fn has_viewers(&self) -> bool {
+        !self.clients.is_empty()
+    }
+
+    /// Takes a message of a client. An error ends its connection.
+    pub fn take(
+        &mut self,
+        viewer: ViewerId,
+        received: &Received,
+        now: MonotonicNs,
+        events: &mut Events,
+    ) -> Result<(), Close> {
+        match received {
+            Received::Text(text) => {
+                let message = serde_json::from_str(text).map_err(|_| Close::MEANING)?;
+                self.text(viewer, message, now, events);
+            }
+            Received::Binary(bytes) => {
+                let message = read_binary(bytes).ok_or(Close::MEANING)?;
+                self.binary(viewer, &message, now, events);
+            }
+            Received::Sign => {}
+        }
+        let is_too_slow = self.clients.get(&viewer).is_some_and(Client::is_too_slow);
+        if is_too_slow {
+            Err(Close::SLOW)
+        } else {
+            Ok(())
+        }
+    }
+
+    fn text(&mut self, viewer: ViewerId, message: Incoming, now: MonotonicNs, events: &mut Events) {
+        let Some(client) = self.clients.get_mut(&viewer) else {
+            return;
+        };
+        match message {
+            Incoming::Subscribe { subscriptions } => {
+                for subscription in subscriptions {
+                    self.subscribe(viewer, subscription, now, events);
+                }
+            }
+            Incoming::Unsubscribe { subscription_ids } => {
+                let lost: Vec<_> = subscription_ids
+                    .into_iter()
+                    .filter_map(|id| client.unsubscribe(id))
+                    .collect();
+                for channel in lost {
+                    self.say_lost(channel, events);
+                }
+            }
+            Incoming::Advertise => client.notice(Notice::NoPublishing),
+            _ if !self.has_parameters => {}
+            Incoming::GetParameters {
+                parameter_names,
+                id,
+            } => {
+                let parameters = self.parameters.find(&parameter_names);
+                let message = Outgoing::ParameterValues {
+                    parameters,
+                    id: id.as_deref(),
+                };
+                client.answer(Frame::Text(message.text()));
+            }
+            Incoming::SetParameters { parameters, id } => {
+                self.set(viewer, parameters, id.as_deref(), now, events)
+            }
+            Incoming::SubscribeParameterUpdates { parameter_names } => {
+                client.follow(&parameter_names, &self.parameters)
+            }
+            Incoming::UnsubscribeParameterUpdates { parameter_names } => {
+                client.unfollow(&parameter_names)
+            }
+            Incoming::Other => {}
+        }
+    }
+
+    fn subscribe(
+        &mut self,
+        viewer: ViewerId,
+        subscription: super::message::Subscription,
+        now: MonotonicNs,
+        events: &mut Events,
+    ) {
+        let channel = ChannelId(subscription.channel_id);
+        let was_subscribed = self.is_subscribed(channel);
+        let client = self.clients.get_mut(&viewer);
+        let is_new =
+            client.is_some_and(|client| client.subscribe(subscription, &self.channels, now));
+        if is_new && !was_subscribed {
+            events.push_back(Event::Subscribed(channel));
+        }
+    }
+
+    /// Parameters that may not be set are answered with the values that they have.
+    fn set(
+        &mut self,
+        viewer: ViewerId,
+        wanted: Vec<Parameter>,
+        id: Option<&str>,
+        now: MonotonicNs,
+        events: &mut Events,
+    ) {
+        let Some(client) = self.clients.get_mut(&viewer) else {
+            return;
+        };
+        let from = from(&client.peer, client.permit.name.as_deref());
+        let mut refused = Vec::new();
+        for parameter in wanted {
+            let may = client.may_order()
+                && self.parameters.contains(&parameter.name)
+                && client.orders.allows(now);
+            match parameter.value {
+                Some(value) if may && client.want(&parameter.name, id) => {
+                    events.push_back(Event::SetParameter {
+                        name: parameter.name,
+                        value,
+                        from: from.clone(),
+                    });
+                }
+                _ => refused.push(parameter.name),
+            }
+        }
+        if !client.may_order() {
+            client.notice(Notice::ReadOnly);
+        }
+        if !refused.is_empty() {
+            let parameters = self.parameters.find(&refused);
+            let message = Outgoing::ParameterValues { parameters, id };
+            client.answer(Frame::Text(message.text()));
+        }
+    }
+
+    fn binary(
+        &mut self,
+        viewer: ViewerId,
+        message: &Binary<'_>,
+        now: MonotonicNs,
+        events: &mut Events,
+    ) {
+        let Some(client) = self.clients.get_mut(&viewer) else {
+            return;
+        };
+        let Binary::ServiceCall {
+            service,
+            call,
+            encoding,
+            request,
+        } = *message
+        else {
+            client.notice(Notice::NoPublishing);
+            return;
+        };
+        let call = Call {
+            viewer,
+            service,
+            call,
+        };
+        if !client.may_order() {
+            client.notice(Notice::ReadOnly);
+        }
+        let Some(known) = self.services.get(service).filter(|_| client.may_order()) else {
+            let message = "there is no such service";
+            let failure = Outgoing::ServiceCallFailure {
+                service_id: service,
+                call_id: call.call,
+                message,
+            };
+            client.answer(Frame::Text(failure.text()));
+            return;
+        };
+        let refusal = if encoding != ENCODING.as_bytes() {
+            "requests are JSON"
+        } else if !client.orders.allows(now) {
+            "more than five calls in a second"
+        } else if !client.call(call) {
+            "too many calls wait for their answers"
+        } else {
+            events.push_back(Event::ServiceCall {
+                call,
+                service: known.name.clone(),
+                request: request.to_vec(),
+                from: from(&client.peer, client.permit.name.as_deref()),
+            });
+            return;
+        };
+        client.refuse(call, &refused(refusal));
+    }
+
+    /// The message to send next to a client.
+    pub fn next(&mut self, viewer: ViewerId) -> Option<Frame> {
+        self.clients
+            .get_mut(&viewer)?
+            .next(&self.channels, &self.services, &self.parameters)
+    }
+
+    /// Offers a channel; `None` if there are too many.
+    pub fn offer(&mut self, channel: Channel) -> Option<ChannelId> {
+        self.channels.offer(channel)
+    }
+
+    /// Offers a channel no more.
+    pub fn withdraw(&mut self, channel: ChannelId) {
+        self.channels.withdraw(channel);
+    }
+
+    /// Sends a sample to all that have subscribed to its channel.
+    pub fn sample(
+        &mut self,
+        channel: ChannelId,
+        log_time_unix_ns: u64,
+        bytes: Arc<[u8]>,
+        now: MonotonicNs,
+    ) {
+        let sample = Sample {
+            channel,
+            log_time_unix_ns,
+            bytes,
+        };
+        if self.channels.keep(&sample) {
+            for client in self.clients.values_mut() {
+                client.sample(&sample, now);
+            }
+        }
+    }
+
+    /// Sends the time to all.
+    pub fn time(&mut self, unix_ns: u64) {
+        for client in self.clients.values_mut() {
+            client.set_time(unix_ns);
+        }
+    }
+
+    /// Offers these services and no others.
+    pub fn services(&mut self, services: &[Service]) {
+        self.services.set(services);
+    }
+
+    /// Takes the value of a parameter, and tells those who follow or have set it.
+    pub fn parameter(&mut self, name: &str, value: Option<Value>) {
+        let has_changed = self.parameters.set(name, value);
+        for client in self.clients.values_mut() {
+            client.parameter(name, has_changed, &self.parameters);
+        }
+    }
+
+    /// Answers a call.
+    pub fn respond(&mut self, call: Call, response: &[u8]) {
+        if let Some(client) = self.clients.get_mut(&call.viewer) {
+            client.respond(call, response);
+        }
+    }
+
+    /// Begins another time. Gives the clients, which are to connect anew.
+    pub fn restart(&mut self, session: String) -> Vec<ViewerId> {
+        self.session = session;
+        self.clients.keys().copied().collect()
+    }
+}

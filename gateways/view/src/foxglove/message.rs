@@ -1,0 +1,433 @@
+//! The messages of Foxglove's protocol: JSON with `op`, and binary ones that begin with an opcode. Numbers are little-endian.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// Opcodes of binary messages to clients.
+const MESSAGE_DATA: u8 = 1;
+const TIME: u8 = 2;
+const SERVICE_CALL_RESPONSE: u8 = 3;
+
+/// Opcodes of binary messages from clients.
+const CLIENT_MESSAGE_DATA: u8 = 1;
+const SERVICE_CALL_REQUEST: u8 = 2;
+
+/// A JSON message to a client.
+#[derive(Debug, Serialize)]
+#[serde(tag = "op", rename_all = "camelCase", rename_all_fields = "camelCase")]
+pub(crate) enum Outgoing<'a> {
+    ServerInfo {
+        name: &'a str,
+        capabilities: &'a [&'a str],
+        supported_encodings: &'a [&'a str],
+        session_id: &'a str,
+    },
+    Status {
+        /// 0 for information, 1 for a warning, 2 for an error.
+        level: u8,
+        message: &'a str,
+        id: &'a str,
+    },
+    Advertise {
+        channels: Vec<ChannelInfo<'a>>,
+    },
+    Unadvertise {
+        channel_ids: Vec<u32>,
+    },
+    AdvertiseServices {
+        services: Vec<ServiceInfo<'a>>,
+    },
+    UnadvertiseServices {
+        service_ids: Vec<u32>,
+    },
+    ServiceCallFailure {
+        service_id: u32,
+        call_id: u32,
+        message: &'a str,
+    },
+    ParameterValues {
+        parameters: Vec<Parameter>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        id: Option<&'a str>,
+    },
+}
+
+/// A channel as clients get it.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct ChannelInfo<'a> {
+    pub id: u32,
+    pub topic: &'a str,
+    pub encoding: &'a str,
+    pub schema_name: &'a str,
+    pub schema: &'a str,
+    pub schema_encoding: &'a str,
+}
+
+/// A service as clients get it.
+#[derive(Debug, Serialize)]
+pub(crate) struct ServiceInfo<'a> {
+    pub id: u32,
+    pub name: &'a str,
+    #[serde(rename = "type")]
+    pub kind: &'a str,
+    pub request: ServiceSide<'a>,
+    pub response: ServiceSide<'a>,
+}
+
+/// The request or the response of a service.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct ServiceSide<'a> {
+    pub encoding: &'a str,
+    pub schema_name: String,
+    pub schema_encoding: &'a str,
+    pub schema: &'a str,
+}
+
+/// A parameter and its value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Parameter {
+    pub name: String,
+    /// `None` for one that is not there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<Value>,
+    /// Tells a number with a fraction from one without; `None` for other types.
+    #[serde(rename = "type", default, skip_serializing_if = "Option::is_none")]
+    pub kind: Option<String>,
+}
+
+/// A JSON message from a client.
+#[derive(Debug, PartialEq, Deserialize)]
+#[serde(tag = "op", rename_all = "camelCase", rename_all_fields = "camelCase")]
+pub(crate) enum Incoming {
+    Subscribe {
+        subscriptions: Vec<Subscription>,
+    },
+    Unsubscribe {
+        subscription_ids: Vec<u32>,
+    },
+    /// A client that wants to publish.
+    Advertise,
+    GetParameters {
+        parameter_names: Vec<String>,
+        id: Option<String>,
+    },
+    SetParameters {
+        parameters: Vec<Parameter>,
+        id: Option<String>,
+    },
+    SubscribeParameterUpdates {
+        parameter_names: Vec<String>,
+    },
+    UnsubscribeParameterUpdates {
+        parameter_names: Vec<String>,
+    },
+    /// What is not offered here.
+    #[serde(other)]
+    Other,
+}
+
+/// What a client wants of a channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(crate) struct Subscription {
+    pub id: u32,
+    pub channel_id: u32,
+}
+
+/// A binary message from a client.
+#[derive(Debug, PartialEq)]
+pub(crate) enum Binary<'a> {
+    ServiceCall {
+        service: u32,
+        call: u32,
+        encoding: &'a [u8],
+        request: &'a [u8],
+    },
+    /// A client that publishes.
+    Publish,
+}
+
+impl Outgoing<'_> {
+    /// As JSON.
+    pub fn text(&self) -> String {
+        // Serde fails for maps whose keys are no texts; these messages have none.
+        serde_json::to_string(self).unwrap_or_default()
+    }
+}
+
+/// Reads a binary message; `None` if it means nothing.
+pub(crate) fn read_binary(bytes: &[u8]) -> Option<Binary<'_>> {
+    let (opcode, rest) = bytes.split_first()?;
+    match *opcode {
+        CLIENT_MESSAGE_DATA => Some(Binary::Publish),
+        SERVICE_CALL_REQUEST => {
+            let (service, rest) = number(rest)?;
+            let (call, rest) = number(rest)?;
+            let (length, rest) = number(rest)?;
+            let (encoding, request) = rest.split_at_checked(usize::try_from(length).ok()?)?;
+            Some(Binary::ServiceCall {
+                service,
+                call,
+                encoding,
+                request,
+            })
+        }
+        _ => None,
+    }
+}
+
+fn number(bytes: &[u8]) -> Option<(u32, &[u8])> {
+    let (number, rest) = bytes.split_first_chunk()?;
+    Some((u32::from_le_bytes(*number), rest))
+}
+
+/// A sample for a subscription.
+pub(crate) fn message_data(subscription: u32, log_time_unix_ns: u64, sample: &[u8]) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(13 + sample.len());
+    bytes.push(MESSAGE_DATA);
+    bytes.extend(subscription.to_le_bytes());
+    bytes.extend(log_time_unix_ns.to_le_bytes());
+    bytes.extend(sample);
+    bytes
+}
+
+/// The server's time.
+pub(crate) fn time(unix_ns: u64) -> Vec<u8> {
+    let mut bytes = vec![TIME];
+    bytes.extend(unix_ns.to_le_bytes());
+    bytes
+}
+
+/// The answer of a service.
+pub(crate) fn service_response(
+    service: u32,
+    call: u32,
+    encoding: &str,
+    response: &[u8],
+) -> Vec<u8> {
+    let mut bytes = vec![SERVICE_CALL_RESPONSE];
+    bytes.extend(service.to_le_bytes());
+    bytes.extend(call.to_le_bytes());
+    bytes.extend((encoding.len() as u32).to_le_bytes());
+    bytes.extend(encoding.as_bytes());
+    bytes.extend(response);
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn messages_to_clients_are_those_of_the_specification() {
+        let side = |name: &str| ServiceSide {
+            encoding: "json",
+            schema_name: name.into(),
+            schema_encoding: "jsonschema",
+            schema: "{}",
+        };
+        let parameter = Parameter {
+            name: "/p".into(),
+            value: Some(json!(2.5)),
+            kind: Some("float64".into()),
+        };
+        for (message, expected) in [
+            (
+                Outgoing::ServerInfo {
+                    name: "n",
+                    capabilities: &["time"],
+                    supported_encodings: &["json"],
+                    session_id: "s",
+                },
+                json!({"op": "serverInfo", "name": "n", "capabilities": ["time"], "supportedEncodings": ["json"], "sessionId": "s"}),
+            ),
+            (
+                Outgoing::Status {
+                    level: 1,
+                    message: "m",
+                    id: "i",
+                },
+                json!({"op": "status", "level": 1, "message": "m", "id": "i"}),
+            ),
+            (
+                Outgoing::Advertise {
+                    channels: vec![ChannelInfo {
+                        id: 1,
+                        topic: "/a",
+                        encoding: "cdr",
+                        schema_name: "p/msg/T",
+                        schema: "uint8 x",
+                        schema_encoding: "ros2msg",
+                    }],
+                },
+                json!({"op": "advertise", "channels": [{"id": 1, "topic": "/a", "encoding": "cdr", "schemaName": "p/msg/T", "schema": "uint8 x", "schemaEncoding": "ros2msg"}]}),
+            ),
+            (
+                Outgoing::Unadvertise {
+                    channel_ids: vec![1, 2],
+                },
+                json!({"op": "unadvertise", "channelIds": [1, 2]}),
+            ),
+            (
+                Outgoing::AdvertiseServices {
+                    services: vec![ServiceInfo {
+                        id: 3,
+                        name: "/s",
+                        kind: "t",
+                        request: side("q"),
+                        response: side("a"),
+                    }],
+                },
+                json!({"op": "advertiseServices", "services": [{"id": 3, "name": "/s", "type": "t",
+                    "request": {"encoding": "json", "schemaName": "q", "schemaEncoding": "jsonschema", "schema": "{}"},
+                    "response": {"encoding": "json", "schemaName": "a", "schemaEncoding": "jsonschema", "schema": "{}"}}]}),
+            ),
+            (
+                Outgoing::UnadvertiseServices {
+                    service_ids: vec![3],
+                },
+                json!({"op": "unadvertiseServices", "serviceIds": [3]}),
+            ),
+            (
+                Outgoing::ServiceCallFailure {
+                    service_id: 3,
+                    call_id: 4,
+                    message: "m",
+                },
+                json!({"op": "serviceCallFailure", "serviceId": 3, "callId": 4, "message": "m"}),
+            ),
+            (
+                Outgoing::ParameterValues {
+                    parameters: vec![parameter.clone()],
+                    id: Some("r"),
+                },
+                json!({"op": "parameterValues", "parameters": [{"name": "/p", "value": 2.5, "type": "float64"}], "id": "r"}),
+            ),
+            (
+                Outgoing::ParameterValues {
+                    parameters: vec![Parameter {
+                        name: "/p".into(),
+                        value: None,
+                        kind: None,
+                    }],
+                    id: None,
+                },
+                json!({"op": "parameterValues", "parameters": [{"name": "/p"}]}),
+            ),
+        ] {
+            assert_eq!(
+                serde_json::from_str::<Value>(&message.text()).unwrap(),
+                expected
+            );
+        }
+        assert_eq!(
+            message_data(0x0102, 3, b"ab"),
+            b"\x01\x02\x01\0\0\x03\0\0\0\0\0\0\0ab"
+        );
+        assert_eq!(time(258), b"\x02\x02\x01\0\0\0\0\0\0");
+        assert_eq!(
+            service_response(1, 2, "json", b"{}"),
+            b"\x03\x01\0\0\0\x02\0\0\0\x04\0\0\0json{}"
+        );
+    }
+
+    #[test]
+    fn messages_from_clients_are_read() {
+        let read = |text: &str| serde_json::from_str::<Incoming>(text).ok();
+        let names = vec!["/p".to_owned()];
+        for (text, expected) in [
+            (
+                r#"{"op":"subscribe","subscriptions":[{"id":0,"channelId":3}]}"#,
+                Some(Incoming::Subscribe {
+                    subscriptions: vec![Subscription {
+                        id: 0,
+                        channel_id: 3,
+                    }],
+                }),
+            ),
+            (
+                r#"{"op":"unsubscribe","subscriptionIds":[0,1]}"#,
+                Some(Incoming::Unsubscribe {
+                    subscription_ids: vec![0, 1],
+                }),
+            ),
+            (
+                r#"{"op":"advertise","channels":[{"id":1}]}"#,
+                Some(Incoming::Advertise),
+            ),
+            (
+                r#"{"op":"getParameters","parameterNames":["/p"],"id":"r"}"#,
+                Some(Incoming::GetParameters {
+                    parameter_names: names.clone(),
+                    id: Some("r".into()),
+                }),
+            ),
+            (
+                r#"{"op":"setParameters","parameters":[{"name":"/p","value":3}]}"#,
+                Some(Incoming::SetParameters {
+                    parameters: vec![Parameter {
+                        name: "/p".into(),
+                        value: Some(json!(3)),
+                        kind: None,
+                    }],
+                    id: None,
+                }),
+            ),
+            (
+                r#"{"op":"subscribeParameterUpdates","parameterNames":["/p"]}"#,
+                Some(Incoming::SubscribeParameterUpdates {
+                    parameter_names: names.clone(),
+                }),
+            ),
+            (
+                r#"{"op":"unsubscribeParameterUpdates","parameterNames":["/p"]}"#,
+                Some(Incoming::UnsubscribeParameterUpdates {
+                    parameter_names: names,
+                }),
+            ),
+            (
+                r#"{"op":"subscribeConnectionGraph"}"#,
+                Some(Incoming::Other),
+            ),
+            (r#"{"op":"subscribe"}"#, None),
+            (
+                r#"{"op":"subscribe","subscriptions":[{"id":-1,"channelId":3}]}"#,
+                None,
+            ),
+            (
+                r#"{"op":"subscribe","subscriptions":[{"id":4294967296,"channelId":3}]}"#,
+                None,
+            ),
+            ("{}", None),
+            ("[]", None),
+            ("", None),
+        ] {
+            assert_eq!(read(text), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn binary_messages_are_read_or_mean_nothing() {
+        let call = b"\x02\x01\0\0\0\x02\0\0\0\x04\0\0\0json{}";
+        let expected = Binary::ServiceCall {
+            service: 1,
+            call: 2,
+            encoding: b"json",
+            request: b"{}",
+        };
+        assert_eq!(read_binary(call), Some(expected));
+        for length in 0..17 {
+            assert_eq!(read_binary(&call[..length]), None, "{length}");
+        }
+        assert_eq!(
+            read_binary(b"\x02\x01\0\0\0\x02\0\0\0\xff\xff\xff\xffjson"),
+            None
+        );
+        assert_eq!(read_binary(b"\x01anything"), Some(Binary::Publish));
+        assert_eq!(read_binary(b"\x07"), None);
+    }
+}

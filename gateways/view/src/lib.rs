@@ -1,0 +1,41 @@
+//! The live view's transport: a page in a browser, Foxglove and Lichtblick on one port.
+//!
+//! Nothing here has a socket, a clock, a thread or a file: [`Server`] is given bytes and times, and gives bytes, [`Event`]s and a
+//! deadline. `ril run view` is the program around it. `docs/view-protocol.md` describes what goes over the wire.
+//!
+//! * `http`: requests and answers; `websocket`: frames; `connection`: both, one after the other;
+//! * `authority`: who may look and order, which page commands, which orders are taken;
+//! * `pages`, `viewer` and `outbox`: what pages are sent, by the newest rules; [`page`] has the messages;
+//! * `foxglove`: any topic for panels of others.
+
+mod assets;
+mod authority;
+mod connection;
+mod event;
+mod foxglove;
+mod http;
+mod id;
+mod outbox;
+pub mod pace;
+pub mod page;
+mod pages;
+mod server;
+mod settings;
+mod speaks;
+mod viewer;
+mod websocket;
+
+pub use authority::lease::LEASE_TIME;
+pub use authority::orders::{MAX_ORDERS, MEMORY};
+pub use connection::{ANSWER_TIME, HEAD_TIME, IDLE_TIME, PING_PERIOD, SILENCE};
+pub use event::Event;
+pub use foxglove::channels::{Channel, MAX_CHANNELS};
+pub use foxglove::services::Service;
+pub use http::refusal::BUSY;
+pub use http::request::MAX_HEAD_BYTES;
+pub use id::{Call, ChannelId, ConnectionId, ViewerId};
+pub use outbox::{MAX_TEXTS, MAX_UNSEEN};
+pub use pages::{BEAT_PERIOD, OPEN_TIME};
+pub use server::{MAX_HTTP, MAX_VIEWERS, Server};
+pub use settings::{Instance, Peer, Settings, Token};
+pub use websocket::MAX_MESSAGE_BYTES;

@@ -1,0 +1,424 @@
+//! What the server says to a page.
+
+use serde::{Deserialize, Serialize};
+
+use super::words::{
+    EventSeverity, Freshness, Holder, OrderKind, OrderStage, Role, Severity, Source, Switch,
+};
+
+/// `hello`: the first message, which says what server this is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Hello {
+    /// [`PROTOCOL`](super::PROTOCOL).
+    pub protocol: String,
+    /// Hash of the page's files: a page of another build loads itself again.
+    pub build: String,
+    /// Another one at each start of the server: then nothing that the page knew holds.
+    pub instance: String,
+    /// What this page may do.
+    pub role: Role,
+    /// The robots that are shown.
+    pub robots: Vec<u32>,
+    /// `None` if robots are shown live.
+    pub replay: Option<ReplayInfo>,
+    /// [`STALE_AFTER_MS`](super::STALE_AFTER_MS).
+    pub stale_after_ms: u64,
+}
+
+/// The recording that is played.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReplayInfo {
+    /// Name of the file.
+    pub file: String,
+    /// Length of the recording.
+    pub duration_s: f64,
+    /// UTC wall time of its beginning; `None` if the recording has none.
+    pub start_unix_ms: Option<u64>,
+    /// What flew when, in seconds from the beginning.
+    pub phases: Vec<Phase>,
+    /// What happened.
+    pub events: Vec<ReplayEvent>,
+}
+
+/// Something that happened in a recording.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReplayEvent {
+    /// Seconds from its beginning.
+    pub at_s: f64,
+    /// How much weight it has.
+    pub severity: EventSeverity,
+    /// What happened.
+    pub text: String,
+}
+
+/// `robots`: the list of all robots, at changes and once a second.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Robots {
+    /// One line each.
+    pub robots: Vec<RobotSummary>,
+}
+
+/// A robot in the list.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RobotSummary {
+    /// Its number.
+    pub robot: u32,
+    /// Of its worst alarm.
+    pub severity: Severity,
+    /// Its worst alarm, or what it does.
+    pub text: String,
+    /// `None` if it is not known.
+    pub flying: Option<bool>,
+    /// `None` if it is not known.
+    pub battery_v: Option<f64>,
+    /// Of its bridge.
+    pub link: Freshness,
+}
+
+/// `robot`: one robot in words, at changes and once a second.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Robot {
+    /// Its number.
+    pub robot: u32,
+    /// What the helicopter does.
+    pub phase: String,
+    /// What its module does.
+    pub activity: String,
+    /// State of its module.
+    pub module: String,
+    /// Whether the module takes no movement.
+    pub blocked: bool,
+    /// The link to the DSP.
+    pub link: Link,
+    /// `None` if it is not known.
+    pub switch: Option<Switch>,
+    /// The station that commands over a relay; `None` if none does.
+    pub commander: Option<Commander>,
+    /// Who has control in the bridge.
+    pub control: Control,
+    /// What lasts, the worst first.
+    pub alarms: Vec<Alarm>,
+    /// `None` if there is none.
+    pub movement: Option<Movement>,
+    /// Whether it is a recorded flight that is played.
+    pub replayed: bool,
+    /// Whether it comes over a relay.
+    pub relayed: bool,
+}
+
+/// The link between bridge and DSP.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Link {
+    /// In words.
+    pub text: String,
+    /// Its state by name.
+    pub state: String,
+    /// Since when nothing has come over it; `None` if it is not known.
+    pub age_s: Option<f64>,
+}
+
+/// A station that commands.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Commander {
+    /// Its name.
+    pub text: String,
+}
+
+/// Who has control in the bridge.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Control {
+    /// Whether others are refused.
+    pub exclusive: bool,
+    /// `None` if nothing has it.
+    pub holder: Option<String>,
+}
+
+/// An alarm that lasts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Alarm {
+    /// Stays the same while it lasts.
+    pub id: String,
+    /// How bad it is.
+    pub severity: Severity,
+    /// What is wrong.
+    pub text: String,
+    /// What to do about it; `None` if there is no advice.
+    pub next_step: Option<String>,
+    /// For how long it has lasted.
+    pub since_s: f64,
+}
+
+/// The movement that is under way, or was last.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Movement {
+    /// In words.
+    pub text: String,
+    /// Waypoints of its path.
+    pub waypoints_total: u32,
+    /// Those that were reached.
+    pub waypoints_reached: u32,
+    /// `None` if it is not known.
+    pub distance_to_go_m: Option<f64>,
+    /// `None` if it is not known.
+    pub time_to_go_s: Option<f64>,
+}
+
+/// `chart`: what is drawn under a robot, at changes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Chart {
+    /// The robot's number.
+    pub robot: u32,
+    /// Where fence and path are from.
+    pub source: Source,
+    /// Of the bridge's outline; grows at each change.
+    pub number: u64,
+    /// Areas of the fence.
+    pub fence: Vec<Area>,
+    /// Floor everywhere; `None` if there is none.
+    pub floor_m: Option<f64>,
+    /// Ceiling everywhere; `None` if there is none.
+    pub ceiling_m: Option<f64>,
+    /// Waypoints: latitude, longitude (degrees), altitude (m).
+    pub path: Vec<[f64; 3]>,
+    /// Latitude, longitude (degrees), altitude (m); `None` if it is not known.
+    pub home: Option<[f64; 3]>,
+}
+
+/// An area of a fence.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Area {
+    /// Its name; empty if it has none.
+    pub name: String,
+    /// Whether the helicopter must be inside; else it must be outside.
+    pub inclusion: bool,
+    /// `None` if it has no floor.
+    pub floor_m: Option<f64>,
+    /// `None` if it has no ceiling.
+    pub ceiling_m: Option<f64>,
+    /// Latitude and longitude, degrees.
+    pub corners: Vec<[f64; 2]>,
+}
+
+/// Whether values are of the present, and how old they were when they were sent.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Age {
+    /// As the server judges.
+    pub freshness: Freshness,
+    /// `None` if there are no values.
+    pub age_ms: Option<u64>,
+}
+
+/// Attitude of the helicopter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Attitude {
+    /// Right side down is positive.
+    pub roll_deg: f64,
+    /// Nose up is positive.
+    pub pitch_deg: f64,
+    /// From north, clockwise.
+    pub yaw_deg: f64,
+}
+
+/// `now`: what changes all the time, at most 20 times a second. Of these a viewer gets the newest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Now {
+    /// The robot's number.
+    pub robot: u32,
+    /// Grows by one; `seen` and orders name it.
+    pub n: u64,
+    /// The server's monotonic time when this was made, to which the ages refer.
+    pub sent_ms: u64,
+    /// Age of the telemetry.
+    pub telemetry: Age,
+    /// Age of the bridge's state.
+    pub bridge: Age,
+    /// Latitude and longitude, degrees; `None` if it is not known.
+    pub position: Option<[f64; 2]>,
+    /// `None` if it is not known.
+    pub altitude_m: Option<f64>,
+    /// Above the place of the take-off; `None` if it is not known.
+    pub height_m: Option<f64>,
+    /// `None` if it is not known.
+    pub attitude: Option<Attitude>,
+    /// `None` if it is not known.
+    pub ground_speed_mps: Option<f64>,
+    /// `None` if it is not known.
+    pub climb_mps: Option<f64>,
+    /// `None` if it is not known, or nothing moves.
+    pub course_deg: Option<f64>,
+    /// `None` if it is not known.
+    pub battery_v: Option<f64>,
+    /// `None` if it is not known.
+    pub fuel_percent: Option<f64>,
+    /// Of the GPS; `None` if it is not known.
+    pub fix: Option<String>,
+    /// `None` if it is not known.
+    pub flying: Option<bool>,
+    /// How many were replaced by newer ones since the last one that this viewer was sent, because it is slow. The server fills it in,
+    /// so it must stay the last field.
+    pub left_out: u64,
+}
+
+/// `past`: the last minutes, for a page that comes, or that was hidden.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Past {
+    /// The robot's number.
+    pub robot: u32,
+    /// Latitude and longitude, degrees.
+    pub track: Vec<[f64; 2]>,
+    /// Seconds before now, negative: the moments of the following rows.
+    pub t_s: Vec<f64>,
+    /// `None` where it was not known.
+    pub altitude_m: Vec<Option<f64>>,
+    /// `None` where it was not known.
+    pub ground_speed_mps: Vec<Option<f64>>,
+    /// `None` where it was not known.
+    pub battery_v: Vec<Option<f64>>,
+    /// What flew when, in seconds before now.
+    pub phases: Vec<Phase>,
+    /// The newest last.
+    pub events: Vec<PastEvent>,
+}
+
+/// A stretch of time in which the helicopter did one thing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Phase {
+    /// Its beginning.
+    pub from_s: f64,
+    /// Its end.
+    pub to_s: f64,
+    /// What it did.
+    pub text: String,
+}
+
+/// An event of the past.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PastEvent {
+    /// UTC wall time.
+    pub at_unix_ms: u64,
+    /// How much weight it has.
+    pub severity: EventSeverity,
+    /// What happened.
+    pub text: String,
+}
+
+/// `event`: something that happened just now.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Event {
+    /// The robot's number.
+    pub robot: u32,
+    /// UTC wall time.
+    pub at_unix_ms: u64,
+    /// How much weight it has.
+    pub severity: EventSeverity,
+    /// What happened.
+    pub text: String,
+}
+
+/// `check`: the answer to a [`CheckRequest`](super::CheckRequest).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Check {
+    /// The number that the page chose.
+    pub order: String,
+    /// The robot's number.
+    pub robot: u32,
+    /// Of the worst finding. An order with an alarm is not taken.
+    pub severity: Severity,
+    /// What was found.
+    pub findings: Vec<Finding>,
+    /// `None` if it is not known.
+    pub distance_m: Option<f64>,
+    /// `None` if it is not known.
+    pub duration_s: Option<f64>,
+}
+
+/// Something that a check found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Finding {
+    /// How bad it is.
+    pub severity: Severity,
+    /// What was found.
+    pub text: String,
+    /// What to do about it; `None` if there is no advice.
+    pub next_step: Option<String>,
+}
+
+/// `order`: how far an order has come. All pages that look at the robot get it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OrderReport {
+    /// The number that the page chose.
+    pub order: String,
+    /// The robot's number.
+    pub robot: u32,
+    /// What was ordered.
+    pub kind: OrderKind,
+    /// How far it has come.
+    pub stage: OrderStage,
+    /// In words.
+    pub text: String,
+    /// Whether this is the last word.
+    #[serde(rename = "final")]
+    pub is_final: bool,
+}
+
+/// `lease`: who commands a robot among the pages, at changes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lease {
+    /// The robot's number.
+    pub robot: u32,
+    /// Who commands.
+    pub holder: Holder,
+    /// Whether another page asks for it.
+    pub asked: bool,
+    /// When it ends without a sign of the holder; `None` if no page holds it.
+    pub expires_ms: Option<u64>,
+}
+
+/// `replay`: where a recording is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Replay {
+    /// Seconds from its beginning.
+    pub position_s: f64,
+    /// Whether it goes on.
+    pub playing: bool,
+    /// How much faster than it was recorded.
+    pub speed: f64,
+}
+
+/// A message to a page.
+#[derive(Clone, Debug, Serialize)]
+#[serde(tag = "type", rename_all = "kebab-case")]
+pub(crate) enum Outgoing<'a> {
+    Hello(&'a Hello),
+    Robots(&'a Robots),
+    Robot(&'a Robot),
+    Chart(&'a Chart),
+    Now(&'a Now),
+    Past(&'a Past),
+    Event(&'a Event),
+    Check(&'a Check),
+    Order(&'a OrderReport),
+    Lease(&'a Lease),
+    Replay(&'a Replay),
+    /// Twice a second, also when nothing else is known: says that there is contact, and nothing more.
+    Beat {
+        sent_ms: u64,
+    },
+    /// The answer to a `ping`, by which the page knows how long messages are on their way.
+    Pong {
+        id: &'a str,
+        sent_ms: u64,
+    },
+    /// Why the server closes.
+    Refused {
+        text: &'a str,
+    },
+}
+
+impl Outgoing<'_> {
+    /// As JSON.
+    pub(crate) fn text(&self) -> String {
+        // Serde fails for maps whose keys are no texts; these messages have none.
+        serde_json::to_string(self).unwrap_or_default()
+    }
+}

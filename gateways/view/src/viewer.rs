@@ -1,0 +1,149 @@
+//! [`Page`]: one page that is connected, and why it may not give an order.
+
+use std::sync::Arc;
+
+use ipc_types::MonotonicNs;
+
+use crate::authority::access::Permit;
+use crate::authority::lease::Lease;
+use crate::id::ViewerId;
+use crate::outbox::Outbox;
+use crate::pace::Pace;
+use crate::page::{self, Holder, OrderRequest, Outgoing, Role};
+use crate::settings::Peer;
+
+/// What is the same in each `hello`.
+#[derive(Debug)]
+pub(crate) struct Greeting {
+    pub build: String,
+    pub instance: String,
+    pub replay: Option<page::ReplayInfo>,
+}
+
+impl Greeting {
+    /// For a page with this role.
+    pub fn hello(&self, role: Role, robots: &[u32]) -> page::Hello {
+        page::Hello {
+            protocol: page::PROTOCOL.to_owned(),
+            build: self.build.clone(),
+            instance: self.instance.clone(),
+            role,
+            robots: robots.to_vec(),
+            replay: self.replay.clone(),
+            stale_after_ms: page::STALE_AFTER_MS,
+        }
+    }
+}
+
+/// A page that is connected.
+#[derive(Debug)]
+pub(crate) struct Page {
+    pub peer: Peer,
+    pub connected: MonotonicNs,
+    /// What it may do; `None` until it has opened.
+    pub permit: Option<Permit>,
+    /// What it looks at; `None` if there is nothing.
+    pub robot: Option<u32>,
+    pub is_hidden: bool,
+    /// Whether `Event::Joined` is to be said.
+    pub has_joined: bool,
+    pub orders: Pace,
+    pub outbox: Outbox,
+}
+
+impl Page {
+    /// Address and name of its token, for the log.
+    pub fn from(&self) -> String {
+        let name = self
+            .permit
+            .as_ref()
+            .and_then(|permit| permit.name.as_deref());
+        from(&self.peer, name)
+    }
+
+    pub fn may_order(&self) -> bool {
+        self.permit
+            .as_ref()
+            .is_some_and(|permit| permit.role == Role::Command)
+    }
+
+    pub fn send(&mut self, message: &Outgoing<'_>) {
+        self.outbox.push(Arc::from(message.text()));
+    }
+}
+
+/// Who is at the other end, for the log.
+pub(crate) fn from(peer: &Peer, name: Option<&str>) -> String {
+    match name {
+        Some(name) => format!("{} ({name})", peer.address),
+        None => peer.address.to_string(),
+    }
+}
+
+pub(crate) const REPLAYED: &str = "REPLAY: a recording takes no orders";
+pub(crate) const ONLY_LOOKS: &str = "this page may only look: open it with `ril view`";
+pub(crate) const OTHER_ROBOT: &str = "this page looks at another robot";
+
+/// Why an order may not be given; `None` if it may.
+pub(crate) fn refusal(
+    page: &Page,
+    viewer: ViewerId,
+    order: &OrderRequest,
+    lease: Lease,
+    is_replay: bool,
+    now: MonotonicNs,
+) -> Option<&'static str> {
+    if is_replay {
+        return Some(REPLAYED);
+    }
+    if !page.may_order() {
+        return Some(ONLY_LOOKS);
+    }
+    if page.robot != Some(order.robot) {
+        return Some(OTHER_ROBOT);
+    }
+    if order.kind.is_everyones() {
+        return None;
+    }
+    match lease.holder() {
+        None => return Some("no page commands this robot: take command first"),
+        Some(holder) if holder != viewer => {
+            return Some("another page commands this robot: ask for command");
+        }
+        Some(_) => {}
+    }
+    let is_recent = page.outbox.is_recent(order.seen, now);
+    (!is_recent).then_some("what the page showed was more than 2 s old")
+}
+
+/// The lease, as a message to a page.
+pub(crate) fn lease_message(
+    robot: u32,
+    lease: Lease,
+    viewer: ViewerId,
+    now: MonotonicNs,
+) -> page::Lease {
+    match lease {
+        Lease::Free => page::Lease {
+            robot,
+            holder: Holder::None,
+            asked: false,
+            expires_ms: None,
+        },
+        Lease::Held { by, until, asked } => page::Lease {
+            robot,
+            holder: if by == viewer {
+                Holder::You
+            } else {
+                Holder::Other
+            },
+            asked: asked.is_some(),
+            expires_ms: Some(u64::try_from(until.since(now).as_millis()).unwrap_or(u64::MAX)),
+        },
+    }
+}
+
+/// Monotonic time as messages have it.
+pub(crate) fn millis(now: MonotonicNs) -> u64 {
+    now.0 / 1_000_000
+}

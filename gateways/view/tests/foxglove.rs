@@ -1,0 +1,576 @@
+//! Foxglove clients: channels, samples, time, services and parameters.
+
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+use view::{Channel, ChannelId, Event, Service, Settings};
+
+use crate::common::{
+    BINARY, CLOSE, Client, SECRET, TEXT, WATCH, World, frame, own, peer, replay, settings, upgrade,
+};
+
+fn world() -> World {
+    World::new(settings())
+}
+
+fn client(world: &mut World, token: Option<&str>) -> Client {
+    let path = token.map_or("/".to_owned(), |token| format!("/?token={token}"));
+    world.viewer(own(), &path, "foxglove.sdk.v1")
+}
+
+fn channel(topic: &str) -> Channel {
+    Channel {
+        topic: topic.into(),
+        encoding: "cdr".into(),
+        schema_name: "hero/msg/T".into(),
+        schema_encoding: "ros2msg".into(),
+        schema: Arc::from("uint8 x"),
+    }
+}
+
+/// The operations of the JSON messages that have come.
+fn operations(world: &mut World, client: &mut Client) -> Vec<String> {
+    let messages = world.messages(client);
+    messages
+        .iter()
+        .map(|one| one["op"].as_str().unwrap().to_owned())
+        .collect()
+}
+
+/// The binary messages that have come.
+fn binaries(world: &mut World, client: &mut Client) -> Vec<Vec<u8>> {
+    let frames = world.frames(client).into_iter();
+    frames
+        .filter(|(opcode, _)| *opcode == BINARY)
+        .map(|(_, payload)| payload)
+        .collect()
+}
+
+fn subscribe(world: &mut World, client: &Client, id: u32, channel: u32) {
+    world.say(
+        client,
+        &json!({"op": "subscribe", "subscriptions": [{"id": id, "channelId": channel}]}),
+    );
+}
+
+/// A sample as the protocol has it.
+fn data(subscription: u32, time: u64, bytes: &[u8]) -> Vec<u8> {
+    let mut data = vec![1];
+    data.extend(subscription.to_le_bytes());
+    data.extend(time.to_le_bytes());
+    data.extend(bytes);
+    data
+}
+
+fn number(world: &mut World, client: &mut Client, topic: &str) -> u32 {
+    let messages = world.messages(client);
+    let channels = messages
+        .iter()
+        .filter_map(|one| one["channels"].as_array())
+        .flatten();
+    let found = channels
+        .into_iter()
+        .find(|one| one["topic"] == topic)
+        .expect("the topic");
+    found["id"].as_u64().unwrap() as u32
+}
+
+#[test]
+fn a_client_is_told_what_there_is() {
+    let mut world = world();
+    let mut none = client(&mut world, None);
+    let messages = world.messages(&mut none);
+    let info = json!({"op": "serverInfo", "name": "HERO RIL", "capabilities": ["time", "parameters", "parametersSubscribe"],
+        "supportedEncodings": ["json"], "sessionId": "life"});
+    assert_eq!(messages, [info, json!({"op": "advertise", "channels": []})]);
+    let id = world.server.channel(channel("/robot1/pose")).unwrap();
+    let expected = json!({"op": "advertise", "channels": [{"id": 1, "topic": "/robot1/pose", "encoding": "cdr",
+        "schemaName": "hero/msg/T", "schema": "uint8 x", "schemaEncoding": "ros2msg"}]});
+    assert_eq!(world.messages(&mut none), [expected]);
+    world.server.withdraw(id);
+    assert_eq!(
+        world.messages(&mut none),
+        [json!({"op": "unadvertise", "channelIds": [1]})]
+    );
+    // Many come some at a time.
+    for index in 0..20 {
+        world.server.channel(channel(&format!("/{index}")));
+    }
+    let mut late = client(&mut world, None);
+    assert_eq!(
+        operations(&mut world, &mut late),
+        ["serverInfo", "advertise", "advertise", "advertise"]
+    );
+    assert_eq!(
+        operations(&mut world, &mut none),
+        ["advertise", "advertise", "advertise"]
+    );
+    assert!(world.messages(&mut none).is_empty());
+}
+
+#[test]
+fn capabilities_follow_settings_and_token() {
+    let plain = Settings {
+        foxglove_commands: false,
+        foxglove_parameters: false,
+        ..settings()
+    };
+    let recorded = Settings {
+        replay: Some(replay()),
+        foxglove_parameters: false,
+        ..settings()
+    };
+    for (settings, token, expected) in [
+        (
+            settings(),
+            Some(SECRET),
+            json!(["time", "parameters", "parametersSubscribe", "services"]),
+        ),
+        (
+            settings(),
+            Some(WATCH),
+            json!(["time", "parameters", "parametersSubscribe"]),
+        ),
+        (plain, Some(SECRET), json!(["time"])),
+        (recorded, Some(SECRET), json!(["time"])),
+    ] {
+        let mut world = World::new(settings);
+        let mut one = client(&mut world, token);
+        assert_eq!(world.messages(&mut one)[0]["capabilities"], expected);
+    }
+    // Others need a token to look at all.
+    for (token, status) in [
+        ("", "401"),
+        ("?token=wrong", "401"),
+        ("?token=fedcba9876543210fedcba9876543210", "101"),
+    ] {
+        let mut world = world();
+        let mut one = world.connect(peer("127.0.0.1:5", false));
+        world.send(
+            &one,
+            &upgrade(&format!("/{token}"), "foxglove.websocket.v1", ""),
+        );
+        let answer = world.answer(&mut one);
+        assert!(
+            answer.starts_with(&format!("HTTP/1.1 {status} ")),
+            "{token}: {answer}"
+        );
+    }
+}
+
+#[test]
+fn samples_come_to_those_who_have_subscribed() {
+    let mut world = world();
+    let (a, b) = (
+        world.server.channel(channel("/a")).unwrap(),
+        world.server.channel(channel("/b")).unwrap(),
+    );
+    world.server.sample(a, 1, *b"old");
+    let (mut one, mut two) = (client(&mut world, None), client(&mut world, None));
+    let number_a = number(&mut world, &mut one, "/a");
+    world.frames(&mut two);
+    subscribe(&mut world, &one, 7, number_a);
+    assert_eq!(world.events(), [Event::Subscribed(a)]);
+    assert!(world.server.is_subscribed(a) && !world.server.is_subscribed(b));
+    // The newest there is, at once; then all, after their time.
+    assert_eq!(binaries(&mut world, &mut one), [data(7, 1, b"old")]);
+    world.server.time(2);
+    world.server.sample(a, 2, *b"x");
+    world.server.sample(b, 2, *b"y");
+    world.server.sample(a, 3, *b"z");
+    let time = b"\x02\x02\0\0\0\0\0\0\0".to_vec();
+    assert_eq!(
+        binaries(&mut world, &mut one),
+        [time.clone(), data(7, 2, b"x"), data(7, 3, b"z")]
+    );
+    assert_eq!(binaries(&mut world, &mut two), [time]);
+    // Twice the same number, or the same channel twice, is nothing; nor is a channel that is not there.
+    subscribe(&mut world, &one, 7, number_a + 1);
+    subscribe(&mut world, &one, 8, number_a);
+    subscribe(&mut world, &one, 9, 999);
+    subscribe(&mut world, &two, 7, number_a);
+    assert!(world.events().is_empty());
+    world.server.closed(two.id, world.now);
+    assert!(world.events().is_empty());
+    world.say(
+        &one,
+        &json!({"op": "unsubscribe", "subscriptionIds": [7, 7, 8]}),
+    );
+    assert_eq!(world.events(), [Event::Unsubscribed(a)]);
+    world.server.sample(a, 4, *b"w");
+    assert!(binaries(&mut world, &mut one).is_empty());
+    subscribe(&mut world, &one, 7, number_a);
+    world.server.closed(one.id, world.now);
+    assert_eq!(
+        world.events(),
+        [Event::Subscribed(a), Event::Unsubscribed(a)]
+    );
+}
+
+#[test]
+fn a_channel_that_comes_back_keeps_its_number_and_needs_a_new_subscription() {
+    let mut world = world();
+    let a = world.server.channel(channel("/a")).unwrap();
+    let mut one = client(&mut world, None);
+    let number_a = number(&mut world, &mut one, "/a");
+    subscribe(&mut world, &one, 1, number_a);
+    world.server.withdraw(a);
+    assert_eq!(operations(&mut world, &mut one), ["unadvertise"]);
+    world.server.sample(a, 1, *b"x");
+    assert_eq!(world.server.channel(channel("/a")), Some(a));
+    world.server.sample(a, 2, *b"y");
+    assert_eq!(number(&mut world, &mut one, "/a"), number_a);
+    subscribe(&mut world, &one, 1, number_a);
+    assert_eq!(binaries(&mut world, &mut one), [data(1, 2, b"y")]);
+}
+
+#[test]
+fn a_slow_client_gets_the_newest_of_each_channel_and_others_lose_nothing() {
+    let mut world = world();
+    let channels: Vec<ChannelId> = (0..4)
+        .map(|index| world.server.channel(channel(&format!("/{index}"))).unwrap())
+        .collect();
+    let (mut slow, mut good) = (client(&mut world, None), client(&mut world, None));
+    for one in [&mut slow, &mut good] {
+        world.frames(one);
+        for index in 1..=4 {
+            subscribe(&mut world, one, index, index);
+        }
+    }
+    // 50 Hz of each, for two seconds; the kernel takes nothing of the slow one's bytes.
+    let mut got = 0;
+    for number in 1..=100_u64 {
+        for channel in &channels {
+            world.server.sample(*channel, number, vec![0; 1000]);
+        }
+        got += binaries(&mut world, &mut good).len();
+        world.write(&mut slow, 0);
+        world.pass_ms(20);
+    }
+    assert_eq!(got, 400);
+    let frames = world.frames(&mut slow);
+    let (late, told): (Vec<_>, Vec<_>) = frames
+        .into_iter()
+        .partition(|(opcode, _)| *opcode == BINARY);
+    let times: Vec<u64> = late
+        .iter()
+        .map(|(_, one)| u64::from_le_bytes(one[5..13].try_into().unwrap()))
+        .collect();
+    // What was ready, then the newest.
+    assert!(times[..4].iter().all(|time| *time <= 4), "{times:?}");
+    assert_eq!(times[times.len() - 4..], [100; 4], "{times:?}");
+    assert!(times.len() <= 24, "{times:?}");
+    // It gets the text once.
+    let told: Vec<Value> = told
+        .iter()
+        .map(|(_, text)| serde_json::from_slice(text).unwrap())
+        .collect();
+    assert_eq!(
+        (told.len(), &told[0]["op"], &told[0]["id"]),
+        (1, &json!("status"), &json!("slow")),
+        "{told:?}"
+    );
+    for number in 101..200 {
+        world.server.sample(channels[0], number, vec![0; 40_000]);
+        world.pass_ms(50);
+    }
+    assert!(
+        world
+            .frames(&mut slow)
+            .iter()
+            .all(|(opcode, _)| *opcode != TEXT)
+    );
+}
+
+#[test]
+fn answers_that_are_not_read_close_the_client() {
+    let mut world = world();
+    world.server.parameter("/p", Some(json!(1)));
+    let mut one = client(&mut world, None);
+    world.frames(&mut one);
+    let ask = json!({"op": "getParameters", "parameterNames": [], "id": "r"});
+    for _ in 0..64 {
+        world.say(&one, &ask);
+    }
+    assert!(!world.server.is_ended(one.id));
+    assert_eq!(world.messages(&mut one).len(), 64);
+    for _ in 0..65 {
+        world.say(&one, &ask);
+    }
+    assert_eq!(world.close_code(&mut one), Some(1008));
+}
+
+#[test]
+fn parameters_are_answered_from_what_is_known() {
+    let mut world = world();
+    world.server.parameter("/a", Some(json!(3.0)));
+    world.server.parameter("/b", Some(json!("text")));
+    let (mut one, mut other) = (client(&mut world, Some(SECRET)), client(&mut world, None));
+    for each in [&mut one, &mut other] {
+        world.frames(each);
+    }
+    let values = |id: Value, parameters: Value| match id {
+        Value::Null => json!({"op": "parameterValues", "parameters": parameters}),
+        id => json!({"op": "parameterValues", "parameters": parameters, "id": id}),
+    };
+    let (a, b) = (
+        json!({"name": "/a", "value": 3.0, "type": "float64"}),
+        json!({"name": "/b", "value": "text"}),
+    );
+    world.say(
+        &one,
+        &json!({"op": "getParameters", "parameterNames": [], "id": "r"}),
+    );
+    world.say(
+        &one,
+        &json!({"op": "getParameters", "parameterNames": ["/b", "/none"]}),
+    );
+    assert_eq!(
+        world.messages(&mut one),
+        [
+            values(json!("r"), json!([a, b])),
+            values(Value::Null, json!([b]))
+        ]
+    );
+    // Changes are said to those who follow, and only changes.
+    world.say(
+        &other,
+        &json!({"op": "subscribeParameterUpdates", "parameterNames": []}),
+    );
+    world.server.parameter("/a", Some(json!(3.0)));
+    assert!(world.messages(&mut other).is_empty());
+    world.server.parameter("/a", Some(json!(4.5)));
+    world.server.parameter("/b", None);
+    let changed = values(
+        Value::Null,
+        json!([{"name": "/a", "value": 4.5, "type": "float64"}, {"name": "/b"}]),
+    );
+    assert_eq!(world.messages(&mut other), [changed]);
+    world.say(
+        &other,
+        &json!({"op": "unsubscribeParameterUpdates", "parameterNames": ["/a"]}),
+    );
+    // Setting is for those who may order: others get what is.
+    let set = |value: f64| json!({"op": "setParameters", "parameters": [{"name": "/a", "value": value}], "id": "s"});
+    world.say(&other, &set(9.0));
+    let messages = world.messages(&mut other);
+    assert_eq!(
+        (&messages[0]["op"], &messages[1]),
+        (
+            &json!("status"),
+            &values(
+                json!("s"),
+                json!([{"name": "/a", "value": 4.5, "type": "float64"}])
+            )
+        )
+    );
+    assert!(world.events().is_empty());
+    world.say(&one, &set(5.0));
+    assert!(
+        world.messages(&mut one).is_empty(),
+        "answered when it is known what became of it"
+    );
+    let event = Event::SetParameter {
+        name: "/a".into(),
+        value: json!(5.0),
+        from: "127.0.0.1:50000 (page)".into(),
+    };
+    assert_eq!(world.events(), [event]);
+    world.server.parameter("/a", Some(json!(4.5)));
+    assert_eq!(
+        world.messages(&mut one),
+        [values(
+            json!("s"),
+            json!([{"name": "/a", "value": 4.5, "type": "float64"}])
+        )]
+    );
+    // One that does not exist is not made.
+    world.say(
+        &one,
+        &json!({"op": "setParameters", "parameters": [{"name": "/new", "value": 1}], "id": "n"}),
+    );
+    assert_eq!(world.messages(&mut one), [values(json!("n"), json!([]))]);
+    assert!(world.events().is_empty());
+}
+
+fn service(name: &str) -> Service {
+    Service {
+        name: name.into(),
+        kind: "hero/Order".into(),
+        request: Arc::from("{}"),
+        response: Arc::from("{}"),
+    }
+}
+
+fn call(service: u32, call: u32, encoding: &str, request: &[u8]) -> Vec<u8> {
+    let mut bytes = vec![2];
+    bytes.extend(service.to_le_bytes());
+    bytes.extend(call.to_le_bytes());
+    bytes.extend((encoding.len() as u32).to_le_bytes());
+    bytes.extend(encoding.as_bytes());
+    bytes.extend(request);
+    frame(0x82, &bytes)
+}
+
+#[test]
+fn a_service_is_called_once_and_answered_once() {
+    let mut world = world();
+    world
+        .server
+        .services(&[service("/robot1/hold"), service("/robot1/land")]);
+    let mut one = client(&mut world, Some(SECRET));
+    let messages = world.messages(&mut one);
+    let services = messages.last().unwrap()["services"].as_array().unwrap();
+    assert_eq!(
+        (services.len(), &services[1]["name"]),
+        (2, &json!("/robot1/land"))
+    );
+    assert_eq!(services[1]["request"]["schemaName"], "hero/Order_Request");
+    let land = services[1]["id"].as_u64().unwrap() as u32;
+    for _ in 0..2 {
+        world.send(&one, &call(land, 5, "json", b"{\"a\":1}"));
+    }
+    let mut events = world.events();
+    let Some(Event::ServiceCall {
+        call: waiting,
+        service,
+        request,
+        from,
+    }) = events.pop()
+    else {
+        panic!("a call")
+    };
+    assert!(events.is_empty());
+    assert_eq!(
+        (&*service, &*request, &*from),
+        ("/robot1/land", &b"{\"a\":1}"[..], "127.0.0.1:50000 (page)")
+    );
+    // The second one has the number of a call that waits.
+    let refused = binaries(&mut world, &mut one);
+    assert_eq!(refused.len(), 1);
+    for _ in 0..2 {
+        world.server.respond(waiting, b"{\"accepted\":true}");
+    }
+    let mut expected = b"\x03".to_vec();
+    expected.extend(land.to_le_bytes());
+    expected.extend(b"\x05\0\0\0\x04\0\0\0json{\"accepted\":true}");
+    assert_eq!(binaries(&mut world, &mut one), [expected]);
+    // A refusal is a normal answer, because some clients wait for ever when a call fails.
+    world.send(&one, &call(land, 6, "cdr", b""));
+    let answer = binaries(&mut world, &mut one).remove(0);
+    assert_eq!(
+        (answer[0], &answer[17..]),
+        (
+            3,
+            &br#"{"accepted":false,"request_id":null,"text":"requests are JSON"}"#[..]
+        )
+    );
+    for number in 10..20 {
+        world.send(&one, &call(land, number, "json", b"{}"));
+    }
+    assert_eq!(
+        world.events().len(),
+        3,
+        "five in a second, of which one was the second call"
+    );
+    // Services come and go, and keep their numbers.
+    world.frames(&mut one);
+    world.server.services(&[self::service("/robot1/hold")]);
+    assert_eq!(
+        world.messages(&mut one),
+        [json!({"op": "unadvertiseServices", "serviceIds": [land]})]
+    );
+    world.send(&one, &call(land, 30, "json", b"{}"));
+    assert_eq!(operations(&mut world, &mut one), ["serviceCallFailure"]);
+    world
+        .server
+        .services(&[self::service("/robot1/hold"), self::service("/robot1/land")]);
+    assert_eq!(world.messages(&mut one)[0]["services"][0]["id"], land);
+    // Nothing is said to one that is gone.
+    world.server.closed(one.id, world.now);
+    world.server.respond(waiting, b"{}");
+}
+
+#[test]
+fn who_may_not_order_calls_no_service_and_publishing_is_not_offered() {
+    for settings in [
+        settings(),
+        Settings {
+            foxglove_commands: false,
+            ..settings()
+        },
+        Settings {
+            replay: Some(replay()),
+            ..settings()
+        },
+    ] {
+        let may_order = settings.foxglove_commands && settings.replay.is_none();
+        for token in [None, Some(WATCH), Some(SECRET)] {
+            let mut world = World::new(settings.clone());
+            world.server.services(&[service("/robot1/land")]);
+            let mut one = client(&mut world, token);
+            let told = operations(&mut world, &mut one);
+            let is_allowed = may_order && token == Some(SECRET);
+            assert_eq!(told.contains(&"advertiseServices".to_owned()), is_allowed);
+            world.send(&one, &call(1, 1, "json", b"{}"));
+            assert_eq!(world.events().len(), usize::from(is_allowed), "{token:?}");
+            world.send(&one, &frame(0x82, b"\x01\0\0\0\0data"));
+            world.say(&one, &json!({"op": "advertise", "channels": []}));
+            world.send(&one, &call(1, 2, "json", b"{}"));
+            let messages = world.messages(&mut one);
+            let statuses: Vec<_> = messages
+                .iter()
+                .filter(|one| one["op"] == "status")
+                .map(|one| one["id"].as_str().unwrap())
+                .collect();
+            let expected: &[&str] = if is_allowed {
+                &["no-publishing"]
+            } else {
+                &["read-only", "no-publishing"]
+            };
+            assert_eq!(statuses, expected, "each once");
+            assert!(!world.server.is_ended(one.id));
+        }
+    }
+}
+
+#[test]
+fn what_means_nothing_closes_with_its_code() {
+    for (bytes, code) in [
+        (frame(0x81, b"{"), 1007),
+        (frame(0x81, b"{\"op\":\"subscribe\"}"), 1007),
+        (frame(0x81, b"{\"no\":\"op\"}"), 1007),
+        (frame(0x82, b""), 1007),
+        (frame(0x82, b"\x02\x01"), 1007),
+        (frame(0x82, b"\x63"), 1007),
+        (frame(0xa1, b"{}"), 1002),
+    ] {
+        let mut world = world();
+        let mut one = client(&mut world, Some(SECRET));
+        world.send(&one, &bytes);
+        assert_eq!(world.close_code(&mut one), Some(code), "{bytes:?}");
+    }
+    // What is not offered here is no fault.
+    let mut world = world();
+    let one = client(&mut world, None);
+    for op in ["subscribeConnectionGraph", "fetchAsset", "unheardOf"] {
+        world.say(&one, &json!({"op": op, "uri": "x", "requestId": 1}));
+    }
+    assert!(!world.server.is_ended(one.id));
+}
+
+#[test]
+fn another_beginning_of_time_makes_clients_connect_anew() {
+    let mut world = world();
+    let (mut one, page) = (client(&mut world, None), world.page(None, 1));
+    world.frames(&mut one);
+    world.server.restart_foxglove("second".into());
+    let frames = world.frames(&mut one);
+    assert_eq!(
+        (frames[0].0, &frames[0].1[..2]),
+        (CLOSE, &1012_u16.to_be_bytes()[..])
+    );
+    assert!(world.server.is_ended(one.id) && !world.server.is_ended(page.id));
+    let mut again = client(&mut world, None);
+    assert_eq!(world.messages(&mut again)[0]["sessionId"], "second");
+}

@@ -1,0 +1,410 @@
+//! The ports of one robot, which feed what a screen or a page knows of it, and the orders that were sent from there.
+
+use std::collections::VecDeque;
+
+use ipc_types::code::{Reason, Stage};
+use ipc_types::outline::{Outline, OutlineReader};
+use ipc_types::payload::{
+    BridgeOutline, DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData,
+    RelayLink, RelayStations, RequestReport,
+};
+use ipc_types::{
+    Client, Domain, Ipc, MonotonicNs, ReceiveError, Request, RobotId, SendError, Source, StateOf,
+    StatusModule, Subscriber, Topic,
+};
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use crate::config::RequestConfig;
+use crate::render::messages::{self, FinalReport, Verb};
+use crate::request::order::{OrderRequest, RobotOrder};
+use crate::request::{Exchange, Next, Outcome, Until};
+use crate::robot::changes::Weight;
+use crate::robot::chart::Chart;
+use crate::robot::controller::own_session;
+use crate::robot::freshness::Freshness;
+use crate::robot::model::{Process, WatchedRobot};
+use crate::session::is_relayed;
+
+/// Services that orders go to.
+pub(crate) const MAX_CLIENTS: usize = 2;
+
+/// Topics that wake the screen for the robot in detail: its state, its telemetry, the relay's link.
+pub(crate) const DETAIL_TOPICS: usize = 3;
+
+/// Most orders of a robot that are followed at a time. A further one is refused: the operator sees why nothing goes on.
+const MAX_ORDERS: usize = 4;
+
+/// Most news of orders that are kept until they are taken: more than all open orders make at a time. The oldest goes; the terminal, which
+/// shows the journal, takes none.
+const MAX_NEWS: usize = 64;
+
+/// What wakes the screen.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Wakers {
+    /// Reports about orders alone.
+    Orders,
+    /// The bridge's state as well.
+    State,
+    /// Everything.
+    All,
+}
+
+/// What became of an order.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct OrderNews {
+    /// As [`RobotPorts::send`] has given it.
+    pub number: u64,
+    /// How far it is, and why; `None` if that cannot be known, because the bridge did not answer.
+    pub stage: Option<(Stage, Reason)>,
+    /// The same in words.
+    pub text: String,
+    /// Whether nothing more follows.
+    pub is_final: bool,
+}
+
+/// See the module's documentation.
+pub(crate) struct RobotPorts {
+    ipc: Ipc,
+    state: Subscriber<ModuleState>,
+    hero: Subscriber<HeroTelemetry>,
+    dsp: Subscriber<DspTelemetry>,
+    status: Subscriber<StateOf<StatusModule>>,
+    relay: Subscriber<RelayLink>,
+    stations: Subscriber<RelayStations>,
+    /// The bridge whose process was looked at: another one may be on another machine.
+    looked_epoch_ns: Option<u64>,
+    /// What the bridge holds; `None` if the operator named a file.
+    outline: Option<(Subscriber<BridgeOutline>, OutlineReader)>,
+    movement: Option<Client<MovementData>>,
+    control: Option<Client<ModuleControl>>,
+    orders: Vec<OpenOrder>,
+    own_session: Option<u32>,
+    /// Orders that were sent so far.
+    sent: u64,
+    news: VecDeque<OrderNews>,
+}
+
+/// An order that has no final report yet.
+struct OpenOrder {
+    number: u64,
+    verb: Verb,
+    exchange: Exchange,
+}
+
+impl RobotPorts {
+    /// Joins `robot`; `draws_held` says that the map has what its bridge holds.
+    pub fn open(domain: &Domain, robot: RobotId, draws_held: bool) -> Result<RobotPorts, Failure> {
+        let ipc = Ipc::join(domain, robot, "ril").or_fail(ExitCode::Internal)?;
+        let failed = ExitCode::Internal;
+        let outline = match draws_held {
+            true => Some((ipc.subscriber().or_fail(failed)?, OutlineReader::new())),
+            false => None,
+        };
+        Ok(RobotPorts {
+            state: ipc.subscriber().or_fail(failed)?,
+            hero: ipc.subscriber().or_fail(failed)?,
+            dsp: ipc.subscriber().or_fail(failed)?,
+            status: ipc.subscriber().or_fail(failed)?,
+            relay: ipc.subscriber().or_fail(failed)?,
+            stations: ipc.subscriber().or_fail(failed)?,
+            looked_epoch_ns: None,
+            outline,
+            movement: None,
+            control: None,
+            orders: Vec::new(),
+            own_session: own_session(),
+            sent: 0,
+            news: VecDeque::new(),
+            ipc,
+        })
+    }
+
+    /// Feeds `robot` with all that is there; says whether something was.
+    pub fn drain(&mut self, robot: &mut WatchedRobot, now: MonotonicNs) -> bool {
+        robot.own_session = self.own_session;
+        // The process before the telemetry: it says which telemetry counts.
+        let results = [
+            self.status.drain(|state| robot.status(state, now)),
+            self.relay.drain(|link| robot.relay(link, now)),
+            self.stations.drain(|stations| robot.stations(stations)),
+            self.state.drain(|state| robot.state(state, now)),
+            self.hero.drain(|hero| robot.hero(hero, now)),
+            self.dsp.drain(|dsp| robot.dsp(dsp, now)),
+        ];
+        robot.lost = self.hero.losses().lost + self.dsp.losses().lost;
+        let count: usize = results.into_iter().map(count).sum();
+        let reports = self.take_reports(robot, now);
+        let outline = self.take_outline(robot);
+        count > 0 || reports || outline
+    }
+
+    /// Takes the pieces of what the bridge holds; says whether another outline is whole.
+    fn take_outline(&mut self, robot: &mut WatchedRobot) -> bool {
+        let Some((port, reader)) = &mut self.outline else {
+            return false;
+        };
+        let mut is_new = false;
+        count(port.drain(|piece| is_new |= reader.take(piece)));
+        if let Some(outline) = reader.outline().filter(|_| is_new) {
+            robot.held(outline.number, Chart::from(outline));
+        }
+        is_new
+    }
+
+    /// Looks for the processes that are overdue; says whether it did.
+    pub fn look(&mut self, robot: &mut WatchedRobot, now: MonotonicNs) -> bool {
+        let epoch_ns = robot.state.as_ref().map(|state| state.epoch_ns);
+        let is_another = epoch_ns != self.looked_epoch_ns;
+        self.looked_epoch_ns = epoch_ns;
+        let mut due: Vec<Process> = robot.looks_due(now).collect();
+        if is_another && !due.contains(&Process::Bridge) {
+            due.push(Process::Bridge);
+        }
+        for process in &due {
+            let key = match process {
+                Process::Bridge => ModuleState::KEY,
+                Process::Status => StateOf::<StatusModule>::KEY,
+                Process::Relay => RelayLink::KEY,
+            };
+            let provider = match self.ipc.provider(key) {
+                Ok(provider) => provider,
+                Err(error) => {
+                    tracing::warn!(%error, "the process cannot be looked for");
+                    None
+                }
+            };
+            if let (Process::Bridge, Some(provider)) = (process, &provider) {
+                robot.is_relayed = is_relayed(key, provider);
+            }
+            robot.provider(*process, provider.is_some(), now);
+        }
+        !due.is_empty()
+    }
+
+    /// What to wait for.
+    pub fn sources(
+        &mut self,
+        detail: Wakers,
+        status: Freshness,
+    ) -> impl Iterator<Item = &mut dyn Source> {
+        // Without status, raw telemetry is what comes. With it, both come together.
+        let telemetry: &mut dyn Source = match status.is_fresh() {
+            true => &mut self.hero,
+            false => &mut self.dsp,
+        };
+        let movement = self
+            .movement
+            .as_mut()
+            .filter(|client| client.outstanding() > 0);
+        let control = self
+            .control
+            .as_mut()
+            .filter(|client| client.outstanding() > 0);
+        let is_all = detail == Wakers::All;
+        let topics = [
+            (detail != Wakers::Orders).then_some(&mut self.state as &mut dyn Source),
+            is_all.then_some(telemetry),
+            is_all.then_some(&mut self.relay as _),
+            movement.map(|client| client as _),
+            control.map(|client| client as _),
+        ];
+        topics.into_iter().flatten()
+    }
+
+    /// When an order is to be looked at although no report comes.
+    pub fn next(&self) -> Option<MonotonicNs> {
+        let now = MonotonicNs(0);
+        let due = self
+            .orders
+            .iter()
+            .filter_map(|order| match order.exchange.next(now) {
+                Next::Wait(until) => until,
+                _ => None,
+            });
+        due.min()
+    }
+
+    /// Sends `order`, and gives its number, or why it was not sent. That, and what becomes of it, is written into the journal of
+    /// `robot`.
+    ///
+    /// # Errors
+    ///
+    /// When the service cannot be opened.
+    pub fn send(
+        &mut self,
+        order: RobotOrder,
+        config: &RequestConfig,
+        robot: &mut WatchedRobot,
+        now: MonotonicNs,
+    ) -> Result<Result<u64, String>, Failure> {
+        let verb = order.verb();
+        if self.orders.len() >= MAX_ORDERS {
+            let why = format!("{MAX_ORDERS} orders have no final report yet");
+            let text = format!("{}: not sent, {why}", verb.name());
+            robot.journal.add(now, Weight::Warning, text);
+            return Ok(Err(why));
+        }
+        let (request_id, sent) = match order.request(config.deadline_ms) {
+            OrderRequest::Control(request) => (
+                request.request_id,
+                send(&self.ipc, &mut self.control, &request)?,
+            ),
+            OrderRequest::Movement(request) => (
+                request.request_id,
+                send(&self.ipc, &mut self.movement, &request)?,
+            ),
+        };
+        match sent {
+            Ok(()) => {
+                let mut exchange = Exchange::new([request_id], Until::Final, config.timeout());
+                exchange.sent(now);
+                self.sent += 1;
+                self.orders.push(OpenOrder {
+                    number: self.sent,
+                    verb,
+                    exchange,
+                });
+                robot
+                    .journal
+                    .add(now, Weight::Order, format!("{}: sent", verb.name()));
+                Ok(Ok(self.sent))
+            }
+            Err(error) => {
+                let why = match error {
+                    SendError::NoServer { .. } => {
+                        format!("no bridge runs: start `ril bridge --robot {}`", robot.id)
+                    }
+                    error => error.to_string(),
+                };
+                let text = format!("{}: not sent, {why}", verb.name());
+                robot.journal.add(now, Weight::Alarm, text);
+                Ok(Err(why))
+            }
+        }
+    }
+
+    /// The part in the robot's shared memory.
+    pub fn ipc(&self) -> &Ipc {
+        &self.ipc
+    }
+
+    /// What the bridge holds; `None` if it has not said it.
+    pub fn outline(&self) -> Option<&Outline> {
+        self.outline
+            .as_ref()
+            .and_then(|(_, reader)| reader.outline())
+    }
+
+    /// Takes reports alone, for a process that looks at samples by the time.
+    pub fn drain_reports(&mut self, robot: &mut WatchedRobot, now: MonotonicNs) {
+        self.take_reports(robot, now);
+    }
+
+    /// What became of orders since the last call.
+    pub fn take_news(&mut self) -> impl Iterator<Item = OrderNews> {
+        std::mem::take(&mut self.news).into_iter()
+    }
+
+    /// Takes reports, and ends the orders that are over; says whether anything changed.
+    fn take_reports(&mut self, robot: &mut WatchedRobot, now: MonotonicNs) -> bool {
+        let mut reports: Vec<RequestReport> = Vec::new();
+        if let Some(client) = &mut self.movement {
+            client.drain(|report| reports.push(*report));
+        }
+        if let Some(client) = &mut self.control {
+            client.drain(|report| reports.push(*report));
+        }
+        for report in &reports {
+            for order in &mut self.orders {
+                let is_end =
+                    FinalReport::of(report).is_some_and(|end| end.exit_code() != ExitCode::Ok);
+                // How it ends is written when it is over, with the explanation.
+                if order.exchange.take(report, now).is_some()
+                    && !is_end
+                    && let Some(line) = messages::line(order.verb, 0, 1, report)
+                {
+                    note(
+                        &mut self.news,
+                        OrderNews {
+                            number: order.number,
+                            stage: report.stage().zip(report.reason()),
+                            text: line.clone(),
+                            is_final: FinalReport::of(report).is_some(),
+                        },
+                    );
+                    robot.journal.add(now, Weight::Order, line);
+                }
+            }
+        }
+        let before = self.orders.len();
+        self.orders.retain(|order| match order.exchange.next(now) {
+            Next::Over(outcome) => {
+                if let Some((stage, text)) = end_of(order.verb, &outcome) {
+                    robot.journal.add(now, Weight::Alarm, text.clone());
+                    let number = order.number;
+                    let is_final = true;
+                    note(
+                        &mut self.news,
+                        OrderNews {
+                            number,
+                            stage,
+                            text,
+                            is_final,
+                        },
+                    );
+                }
+                false
+            }
+            _ => true,
+        });
+        !reports.is_empty() || self.orders.len() < before
+    }
+}
+
+/// Sends one request over a client that is opened with the first one.
+fn send<R: Request>(
+    ipc: &Ipc,
+    client: &mut Option<Client<R>>,
+    request: &R,
+) -> Result<Result<(), SendError>, Failure> {
+    if client.is_none() {
+        *client = Some(ipc.client().or_fail(ExitCode::Internal)?);
+    }
+    match client {
+        Some(client) => Ok(client.send(request).map(|_| ())),
+        None => unreachable!("it was opened above"),
+    }
+}
+
+/// How an order ended, unless its last report has said it.
+fn end_of(verb: Verb, outcome: &Outcome) -> Option<(Option<(Stage, Reason)>, String)> {
+    match outcome {
+        Outcome::Accepted => None,
+        Outcome::Final(end) if end.exit_code() == ExitCode::Ok => None,
+        Outcome::Final(end) => Some((Some((end.stage, end.reason)), messages::ending(verb, end))),
+        Outcome::NoAnswer(_) => {
+            let text = format!(
+                "{}: no answer in time, the bridge may hang; look whether it took effect all the same",
+                verb.name()
+            );
+            Some((None, text))
+        }
+    }
+}
+
+fn note(news: &mut VecDeque<OrderNews>, one: OrderNews) {
+    if news.len() == MAX_NEWS {
+        news.pop_front();
+    }
+    news.push_back(one);
+}
+
+fn count(result: Result<usize, ReceiveError>) -> usize {
+    match result {
+        Ok(count) => count,
+        Err(error) => {
+            tracing::warn!(%error, "samples could not be received");
+            0
+        }
+    }
+}

@@ -1,0 +1,403 @@
+//! [`WatchedRobot`]: all that the screen knows of one robot. It is given samples and the time; it keeps the newest, the track,
+//! the alarms and what happened, and says when the screen changes although nothing comes. What is wrong is in `findings`.
+
+mod findings;
+#[cfg(test)]
+mod tests;
+
+use std::time::Duration;
+
+use ipc_types::module::State;
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations};
+use ipc_types::{MonotonicNs, RobotId};
+
+use crate::robot::alarms::{Alarms, Change};
+use crate::robot::changes::Weight;
+use crate::robot::chart::Chart;
+use crate::robot::controller::Senders;
+use crate::robot::freshness::{Feed, Freshness, OVERDUE_AFTER};
+use crate::robot::geo::Place;
+use crate::robot::geo::Track;
+use crate::robot::history::{EventLog, History};
+use crate::robot::pilot::PilotView;
+use crate::robot::relay_link::STATIONS_STALE_AFTER;
+use crate::robot::{changes, pilot};
+
+/// Telemetry older than this says nothing of the present: the DSP sends it several times a second.
+pub const TELEMETRY_STALE_AFTER: Duration = Duration::from_secs(1);
+
+/// Every module publishes its state at least once a second: three of them.
+const MODULE_STALE_AFTER: Duration = Duration::from_secs(3);
+
+/// Status and relay publish once a second, so this is late.
+const MODULE_OVERDUE_AFTER: Duration = Duration::from_millis(1500);
+
+/// How long a DSP error is shown as an alarm. The journal keeps it.
+const DSP_ERROR_SHOWN: Duration = Duration::from_secs(10);
+
+/// Most reached waypoints that are kept for the map: the longest path.
+const MAX_REACHED: usize = 1024;
+
+/// The processes that a robot may have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Process {
+    /// `ril run bridge`
+    Bridge,
+    /// `ril run status`
+    Status,
+    /// `ril relay station`
+    Relay,
+}
+
+impl Process {
+    /// All of them.
+    pub const ALL: [Process; 3] = [Process::Bridge, Process::Status, Process::Relay];
+}
+
+/// The place of take-off: where the robot was last seen on the ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Home {
+    /// Where.
+    pub place: Place,
+    /// Telemetry altitude there, m.
+    pub altitude_m: f64,
+}
+
+/// A DSP error that was counted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct DspError {
+    code: u32,
+    is_fatal: bool,
+    at: MonotonicNs,
+}
+
+/// See the module's documentation.
+#[derive(Clone, Debug)]
+pub struct WatchedRobot {
+    pub(crate) id: RobotId,
+    /// The bridge's newest state.
+    pub(crate) state: Option<ModuleState>,
+    hero: Option<HeroTelemetry>,
+    dsp: Option<DspTelemetry>,
+    /// The newest state of the process status.
+    pub(crate) status: Option<State>,
+    relay: Option<RelayLink>,
+    /// The stations that the robot is relayed to.
+    stations: Option<RelayStations>,
+    /// Whether the robot's topics come from another machine.
+    pub(crate) is_relayed: bool,
+    /// The session of this process.
+    pub(crate) own_session: Option<u32>,
+    /// How old the newest sample of each process is.
+    feeds: [Feed; Process::ALL.len()],
+    telemetry_feed: Feed,
+    /// The number and the chart of what the live bridge holds; `None` if it has not said it.
+    pub(crate) held: Option<(u64, Chart)>,
+    /// The state of the link, and when it was first seen.
+    link_seen: Option<(u32, MonotonicNs)>,
+    /// What the newest telemetry says.
+    pub(crate) pilot: PilotView,
+    /// Where the robot was last seen on the ground.
+    pub(crate) home: Option<Home>,
+    /// Where it was.
+    pub(crate) track: Track,
+    /// Altitude over time.
+    pub(crate) altitude: History,
+    /// Speed over ground over time.
+    pub(crate) speed: History,
+    /// Where it was when it reached the waypoints of the path under way, or of the last.
+    pub(crate) reached: Vec<Place>,
+    /// Samples of telemetry that were lost between processes.
+    pub(crate) lost: u64,
+    dsp_error: Option<DspError>,
+    /// What is wrong now.
+    pub(crate) alarms: Alarms,
+    /// What happened.
+    pub(crate) journal: EventLog,
+    bells: u32,
+}
+
+impl WatchedRobot {
+    /// A robot of which nothing is known.
+    pub fn new(id: RobotId) -> WatchedRobot {
+        WatchedRobot {
+            id,
+            state: None,
+            hero: None,
+            dsp: None,
+            status: None,
+            relay: None,
+            stations: None,
+            is_relayed: false,
+            own_session: None,
+            feeds: Process::ALL.map(|process| {
+                let overdue_after = match process {
+                    Process::Bridge => OVERDUE_AFTER,
+                    Process::Status | Process::Relay => MODULE_OVERDUE_AFTER,
+                };
+                Feed::new(MODULE_STALE_AFTER, overdue_after)
+            }),
+            telemetry_feed: Feed::without_looks(TELEMETRY_STALE_AFTER),
+            held: None,
+            link_seen: None,
+            pilot: PilotView::default(),
+            home: None,
+            track: Track::default(),
+            altitude: History::default(),
+            speed: History::default(),
+            reached: Vec::new(),
+            lost: 0,
+            dsp_error: None,
+            alarms: Alarms::default(),
+            journal: EventLog::default(),
+            bells: 0,
+        }
+    }
+
+    /// The bridge's state came.
+    pub fn state(&mut self, state: &ModuleState, now: MonotonicNs) {
+        self.heard(Process::Bridge, state.published(), now);
+        if self
+            .link_seen
+            .is_none_or(|(link, _)| link != state.link.state)
+        {
+            self.link_seen = Some((state.link.state, now));
+        }
+        match self.state.take() {
+            Some(before) => self.compare(&before, state, now),
+            None => self.note_activity(None, state, now),
+        }
+        self.state = Some(*state);
+    }
+
+    /// The live bridge said what it holds: the outline of this number.
+    pub fn held(&mut self, number: u64, chart: Chart) {
+        self.held = Some((number, chart));
+    }
+
+    /// Who commands; `None` if no sender does.
+    pub(crate) fn commander(&self) -> Option<String> {
+        let holder = self.state.as_ref()?.holder()?;
+        let senders = Senders {
+            own_session: self.own_session.filter(|_| !self.is_relayed),
+            stations: self.stations.as_ref(),
+        };
+        Some(senders.name(&holder))
+    }
+
+    /// Whether this process commands, or another one of its session.
+    pub(crate) fn is_commanded_from_here(&self) -> bool {
+        let holder = self.state.as_ref().and_then(ModuleState::holder);
+        let own = self.own_session.filter(|_| !self.is_relayed);
+        own.is_some()
+            && holder.is_some_and(|holder| holder.origin == 0 && Some(holder.session) == own)
+    }
+
+    /// Whether the bridge holds another outline than the last one that came.
+    pub(crate) fn is_held_outdated(&self) -> bool {
+        let number = self.state.as_ref().map(|state| state.outline);
+        let held = self.held.as_ref().map(|(number, _)| *number);
+        number.is_some() && held.is_some() && number != held
+    }
+
+    /// Telemetry in SI units came.
+    pub fn hero(&mut self, hero: &HeroTelemetry, now: MonotonicNs) {
+        self.hero = Some(*hero);
+        self.telemetry(now);
+    }
+
+    /// Raw telemetry came. It counts where no telemetry in SI units comes.
+    pub fn dsp(&mut self, dsp: &DspTelemetry, now: MonotonicNs) {
+        self.dsp = Some(*dsp);
+        // Status makes the same of it within a millisecond.
+        if !self.process(Process::Status, now).is_fresh() || self.hero.is_none() {
+            self.telemetry(now);
+        }
+    }
+
+    /// The state of the process status came.
+    pub fn status(&mut self, status: &State, now: MonotonicNs) {
+        let published = MonotonicNs(status.published_ns);
+        self.heard(Process::Status, published, now);
+        self.status = Some(*status);
+    }
+
+    /// The state of the relay's link came.
+    pub fn relay(&mut self, relay: &RelayLink, now: MonotonicNs) {
+        self.heard(Process::Relay, relay.published(), now);
+        self.relay = Some(*relay);
+    }
+
+    /// The stations that the robot is relayed to came.
+    pub fn stations(&mut self, stations: &RelayStations) {
+        self.stations = Some(*stations);
+    }
+
+    /// Whether `process` lives.
+    pub fn provider(&mut self, process: Process, lives: bool, now: MonotonicNs) {
+        self.feeds[process as usize].provider(lives, now);
+    }
+
+    /// Judges what is wrong at `now`. To be called after samples, and when [`WatchedRobot::next`] says so.
+    pub fn judge(&mut self, now: MonotonicNs) {
+        let findings = self.findings(now);
+        for change in self.alarms.update(findings, now) {
+            match change {
+                Change::Began(alarm) => {
+                    let weight = alarm.weight();
+                    self.bells += u32::from(weight == Weight::Alarm);
+                    self.journal.add(now, weight, alarm.finding.text);
+                }
+                Change::Ended(alarm) => {
+                    let is_known = self.process(Process::Bridge, now).is_fresh();
+                    let what = if is_known {
+                        "over"
+                    } else {
+                        "not known any more"
+                    };
+                    let text = format!("{what}: {}", alarm.finding.text);
+                    self.journal.add(now, Weight::Note, text);
+                }
+            }
+        }
+    }
+
+    /// The processes that are to be looked for now.
+    pub fn looks_due(&self, now: MonotonicNs) -> impl Iterator<Item = Process> + use<> {
+        let due = self.feeds.map(|feed| feed.look_due(now));
+        let processes = Process::ALL.into_iter().zip(due);
+        processes.filter_map(|(process, is_due)| is_due.then_some(process))
+    }
+
+    /// When the screen changes although nothing comes.
+    pub fn next(&self, now: MonotonicNs) -> Option<MonotonicNs> {
+        let error = self.dsp_error.map(|error| error.at + DSP_ERROR_SHOWN);
+        let feeds = self.feeds.iter().chain([&self.telemetry_feed]);
+        feeds
+            .filter_map(|feed| feed.next(now))
+            .chain(error.filter(|end| *end > now))
+            .chain(self.alarms.next())
+            .min()
+    }
+
+    /// How often the bell is to ring for what began since the last call.
+    pub fn take_bells(&mut self) -> u32 {
+        std::mem::take(&mut self.bells)
+    }
+
+    fn heard(&mut self, process: Process, published: MonotonicNs, now: MonotonicNs) {
+        self.feeds[process as usize].sample(published, now);
+    }
+
+    fn telemetry(&mut self, now: MonotonicNs) {
+        let before = self.pilot;
+        let view = PilotView::of(self.hero.as_ref(), self.dsp.as_ref());
+        let Some(received) = view.received else {
+            return;
+        };
+        self.pilot = view;
+        self.telemetry_feed.sample(received, now);
+        self.altitude.push(view.altitude_m, now);
+        self.speed.push(view.ground_speed_mps, now);
+        if let Some(place) = view.place {
+            self.track.push(place);
+            if let (Some(altitude_m), Some(false)) = (view.altitude_m, view.flying) {
+                self.home = Some(Home { place, altitude_m });
+            }
+        }
+        if before.flying.is_some() && before.flying != view.flying {
+            let text = match view.flying {
+                Some(true) => "in the air",
+                _ => "on the ground",
+            };
+            self.journal.add(now, Weight::Note, text);
+        }
+    }
+}
+
+impl WatchedRobot {
+    /// Notes what changed from one state of the bridge to the next.
+    fn compare(&mut self, before: &ModuleState, state: &ModuleState, now: MonotonicNs) {
+        for (weight, text) in changes::of_states(before, state) {
+            self.journal.add(now, weight, text);
+        }
+        self.follow_movement(before, state);
+        self.note_activity(Some(before), state, now);
+        let is_same_bridge = before.epoch_ns == state.epoch_ns;
+        let errors = &state.dsp_errors;
+        if is_same_bridge && before.dsp_errors.total < errors.total {
+            self.dsp_error = Some(DspError {
+                code: errors.last_code,
+                is_fatal: before.dsp_errors.escalated < errors.escalated,
+                at: now,
+            });
+        }
+    }
+
+    fn note_activity(
+        &mut self,
+        before: Option<&ModuleState>,
+        state: &ModuleState,
+        now: MonotonicNs,
+    ) {
+        let flying = self.pilot.flying;
+        let of = |state: &ModuleState| {
+            let functionality = state.functionality()?;
+            Some(pilot::activity(functionality, flying))
+        };
+        if before.and_then(of) != of(state)
+            && let Some(activity) = of(state)
+        {
+            self.journal.add(now, Weight::Note, activity);
+        }
+    }
+
+    /// Keeps the places of the waypoints that were reached.
+    fn follow_movement(&mut self, before: &ModuleState, state: &ModuleState) {
+        if changes::is_another_movement(before, state) {
+            self.reached.clear();
+        } else if before.movement.waypoints_reached < state.movement.waypoints_reached
+            && let Some(place) = self.pilot.place
+            && self.reached.len() < MAX_REACHED
+        {
+            self.reached.push(place);
+        }
+    }
+}
+
+impl WatchedRobot {
+    /// The newest state of the relay's link; `None` if the robot is on this machine.
+    pub(crate) fn last_relay(&self) -> Option<&RelayLink> {
+        self.relay.as_ref().filter(|_| self.is_relayed)
+    }
+
+    /// The stations that the robot is relayed to; `None` if no relay says so now.
+    pub(crate) fn known_stations(&self, now: MonotonicNs) -> Option<&RelayStations> {
+        let stations = self.stations.as_ref();
+        stations.filter(|stations| now.since(stations.published()) < STATIONS_STALE_AFTER)
+    }
+
+    /// How `process` is.
+    pub(crate) fn process(&self, process: Process, now: MonotonicNs) -> Freshness {
+        self.feeds[process as usize].at(now)
+    }
+
+    /// For how long the link has been as it is, and whether that is known; else it has been so at least as long.
+    pub(crate) fn link_age(&self, now: MonotonicNs) -> Option<(Duration, bool)> {
+        let since = MonotonicNs(self.state.as_ref()?.link.state_since_ns);
+        let is_known = since.0 > 0 && since <= now;
+        let (_, seen) = self.link_seen?;
+        let since = if is_known { since } else { seen };
+        Some((now.since(since), is_known))
+    }
+
+    /// How telemetry is.
+    pub(crate) fn telemetry_freshness(&self, now: MonotonicNs) -> Freshness {
+        self.telemetry_feed.at(now)
+    }
+
+    /// Height over the place of take-off, m.
+    pub(crate) fn height_m(&self) -> Option<f64> {
+        Some(self.pilot.altitude_m? - self.home?.altitude_m)
+    }
+}

@@ -1,0 +1,190 @@
+//! What a robot's samples make of it.
+
+use ipc_types::code::{Functionality, RelayLinkState, SafetyAction, SafetyRule};
+
+use super::*;
+use crate::robot::fixture::{at, fly, hero, on_path, state, translating};
+
+fn flown() -> WatchedRobot {
+    let mut robot = WatchedRobot::new(RobotId::DEFAULT);
+    fly(&mut robot);
+    robot
+}
+
+fn journal(robot: &WatchedRobot) -> Vec<String> {
+    let lines = robot.journal.newest(usize::MAX);
+    lines.map(|line| line.text.clone()).collect()
+}
+
+fn alarms(robot: &WatchedRobot) -> Vec<(&'static str, u32)> {
+    let alarms = robot.alarms.lasting();
+    alarms
+        .map(|alarm| {
+            let number = alarm.finding.items.first();
+            (alarm.finding.id, number.copied().unwrap_or_default())
+        })
+        .collect()
+}
+
+#[test]
+fn a_flight_is_told_in_order() {
+    let expected = [
+        "at rest",
+        "taking off",
+        "in the air",
+        "order: path of 3 waypoints",
+        "flying the path",
+        "waypoint 1 of 3 reached",
+    ];
+    let robot = flown();
+    assert_eq!(journal(&robot), expected);
+    assert!(alarms(&robot).is_empty());
+    assert_eq!(robot.reached.len(), 1);
+    assert_eq!(robot.height_m(), Some(10.0));
+    assert!(robot.track.points().len() > 20);
+}
+
+#[test]
+fn a_bridge_that_is_killed_is_one_alarm_and_one_bell_and_comes_back() {
+    let mut robot = flown();
+    let lost = at(20_500);
+    assert!(
+        robot
+            .looks_due(lost)
+            .any(|process| process == Process::Bridge)
+    );
+    robot.provider(Process::Bridge, false, lost);
+    for ms in (20_500..30_000).step_by(250) {
+        robot.judge(at(ms));
+    }
+    assert_eq!(alarms(&robot), [("bridge-gone", 0)]);
+    assert_eq!(robot.take_bells(), 1);
+    assert!(robot.process(Process::Bridge, at(30_000)).age().is_some());
+    assert!(robot.telemetry_freshness(at(30_000)).age().is_some());
+
+    let mut again = state(Functionality::AtRest, 30_000);
+    again.epoch_ns = 8;
+    robot.state(&again, at(30_000));
+    robot.hero(&hero(0.0, 15.0, 30_000), at(30_000));
+    robot.judge(at(30_000));
+    assert!(alarms(&robot).is_empty());
+    assert_eq!(robot.take_bells(), 0);
+    assert!(journal(&robot).contains(&"the bridge was started again".to_owned()));
+}
+
+#[test]
+fn telemetry_that_stops_is_stale_after_a_second_although_nothing_comes() {
+    let mut robot = flown();
+    for ms in [20_250, 20_500, 20_750, 21_000] {
+        robot.state(&on_path(1, ms), at(ms));
+        robot.status(&translating(ms), at(ms));
+        robot.judge(at(ms));
+    }
+    assert!(alarms(&robot).is_empty());
+    let next = robot.next(at(21_000)).unwrap();
+    assert_eq!(next, at(21_001));
+    robot.judge(next);
+    assert_eq!(alarms(&robot), [("telemetry", 0)]);
+}
+
+#[test]
+fn a_safety_rule_is_told_once_with_what_the_bridge_does() {
+    let mut robot = flown();
+    let mut breach = on_path(1, 20_250);
+    breach.safety.rule = SafetyRule::FenceCeiling.code();
+    breach.safety.action = SafetyAction::Hold.code();
+    for tenth in 0..10 {
+        breach.safety.amount = 4.2 + f64::from(tenth) / 10.0;
+        robot.state(&breach, at(20_250));
+        robot.judge(at(20_250));
+    }
+    let lines = journal(&robot);
+    let about: Vec<_> = lines
+        .iter()
+        .filter(|line| line.contains("fence-ceiling"))
+        .collect();
+    assert_eq!(
+        about,
+        [
+            "above the ceiling of the fence by 4.2 m: the path is ended and the helicopter hovers (fence-ceiling)"
+        ]
+    );
+    let shown = robot.alarms.lasting().next().unwrap();
+    assert_eq!(
+        shown.finding.text,
+        "above the ceiling of the fence by 5.1 m: the path is ended and the helicopter hovers (fence-ceiling)"
+    );
+    assert_eq!(robot.take_bells(), 1);
+}
+
+#[test]
+fn a_dsp_error_is_shown_for_a_while_and_stays_in_the_journal() {
+    let mut robot = flown();
+    let mut error = on_path(1, 20_250);
+    error.dsp_errors.total = 1;
+    error.dsp_errors.last_code = 30;
+    robot.state(&error, at(20_250));
+    robot.judge(at(20_250));
+    assert_eq!(alarms(&robot), [("dsp-error", 30)]);
+    assert_eq!(robot.take_bells(), 0, "it ended nothing");
+    let mut ms = 20_250;
+    while ms < 31_000 {
+        ms += 250;
+        error.published_ns = at(ms).0;
+        robot.state(&error, at(ms));
+        robot.hero(&hero(30.0, 25.0, ms), at(ms));
+        robot.status(&translating(ms), at(ms));
+        robot.judge(at(ms));
+    }
+    assert!(alarms(&robot).is_empty());
+    assert!(
+        journal(&robot)
+            .iter()
+            .any(|line| line.contains("invalid command"))
+    );
+}
+
+#[test]
+fn without_status_raw_telemetry_is_shown() {
+    let mut robot = WatchedRobot::new(RobotId::DEFAULT);
+    let mut dsp = DspTelemetry {
+        received_ns: at(0).0,
+        valid_groups: u16::MAX,
+        ..DspTelemetry::default()
+    };
+    dsp.supply.battery_mv = 23_500;
+    robot.dsp(&dsp, at(0));
+    assert_eq!(robot.pilot.battery_v, Some(23.5));
+    assert!(robot.telemetry_freshness(at(0)).is_fresh());
+}
+
+#[test]
+fn a_relay_whose_link_is_down_is_the_cause_and_not_the_bridge() {
+    let mut robot = flown();
+    robot.is_relayed = true;
+    let mut link = RelayLink {
+        published_ns: at(25_000).0,
+        state: RelayLinkState::Down.code(),
+        ..RelayLink::default()
+    };
+    robot.relay(&link, at(25_000));
+    robot.judge(at(25_000));
+    assert_eq!(alarms(&robot)[0], ("relay-link", 0));
+    assert!(!alarms(&robot).contains(&("bridge-silent", 0)));
+    link.state = RelayLinkState::Up.code();
+    robot.relay(&link, at(25_000));
+    robot.state(&on_path(1, 25_000), at(25_000));
+    robot.hero(&hero(30.0, 25.0, 25_000), at(25_000));
+    robot.judge(at(25_000));
+    assert!(!alarms(&robot).contains(&("relay-link", 0)));
+}
+
+#[test]
+fn a_lost_fix_in_flight_is_an_alarm() {
+    let mut robot = flown();
+    let mut lost = hero(30.0, 25.0, 20_250);
+    lost.gps_quality = 0;
+    robot.hero(&lost, at(20_250));
+    robot.judge(at(20_250));
+    assert_eq!(alarms(&robot), [("no-fix", 0)]);
+}

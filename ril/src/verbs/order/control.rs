@@ -1,0 +1,139 @@
+//! `ril control …`: who commands the bridge, and taking, releasing and passing that on.
+
+use std::io::{self, Write};
+use std::time::Duration;
+
+use clap::{Args, Subcommand};
+use ipc_types::code::ControlCommand;
+use ipc_types::payload::{ModuleControl, ModuleState, RelayStations};
+use ipc_types::{MonotonicNs, Request, Source, Topic};
+use runtime::args::CommonArgs;
+use runtime::exit::Failure;
+
+use super::asked::run;
+use crate::options::{EXIT_CODES, RequestArgs, duration};
+use crate::render::fields::{JsonLine, Tree};
+use crate::render::json_line;
+use crate::render::messages::Verb;
+use crate::request::control_request;
+use crate::robot::absence::{absent, nothing_came};
+use crate::robot::controller::{Senders, own_session};
+use crate::session::{Latest, Session, Topics, configuration, is_relayed};
+
+/// Name of the JSON object's layout.
+const SCHEMA: &str = "ril.Control.v1";
+
+/// `ril control`
+#[derive(Args, Clone, Debug)]
+pub struct HolderArgs {
+    /// What to do with control.
+    #[command(subcommand)]
+    pub command: HolderCommand,
+}
+
+/// `ril control …`
+#[derive(Clone, Debug, Subcommand)]
+pub enum HolderCommand {
+    /// Show who commands the bridge, and who asks for it
+    Show(HolderShowArgs),
+    /// Take control for this terminal; while another has exclusive control, ask its holder for it
+    Take(RequestArgs),
+    /// Give control back, or do not ask for it any more
+    Release(RequestArgs),
+    /// Hand control over to who asks for it
+    Pass(RequestArgs),
+}
+
+/// `ril control show`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct HolderShowArgs {
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// How long to wait for the bridge's state, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
+    pub timeout: Option<Duration>,
+
+    /// Print it as a JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `ril control …`
+///
+/// # Errors
+///
+/// As all requests; of `show` code 3 when there is no bridge, 4 when nothing comes of it in time.
+pub fn control(command: &HolderCommand) -> Result<(), Failure> {
+    let (verb, code, args) = match command {
+        HolderCommand::Show(args) => return show(args),
+        HolderCommand::Take(args) => (Verb::TakeControl, ControlCommand::TakeControl, args),
+        HolderCommand::Release(args) => {
+            (Verb::ReleaseControl, ControlCommand::ReleaseControl, args)
+        }
+        HolderCommand::Pass(args) => (Verb::PassControl, ControlCommand::PassControl, args),
+    };
+    run(verb, ModuleControl::KEY, args, |asked| {
+        Ok(vec![control_request(code, asked.deadline_ms)])
+    })
+}
+
+/// The newest state, and the stations for their names.
+struct Newest {
+    state: Latest<ModuleState>,
+    stations: Latest<RelayStations>,
+}
+
+impl Topics for Newest {
+    fn ports(&mut self) -> Vec<&mut dyn Source> {
+        let mut ports = self.state.ports();
+        ports.extend(self.stations.ports());
+        ports
+    }
+
+    fn drain(&mut self) {
+        self.state.drain();
+        self.stations.drain();
+    }
+}
+
+fn show(args: &HolderShowArgs) -> Result<(), Failure> {
+    let Some(config) = configuration(&args.common)? else {
+        return Ok(());
+    };
+    let session = Session::join(&args.common)?;
+    let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
+    let Some(provider) = session.provider(ModuleState::KEY)? else {
+        return Err(absent(&session, ModuleState::KEY));
+    };
+    let mut newest = Newest {
+        state: Latest::open(&session.ipc)?,
+        stations: Latest::open(&session.ipc)?,
+    };
+    let give_up = MonotonicNs::now() + timeout;
+    // A name that comes late is one that is not known.
+    session.gather(&mut newest, give_up, |newest, _| {
+        let holder = newest.state.sample.map(|state| state.control.holder);
+        let is_named = newest.stations.sample.is_some();
+        Ok(holder.is_some_and(|holder| holder.origin == 0 || is_named))
+    })?;
+    let Some(state) = newest.state.sample else {
+        return Err(nothing_came(&session, ModuleState::KEY, timeout)?);
+    };
+    let senders = Senders {
+        own_session: own_session().filter(|_| !is_relayed(ModuleState::KEY, &provider)),
+        stations: newest.stations.sample.as_ref(),
+    };
+    let (robot, now) = (session.ipc.robot().get(), MonotonicNs::now());
+    let mut out = io::stdout().lock();
+    if args.json {
+        let control = senders.tree(&state.control, now);
+        let tree = &Tree::nested([("robot", robot.into()), ("control", control)]);
+        let schema = SCHEMA;
+        return json_line(&mut out, &JsonLine { schema, tree });
+    }
+    let text = senders.in_words(&state, now);
+    writeln!(out, "control of robot {robot}: {text}").map_err(Failure::output)
+}

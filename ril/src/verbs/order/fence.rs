@@ -1,0 +1,222 @@
+//! `ril fence show`: the geofence that the running bridge has in force. `ril fence reload`, with what is wrong in the file that it reads.
+
+use std::io::{self, Write};
+use std::path::Path;
+use std::time::Duration;
+
+use bridge::BridgeConfig;
+use bridge::safety::fence::{AreaConfig, AreaKind, FenceConfig};
+use clap::Args;
+use ipc_types::Topic;
+use ipc_types::code::{ControlCommand, Reason};
+use ipc_types::payload::{BridgeJournal, ModuleControl, ModuleState};
+use runtime::args::CommonArgs;
+use runtime::config::ConfigError;
+use runtime::exit::{ExitCode, Failure};
+use serde::Serialize;
+
+use super::asked::{Asked, until};
+use crate::options::{EXIT_CODES, RequestArgs, duration};
+use crate::render::json_line;
+use crate::render::messages::Verb;
+use crate::render::words::count;
+use crate::request::{Conversation, Format, control_request};
+use crate::robot::absence::{absent, nothing_came};
+use crate::robot::running;
+use crate::session::{Session, configuration, is_relayed};
+
+/// Name of the JSON object's layout.
+const SCHEMA: &str = "ril.Fence.v1";
+
+/// `ril fence show`
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct FenceShowArgs {
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// How long to wait for the bridge's answer, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
+    pub timeout: Option<Duration>,
+
+    /// Print the fence as a JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The fence, for programs: the keys of `[fence]` in bridge.toml.
+#[derive(Serialize)]
+struct FenceObject {
+    schema: &'static str,
+    robot: u32,
+    #[serde(flatten)]
+    fence: FenceConfig,
+}
+
+/// `ril fence show`
+///
+/// # Errors
+///
+/// Code 3 when there is no bridge, 4 when it does not say its fence in time.
+pub fn show(args: &FenceShowArgs) -> Result<(), Failure> {
+    let Some(config) = configuration(&args.common)? else {
+        return Ok(());
+    };
+    let session = Session::join(&args.common)?;
+    let timeout = args.timeout.unwrap_or_else(|| config.request.timeout());
+    if !session.is_provided(BridgeJournal::KEY)? && !session.is_provided(ModuleState::KEY)? {
+        return Err(absent(&session, ModuleState::KEY));
+    }
+    if is_elsewhere(&session)? {
+        let robot = session.ipc.robot();
+        let text =
+            format!("robot {robot}'s bridge runs on another machine, and its fence is not relayed");
+        return Err(Failure::new(ExitCode::ServiceAbsent, text)
+            .with_next_step("`ril fence show` on the robot's own machine shows it"));
+    }
+    let Some(running) = running::bridge(&session, timeout)? else {
+        let failure = nothing_came(&session, BridgeJournal::KEY, timeout)?;
+        return Err(failure.with_next_step(
+            "ask on the robot's own machine, with the same version of all programs",
+        ));
+    };
+    let robot = session.ipc.robot().get();
+    let fence = FenceConfig::from(running.fence);
+    let mut out = io::stdout().lock();
+    match args.json {
+        true => json_line(
+            &mut out,
+            &FenceObject {
+                schema: SCHEMA,
+                robot,
+                fence,
+            },
+        ),
+        false => out
+            .write_all(text(robot, &fence).as_bytes())
+            .map_err(Failure::output),
+    }
+}
+
+/// Whether the bridge runs on another machine, from which its state comes and its journal does not.
+fn is_elsewhere(session: &Session) -> Result<bool, Failure> {
+    let state = session.provider(ModuleState::KEY)?;
+    let is_relayed = state.is_some_and(|provider| is_relayed(ModuleState::KEY, &provider));
+    Ok(is_relayed && !session.is_provided(BridgeJournal::KEY)?)
+}
+
+/// The fence as a table.
+fn text(robot: u32, fence: &FenceConfig) -> String {
+    let areas = count(fence.area.len(), "area");
+    let mut text = format!("fence of robot {robot}, in force: {areas}\n");
+    for (name, limit_m) in [("floor", fence.floor_m), ("ceiling", fence.ceiling_m)] {
+        text += &format!("{name:<9} {}\n", altitude(limit_m));
+    }
+    for area in &fence.area {
+        let AreaConfig {
+            name,
+            kind,
+            polygon: _,
+            centre: _,
+            radius_m: _,
+            floor_m,
+            ceiling_m,
+        } = area.config();
+        let kind = match kind {
+            AreaKind::Inclusion => "inclusion",
+            AreaKind::Exclusion => "exclusion",
+        };
+        text += &format!(
+            "{kind:<9} {name}: {}; floor {}, ceiling {}\n",
+            shape(area.config()),
+            altitude(*floor_m),
+            altitude(*ceiling_m)
+        );
+    }
+    text + "Altitudes are telemetry altitudes; positions are latitude, longitude in degrees.\n"
+}
+
+fn altitude(limit_m: Option<f64>) -> String {
+    limit_m.map_or_else(|| "none".to_owned(), |metres| format!("{metres:.1} m"))
+}
+
+fn shape(area: &AreaConfig) -> String {
+    let place = |[latitude, longitude]: [f64; 2]| format!("{latitude:.7}, {longitude:.7}");
+    match (&area.polygon, area.centre.zip(area.radius_m)) {
+        (Some(corners), _) => {
+            let corners: Vec<String> = corners.iter().copied().map(place).collect();
+            format!("polygon of [{}]", corners.join("], ["))
+        }
+        (None, Some((centre, radius_m))) => {
+            format!("circle of {radius_m:.1} m round {}", place(centre))
+        }
+        (None, None) => "no shape".to_owned(),
+    }
+}
+
+/// `ril fence reload`
+///
+/// # Errors
+///
+/// As [`stop`](super::stop); what is wrong in the file is named, if the bridge refuses it and the file can be seen from here.
+pub fn reload(args: &RequestArgs) -> Result<(), Failure> {
+    let Some(asked) = Asked::of(&args.ask)? else {
+        return Ok(());
+    };
+    let request = control_request(ControlCommand::ReloadFence, asked.deadline_ms);
+    let mut bridge =
+        Conversation::<ModuleControl>::open(&asked.session, Verb::ReloadFence, asked.timeout)?;
+    let reloaded = bridge.follow(&[request], until(args), Format::of(args.ask.json));
+    let failed = bridge.failed();
+    reloaded.map(drop).map_err(|failure| match failed {
+        // The bridge says only that the fence is not valid, and its log why.
+        Some(Reason::InvalidFence) => with_mistake(failure, mistake(&asked.session)),
+        _ => failure,
+    })
+}
+
+fn with_mistake(failure: Failure, mistake: Option<String>) -> Failure {
+    match mistake {
+        Some(mistake) => Failure::new(failure.code(), mistake)
+            .context(failure.chain().join(": "))
+            .with_next_step("correct the file, then reload it again"),
+        None => failure,
+    }
+}
+
+/// What is wrong with the file that the live bridge reads; `None` if nothing is, or the file cannot be read from here.
+fn mistake(session: &Session) -> Option<String> {
+    let default = bridge::cli::DEFAULT_CONFIG_FILE;
+    let provider = session.provider(ModuleState::KEY).ok()??;
+    let file = running::file_of(&provider, "bridge", default)?;
+    match runtime::config::load::<BridgeConfig>(Some(&file), Path::new(default)) {
+        Err(error @ (ConfigError::Invalid { .. } | ConfigError::Unfit { .. })) => {
+            Some(error.to_string())
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fence_is_shown_with_names_limits_and_units() {
+        let fence: FenceConfig = runtime::config::parse(
+            "ceiling_m = 60.0\n[[area]]\nname = 'mast'\nkind = 'exclusion'\ncentre = [37.0, -6.0]\nradius_m = 5.0\nceiling_m = 40\n\
+             [[area]]\nname = 'field'\nkind = 'inclusion'\npolygon = [[37.0, -6.0], [37.1, -6.0], [37.1, -6.1]]\n",
+            "a test",
+        )
+        .unwrap();
+        let shown = text(7, &fence);
+        for expected in [
+            "fence of robot 7, in force: 2 areas\nfloor     none\nceiling   60.0 m\n",
+            "exclusion mast: circle of 5.0 m round 37.0000000, -6.0000000; floor none, ceiling 40.0 m\n",
+            "inclusion field: polygon of [37.0000000, -6.0000000], [",
+        ] {
+            assert!(shown.contains(expected), "{shown}");
+        }
+    }
+}

@@ -1,0 +1,277 @@
+//! `ril start | stop | takeoff | land | hold | goto | rtl | fence | control`: makes the requests of one command.
+//!
+//! A conversation sends and follows them, and [`messages`](crate::render::messages) has the texts and exit codes.
+//!
+//! * `asked`: what each command has; `path`: goto and rtl, with `progress` beside; `fence`: the geofence that is in force;
+//!   `control`: who commands.
+
+mod asked;
+mod control;
+mod fence;
+mod path;
+mod progress;
+
+use clap::{Args, Subcommand};
+use ipc_types::code::ControlCommand;
+use ipc_types::payload::{ModuleControl, MovementData};
+use ipc_types::service::is_key;
+use ipc_types::{Request, fresh_request_id};
+use runtime::args::CommonArgs;
+use runtime::exit::{ExitCode, Failure};
+
+use crate::config::Config;
+use crate::options::{RequestArgs, take_off_height};
+use crate::render::messages::Verb;
+use crate::request::{Conversation, Format, complete, control_request};
+use crate::session::{Session, commandable_here, configuration, other_domains};
+use asked::{Asked, run, until};
+use fence::FenceShowArgs;
+
+pub use control::{HolderArgs, control as command_of};
+pub use path::{GotoArgs, RtlArgs, go_to, rtl};
+
+/// `ril start`, `ril stop`
+#[derive(Args, Clone, Debug)]
+pub struct ControlArgs {
+    /// Name of a module with a control service of its own, such as battery_watch [default: the bridge]
+    #[arg(long, value_name = "NAME", value_parser = module_name)]
+    pub module: Option<String>,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub request: RequestArgs,
+}
+
+/// `ril takeoff`
+#[derive(Args, Clone, Debug)]
+pub struct TakeoffArgs {
+    /// Height above take-off, such as 20m, 60ft, or 20 for metres
+    #[arg(value_name = "ALTITUDE", required_unless_present = "altitude", conflicts_with = "altitude",
+        allow_negative_numbers = true, value_parser = take_off_height)]
+    pub to: Option<f64>,
+
+    /// The same as an option
+    #[arg(long, value_name = "ALTITUDE", allow_hyphen_values = true, value_parser = take_off_height)]
+    pub altitude: Option<f64>,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub request: RequestArgs,
+}
+
+impl TakeoffArgs {
+    /// Height above take-off, m. clap makes sure that there is one.
+    pub fn height_m(&self) -> f64 {
+        self.to.or(self.altitude).unwrap_or_default()
+    }
+}
+
+/// `ril land`
+#[derive(Args, Clone, Debug)]
+pub struct LandArgs {
+    /// Replace a path that is under way instead of being refused as busy
+    #[arg(long)]
+    pub preempt: bool,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub request: RequestArgs,
+}
+
+/// `ril hold`
+#[derive(Args, Clone, Debug)]
+pub struct HoldArgs {
+    /// All robots that can be commanded from this machine, whatever --robot says
+    #[arg(long)]
+    pub all: bool,
+
+    /// What every request takes.
+    #[command(flatten)]
+    pub request: RequestArgs,
+}
+
+/// `ril fence`
+#[derive(Args, Clone, Debug)]
+pub struct FenceArgs {
+    /// What to do with the geofence.
+    #[command(subcommand)]
+    pub command: FenceCommand,
+}
+
+/// `ril fence …`
+#[derive(Clone, Debug, Subcommand)]
+pub enum FenceCommand {
+    /// Show the geofence that the running bridge has in force
+    Show(FenceShowArgs),
+    /// Read the geofence in bridge.toml again; the bridge checks a path that is under way against it
+    Reload(RequestArgs),
+}
+
+/// Reads the name of a module.
+fn module_name(text: &str) -> Result<String, String> {
+    match is_key(text) && !text.contains('/') {
+        true => Ok(text.to_owned()),
+        false => Err("a module's name is one word in lower snake case".to_owned()),
+    }
+}
+
+/// What a start of the bridge looks at first; it fails only when the robot's shared memory does.
+pub(crate) type BeforeStart = fn(&Session, &CommonArgs, &Config) -> Result<(), Failure>;
+
+/// `ril start`. `look` says on standard error what is not in order, which never keeps the module from starting.
+///
+/// # Errors
+///
+/// As [`stop`].
+pub(crate) fn start(args: &ControlArgs, look: BeforeStart) -> Result<(), Failure> {
+    let common = &args.request.ask.common;
+    control(
+        Verb::Start,
+        ControlCommand::Start,
+        args,
+        |asked| match args.module {
+            None => look(&asked.session, common, &asked.config),
+            Some(_) => Ok(()),
+        },
+    )
+}
+
+/// `ril stop`
+///
+/// # Errors
+///
+/// As all requests: see [`messages::exit_code`](crate::render::messages::exit_code); code 2 when several robots are alive and none
+/// was named, 3 when there is no bridge, 4 when it does not answer, 7 when a signal ends the command before the final
+/// report.
+pub fn stop(args: &ControlArgs) -> Result<(), Failure> {
+    control(Verb::Stop, ControlCommand::Stop, args, |_| Ok(()))
+}
+
+/// `ril fence …`
+///
+/// # Errors
+///
+/// As [`stop`].
+pub fn fence(command: &FenceCommand) -> Result<(), Failure> {
+    match command {
+        FenceCommand::Show(args) => fence::show(args),
+        FenceCommand::Reload(args) => fence::reload(args),
+    }
+}
+
+/// `ril takeoff`
+///
+/// # Errors
+///
+/// As [`stop`].
+pub fn take_off(args: &TakeoffArgs) -> Result<(), Failure> {
+    let request = MovementData::take_off(fresh_request_id(), args.height_m());
+    movement(Verb::TakeOff, request, false, &args.request)
+}
+
+/// `ril land`
+///
+/// # Errors
+///
+/// As [`stop`].
+pub fn land(args: &LandArgs) -> Result<(), Failure> {
+    let request = MovementData::land(fresh_request_id());
+    movement(Verb::Land, request, args.preempt, &args.request)
+}
+
+/// `ril hold`, which always replaces a path that is under way.
+///
+/// # Errors
+///
+/// As [`stop`]; with `--all` code 3 when no robot is alive, else that of the first robot that did not hold.
+pub fn hold(args: &HoldArgs) -> Result<(), Failure> {
+    match args.all {
+        true => hold_all(&args.request),
+        false => {
+            let request = MovementData::hold(fresh_request_id());
+            movement(Verb::Hold, request, true, &args.request)
+        }
+    }
+}
+
+/// Every robot has its order before the outcome of one is waited for, and one that fails keeps no other from it.
+fn hold_all(args: &RequestArgs) -> Result<(), Failure> {
+    let ask = &args.ask;
+    let Some(config) = configuration(&ask.common)? else {
+        return Ok(());
+    };
+    let timeout = ask.timeout.unwrap_or_else(|| config.request.timeout());
+    let deadline_ms = ask.deadline.unwrap_or(config.request.deadline_ms);
+    let robots = commandable_here()?;
+    if robots.is_empty() {
+        let text = format!("there is no robot to hold{}", other_domains());
+        return Err(Failure::new(ExitCode::ServiceAbsent, text));
+    }
+    let own = Session::join(&ask.common)?;
+    let mut failures = Vec::new();
+    let mut sessions = Vec::new();
+    for robot in robots {
+        match own.beside(robot) {
+            Ok(session) => sessions.push(session),
+            Err(failure) => failures.push((robot, failure)),
+        }
+    }
+    let mut begun = Vec::new();
+    for session in &sessions {
+        let request = MovementData::hold(fresh_request_id());
+        let requests = [complete(request, true, deadline_ms)];
+        let sent = Conversation::open(session, Verb::Hold, timeout).and_then(|bridge| {
+            let mut bridge = bridge.name_robot();
+            let exchange = bridge.begin(&requests, until(args))?;
+            Ok((bridge, exchange))
+        });
+        match sent {
+            Ok((bridge, exchange)) => begun.push((session, bridge, exchange, requests)),
+            Err(failure) => failures.push((session.ipc.robot(), failure)),
+        }
+    }
+    for (session, mut bridge, exchange, requests) in begun {
+        let ended = bridge.follow_begun(exchange, &requests, Format::of(ask.json));
+        if let Err(failure) = ended {
+            failures.push((session.ipc.robot(), failure));
+        }
+    }
+    let Some((_, first)) = failures.first() else {
+        return Ok(());
+    };
+    let texts = failures
+        .iter()
+        .map(|(robot, failure)| format!("robot {robot}: {}", failure.chain().join(": ")));
+    let text = texts.collect::<Vec<_>>().join("; ");
+    Err(Failure::new(first.code(), text).with_next_step(first.next_step()))
+}
+
+/// A start or a stop of the bridge, or of the module that `args` name; `before` comes first.
+fn control(
+    verb: Verb,
+    command: ControlCommand,
+    args: &ControlArgs,
+    before: impl FnOnce(&Asked) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let key = match &args.module {
+        None => ModuleControl::KEY,
+        // Once in the life of the process; the ports take keys that live as long as it.
+        Some(module) => format!("{module}/control").leak(),
+    };
+    run(verb, key, &args.request, |asked| {
+        before(asked)?;
+        Ok(vec![control_request(command, asked.deadline_ms)])
+    })
+}
+
+/// Sends a movement of one request.
+fn movement(
+    verb: Verb,
+    request: MovementData,
+    preempt: bool,
+    args: &RequestArgs,
+) -> Result<(), Failure> {
+    run(verb, MovementData::KEY, args, |asked| {
+        Ok(vec![complete(request, preempt, asked.deadline_ms)])
+    })
+}

@@ -1,0 +1,216 @@
+//! [`Progress`]: how far a path is flown, beside the reports of its requests: distance and time to go, on a terminal as one line that is
+//! renewed. [`Way`] is the pure part.
+
+use std::io::{self, IsTerminal};
+
+use ipc_types::code::Stage;
+use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport, WaypointPosition};
+use ipc_types::{MonotonicNs, Source, Subscriber};
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use crate::render::messages::Verb;
+use crate::render::terminal::{Block, Size};
+use crate::render::words::{count, distance, duration};
+use crate::request::Companion;
+use crate::robot::geo::{Place, distance_m};
+use crate::robot::pilot::PilotView;
+use crate::session::Session;
+
+/// Slower than this the helicopter hovers or turns, and its speed says nothing about the time to go, m/s.
+const MIN_SPEED_MPS: f64 = 0.5;
+
+/// The way of a path, along the ground.
+#[derive(Debug)]
+struct Way {
+    waypoints: Vec<Place>,
+    /// Metres from each waypoint to the last one.
+    behind_m: Vec<f64>,
+}
+
+impl Way {
+    /// `None` if a waypoint is no place: the bridge refuses the path.
+    fn new(waypoints: &[WaypointPosition]) -> Option<Way> {
+        let place = |at: &WaypointPosition| Place::new(at.latitude_deg, at.longitude_deg);
+        let waypoints: Vec<Place> = waypoints.iter().map(place).collect::<Option<_>>()?;
+        let mut behind_m = vec![0.0; waypoints.len()];
+        for index in (1..waypoints.len()).rev() {
+            let leg_m = distance_m(waypoints[index - 1], waypoints[index]);
+            behind_m[index - 1] = behind_m[index] + leg_m;
+        }
+        Some(Way {
+            waypoints,
+            behind_m,
+        })
+    }
+
+    /// Metres from `place` to the end, when so many waypoints were reached.
+    fn to_go_m(&self, place: Place, reached: usize) -> f64 {
+        let next = self.waypoints.get(reached).zip(self.behind_m.get(reached));
+        next.map_or(0.0, |(next, behind_m)| distance_m(place, *next) + behind_m)
+    }
+}
+
+/// The metres, and the seconds at this speed if it is one.
+fn to_go(metres: f64, speed_mps: Option<f64>) -> String {
+    let speed_mps = speed_mps.filter(|speed_mps| *speed_mps >= MIN_SPEED_MPS);
+    let time = speed_mps.map_or_else(String::new, |speed_mps| {
+        format!(", about {}", duration(metres / speed_mps))
+    });
+    format!("{} to go{time}", distance(metres))
+}
+
+/// See the module's documentation.
+pub struct Progress {
+    telemetry: Subscriber<DspTelemetry>,
+    states: Subscriber<ModuleState>,
+    verb: Verb,
+    path_id: u64,
+    way: Option<Way>,
+    /// How long the path is from where it was begun, and when that was.
+    whole: Option<(f64, MonotonicNs)>,
+    now: PilotView,
+    reached: usize,
+    /// Whether the bridge says that it flies this path.
+    is_flown: bool,
+    block: Option<Block>,
+    shown: String,
+}
+
+impl Progress {
+    /// Of the path with this id. A line is renewed if `is_live`, and standard output is a terminal.
+    pub fn open(
+        session: &Session,
+        verb: Verb,
+        path_id: u64,
+        waypoints: &[WaypointPosition],
+        is_live: bool,
+    ) -> Result<Progress, Failure> {
+        let is_live = is_live && io::stdout().is_terminal();
+        Ok(Progress {
+            telemetry: session.ipc.subscriber().or_fail(ExitCode::Internal)?,
+            states: session.ipc.subscriber().or_fail(ExitCode::Internal)?,
+            verb,
+            path_id,
+            way: Way::new(waypoints),
+            whole: None,
+            now: PilotView::default(),
+            reached: 0,
+            is_flown: false,
+            block: is_live.then(Block::default),
+            shown: String::new(),
+        })
+    }
+
+    fn to_go_m(&self) -> Option<f64> {
+        let way = self.way.as_ref()?;
+        Some(way.to_go_m(self.now.place?, self.reached))
+    }
+
+    /// What is shown on a terminal while the path is flown.
+    fn line(&self) -> Option<String> {
+        let way = self.way.as_ref().filter(|_| self.is_flown)?;
+        let left = way.waypoints.len().saturating_sub(self.reached);
+        let to_go = to_go(self.to_go_m()?, self.now.ground_speed_mps);
+        let waypoints = count(left, "waypoint");
+        Some(format!("{}: {waypoints}, {to_go}", self.verb.name()))
+    }
+}
+
+impl Companion for Progress {
+    fn source(&mut self) -> &mut dyn Source {
+        &mut self.telemetry
+    }
+
+    fn look(&mut self) -> Result<(), Failure> {
+        let newest = self.telemetry.latest().or_fail(ExitCode::Internal)?;
+        if let Some(sample) = newest {
+            self.now = PilotView::from(&sample);
+        }
+        let state = self.states.latest().or_fail(ExitCode::Internal)?;
+        if let Some(state) = state {
+            self.is_flown = state.movement.path_id == self.path_id;
+            if self.is_flown {
+                self.reached = state.movement.waypoints_reached as usize;
+            }
+        }
+        if self.whole.is_none() {
+            self.whole = self.to_go_m().map(|metres| (metres, MonotonicNs::now()));
+        }
+        let line = self.line().unwrap_or_default();
+        if let Some(block) = &mut self.block
+            && line != self.shown
+        {
+            let mut out = io::stdout().lock();
+            let size = Size::of(io::stdout());
+            block
+                .show(&mut out, size, [&line])
+                .map_err(Failure::output)?;
+            self.shown = line;
+        }
+        Ok(())
+    }
+
+    fn clear(&mut self) -> Result<(), Failure> {
+        self.shown.clear();
+        match &mut self.block {
+            Some(block) => block
+                .clear(&mut io::stdout().lock())
+                .map_err(Failure::output),
+            None => Ok(()),
+        }
+    }
+
+    fn remark(&self, report: &RequestReport) -> String {
+        let whole = self.whole.map(|(metres, _)| metres);
+        let remark = match (report.stage(), self.whole) {
+            (Some(Stage::Accepted), _) => whole.map(distance),
+            (Some(Stage::Progress), _) => self
+                .to_go_m()
+                .map(|metres| to_go(metres, self.now.ground_speed_mps)),
+            (Some(Stage::Done), Some((metres, begun))) => {
+                let took = MonotonicNs::now().since(begun).as_secs_f64();
+                Some(format!("{} in {}", distance(metres), duration(took)))
+            }
+            _ => None,
+        };
+        remark.map_or_else(String::new, |remark| format!(", {remark}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::geo::moved;
+
+    #[test]
+    fn the_way_to_go_follows_the_legs_and_the_time_the_speed() {
+        let home = Place::new(37.0, -6.0).unwrap();
+        let waypoint = |east_m, north_m| {
+            let place = moved(home, east_m, north_m).unwrap();
+            WaypointPosition {
+                latitude_deg: place.latitude_deg,
+                longitude_deg: place.longitude_deg,
+                altitude_m: 20.0,
+            }
+        };
+        // A square whose last waypoint is where it begins.
+        let square = [
+            waypoint(100.0, 0.0),
+            waypoint(100.0, 100.0),
+            waypoint(0.0, 100.0),
+            waypoint(0.0, 0.0),
+        ];
+        let way = Way::new(&square).unwrap();
+        for (reached, expected) in [(0, 400.0), (1, 341.4), (3, 0.0), (4, 0.0)] {
+            let metres = way.to_go_m(home, reached);
+            assert!((metres - expected).abs() < 0.1, "{reached}: {metres}");
+        }
+        assert_eq!(to_go(100.0, Some(4.0)), "100 m to go, about 25s");
+        assert_eq!(to_go(100.0, Some(0.1)), "100 m to go");
+        let nowhere = WaypointPosition {
+            latitude_deg: f64::NAN,
+            ..square[0]
+        };
+        assert!(Way::new(&[nowhere]).is_none());
+    }
+}

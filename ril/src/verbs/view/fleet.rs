@@ -1,0 +1,191 @@
+//! [`Fleet`]: the robots that are shown, each with its ports, its model and its last minutes. Robots that come later are joined.
+
+use std::time::Duration;
+
+use bridge::safety::fence::Fence;
+use ipc_types::{Domain, MonotonicNs, RobotId, Source};
+use runtime::exit::Failure;
+
+use super::held;
+use crate::request::ports::{RobotPorts, Wakers};
+use crate::robot::model::{Process, WatchedRobot};
+use crate::robot::past::Past;
+use crate::session::alive;
+
+/// Most robots that are shown: as many as a relay carries. Those that come later are not joined, which is logged.
+pub(super) const MAX_ROBOTS: usize = 32;
+
+/// How often robots that came are looked for.
+const LOOK_PERIOD: Duration = Duration::from_secs(2);
+
+/// A robot that is shown.
+pub(super) struct Shown {
+    pub robot: WatchedRobot,
+    pub ports: RobotPorts,
+    pub past: Past,
+    /// The fence that the bridge holds, and the number of its outline; none in the place of one that cannot be judged by.
+    fence: Option<(u64, Option<Fence>)>,
+    /// Whether something of it came since it was last said.
+    pub has_news: bool,
+    /// Lines of its journal that were said.
+    pub said_lines: u64,
+}
+
+impl Shown {
+    /// The fence in force; `None` if the bridge has not said it, or holds another one by now.
+    pub fn fence(&self) -> Option<&Fence> {
+        let (_, fence) = self.fence.as_ref()?;
+        fence.as_ref().filter(|_| !self.robot.is_held_outdated())
+    }
+
+    fn take_fence(&mut self) {
+        let Some(held) = self.ports.outline() else {
+            return;
+        };
+        if self.fence.as_ref().map(|(number, _)| *number) != Some(held.number) {
+            let fence = held::fence(held)
+                .inspect_err(|why| tracing::warn!(robot = %self.robot.id, why, "the fence"))
+                .ok();
+            self.fence = Some((held.number, fence));
+        }
+    }
+}
+
+/// See the module's documentation.
+pub(super) struct Fleet {
+    domain: Domain,
+    shown: Vec<Shown>,
+    /// When to look for others; `None` if the operator named those that are shown.
+    next_look: Option<MonotonicNs>,
+    has_refused: bool,
+}
+
+impl Fleet {
+    /// Joins the robots that are `named`, or else those that are alive.
+    ///
+    /// # Errors
+    ///
+    /// Code 2 when too many are named, 1 when shared memory cannot be joined.
+    pub fn join(domain: Domain, named: &[RobotId]) -> Result<Fleet, Failure> {
+        if named.len() > MAX_ROBOTS {
+            let text = format!(
+                "{} robots are named, and a view has {MAX_ROBOTS}",
+                named.len()
+            );
+            return Err(Failure::usage(text));
+        }
+        let mut fleet = Fleet {
+            domain,
+            shown: Vec::new(),
+            next_look: named.is_empty().then_some(MonotonicNs(0)),
+            has_refused: false,
+        };
+        for robot in named {
+            fleet.add(*robot)?;
+        }
+        fleet.look(MonotonicNs::now());
+        if fleet.shown.is_empty() {
+            // As for all verbs: robot 1 is the default, and what it lacks is said.
+            fleet.add(RobotId::DEFAULT)?;
+        }
+        Ok(fleet)
+    }
+
+    /// Joins robots that have come, when it is time to look for some; says whether one has.
+    pub fn look(&mut self, now: MonotonicNs) -> bool {
+        if self.next_look.is_none_or(|next| now < next) {
+            return false;
+        }
+        self.next_look = Some(now + LOOK_PERIOD);
+        let alive = match alive(&self.domain) {
+            Ok(alive) => alive,
+            Err(error) => {
+                tracing::warn!(%error, "robots cannot be looked for");
+                return false;
+            }
+        };
+        let mut has_come = false;
+        for robot in alive {
+            if self.shown.iter().any(|one| one.robot.id == robot) {
+                continue;
+            }
+            if self.shown.len() == MAX_ROBOTS {
+                if !self.has_refused {
+                    tracing::warn!(%robot, "not shown: {MAX_ROBOTS} robots are");
+                    self.has_refused = true;
+                }
+                continue;
+            }
+            match self.add(robot) {
+                Ok(()) => has_come = true,
+                Err(failure) => {
+                    tracing::warn!(%robot, chain = ?failure.chain(), "the robot cannot be joined");
+                }
+            }
+        }
+        has_come
+    }
+
+    fn add(&mut self, robot: RobotId) -> Result<(), Failure> {
+        if self.shown.iter().any(|one| one.robot.id == robot) {
+            return Ok(());
+        }
+        let ports = RobotPorts::open(&self.domain, robot, true)?;
+        self.shown.push(Shown {
+            robot: WatchedRobot::new(robot),
+            ports,
+            past: Past::default(),
+            fence: None,
+            has_news: true,
+            said_lines: 0,
+        });
+        self.shown.sort_by_key(|one| one.robot.id);
+        Ok(())
+    }
+
+    /// Takes all that is there of all robots.
+    pub fn drain(&mut self, now: MonotonicNs) {
+        for one in &mut self.shown {
+            one.has_news |= one.ports.drain(&mut one.robot, now);
+            one.has_news |= one.ports.look(&mut one.robot, now);
+            one.take_fence();
+            one.robot.judge(now);
+            one.robot.take_bells();
+            one.past.take(&one.robot, now);
+        }
+    }
+
+    /// What is to wake the process of at most `most` robots: reports about orders. Those of further robots are taken at the next drain.
+    pub fn sources(&mut self, most: usize) -> impl Iterator<Item = &mut dyn Source> {
+        let now = MonotonicNs::now();
+        let sources = self.shown.iter_mut().flat_map(move |one| {
+            let status = one.robot.process(Process::Status, now);
+            one.ports.sources(Wakers::Orders, status)
+        });
+        sources.take(most)
+    }
+
+    /// When an order of some robot is to be looked at.
+    pub fn next_order(&self) -> Option<MonotonicNs> {
+        self.shown.iter().filter_map(|one| one.ports.next()).min()
+    }
+
+    pub fn ids(&self) -> Vec<u32> {
+        self.shown.iter().map(|one| one.robot.id.get()).collect()
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = &Shown> {
+        self.shown.iter()
+    }
+
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Shown> {
+        self.shown.iter_mut()
+    }
+
+    /// The robot of this number, if it is shown.
+    pub fn get_mut(&mut self, robot: u32) -> Option<&mut Shown> {
+        self.shown
+            .iter_mut()
+            .find(|one| one.robot.id.get() == robot)
+    }
+}

@@ -1,0 +1,438 @@
+//! What a page gets of a robot: the messages of `hero.view.v1` from the model that `ril watch` shows, by pure functions.
+//!
+//! What is not known is null, never 0. Texts are those of the terminal.
+
+use ipc_types::MonotonicNs;
+use ipc_types::code::{LinkState, MovementKind, PilotSwitch};
+use ipc_types::outline::Outline;
+use ipc_types::payload::ModuleState;
+use runtime::finding::{Finding, Severity};
+use view::page;
+
+use super::held::{self, position};
+use crate::robot::alarms::Alarm;
+use crate::robot::changes::Weight;
+use crate::robot::clock::Clocks;
+use crate::robot::freshness::Freshness;
+use crate::robot::history::EventLine;
+use crate::robot::model::{Process, WatchedRobot};
+use crate::robot::past::Past;
+use crate::robot::pilot;
+use crate::robot::relay_link::UNREADABLE;
+
+/// Slower than this, the time that is left of a path says nothing, m/s.
+const LEAST_SPEED_MPS: f64 = 0.5;
+
+/// A robot in the list of robots.
+pub(super) fn summary(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotSummary {
+    let worst = robot.alarms.lasting().next();
+    page::RobotSummary {
+        robot: robot.id.get(),
+        severity: worst.map_or(page::Severity::Ok, |alarm| severity(alarm.finding.severity)),
+        text: worst.map_or_else(|| phase(robot, now), |alarm| alarm.finding.text.clone()),
+        flying: fresh_flying(robot, now),
+        battery_v: robot.pilot.battery_v,
+        link: freshness(robot.process(Process::Bridge, now)),
+    }
+}
+
+/// Whether it flies, as the present says.
+fn fresh_flying(robot: &WatchedRobot, now: MonotonicNs) -> Option<bool> {
+    let is_fresh = robot.telemetry_freshness(now).is_fresh();
+    robot.pilot.flying.filter(|_| is_fresh)
+}
+
+/// The robot in words.
+pub(super) fn robot(robot: &WatchedRobot, now: MonotonicNs) -> page::Robot {
+    let state = robot.state.as_ref();
+    let flying = robot.pilot.flying;
+    let functionality = state.and_then(|state| state.functionality());
+    let activity = functionality.map(|one| pilot::activity(one, flying).to_owned());
+    page::Robot {
+        robot: robot.id.get(),
+        phase: phase(robot, now),
+        activity: activity.unwrap_or_default(),
+        module: state.map_or("unknown".to_owned(), module),
+        blocked: state.is_some_and(ModuleState::is_blocked),
+        link: link(robot, now),
+        switch: robot.pilot.switch.and_then(switch),
+        commander: robot
+            .known_stations(now)
+            .and_then(|stations| stations.commanding())
+            .map(|station| page::Commander {
+                text: station.name().unwrap_or(UNREADABLE).to_owned(),
+            }),
+        control: page::Control {
+            exclusive: state.is_some_and(|state| state.control.exclusive != 0),
+            holder: match robot.is_commanded_from_here() {
+                true => Some("this view".to_owned()),
+                false => robot.commander(),
+            },
+        },
+        alarms: robot.alarms.lasting().map(|one| alarm(one, now)).collect(),
+        movement: state.and_then(|state| movement(robot, state)),
+        replayed: state.is_some_and(ModuleState::is_replayed),
+        relayed: robot.is_relayed,
+    }
+}
+
+/// What the helicopter does, in words; old words stay, and their age is said beside.
+fn phase(robot: &WatchedRobot, now: MonotonicNs) -> String {
+    match (robot.process(Process::Bridge, now), &robot.state) {
+        (Freshness::Absent, None) => "no bridge runs".to_owned(),
+        (_, None) => "waiting for the bridge's state".to_owned(),
+        (_, Some(state)) => pilot::phase(state, robot.pilot.flying),
+    }
+}
+
+fn module(state: &ModuleState) -> String {
+    let status = state.status();
+    status.map_or_else(
+        || format!("unknown-{}", state.status),
+        |one| one.to_string(),
+    )
+}
+
+/// The link to the DSP.
+fn link(robot: &WatchedRobot, now: MonotonicNs) -> page::Link {
+    let Some(state) = &robot.state else {
+        return page::Link {
+            text: "unknown".to_owned(),
+            state: "unknown".to_owned(),
+            age_s: None,
+        };
+    };
+    let known = state.link.state();
+    let name = known.map_or_else(
+        || format!("unknown-{}", state.link.state),
+        |state| state.to_string(),
+    );
+    let text = match known {
+        Some(LinkState::Up) => "link to the DSP up".to_owned(),
+        _ => format!("link to the DSP {name}"),
+    };
+    page::Link {
+        text,
+        state: name,
+        age_s: robot.link_age(now).map(|(age, _)| age.as_secs() as f64),
+    }
+}
+
+fn switch(switch: PilotSwitch) -> Option<page::Switch> {
+    match switch {
+        PilotSwitch::Auto => Some(page::Switch::Auto),
+        PilotSwitch::Manual => Some(page::Switch::Manual),
+        PilotSwitch::Unknown => None,
+    }
+}
+
+fn alarm(alarm: &Alarm, now: MonotonicNs) -> page::Alarm {
+    let finding = &alarm.finding;
+    page::Alarm {
+        id: match finding.items.first() {
+            Some(item) => format!("{}-{item}", finding.id),
+            None => finding.id.to_owned(),
+        },
+        severity: severity(finding.severity),
+        text: finding.text.clone(),
+        next_step: finding.next_step.clone(),
+        since_s: now.since(alarm.since).as_secs() as f64,
+    }
+}
+
+fn movement(robot: &WatchedRobot, state: &ModuleState) -> Option<page::Movement> {
+    let movement = &state.movement;
+    let kind = movement.kind()?;
+    let distance_m = movement.distance_to_go().map(f64::from);
+    let distance_m = distance_m.filter(|distance| distance.is_finite());
+    let speed_mps = robot.pilot.ground_speed_mps;
+    let speed_mps = speed_mps.filter(|speed| *speed >= LEAST_SPEED_MPS);
+    let (total, reached) = (movement.waypoints_total, movement.waypoints_reached);
+    let text = match kind {
+        MovementKind::GoToWaypoint => format!("{reached} of {total} reached"),
+        kind => format!("last order: {kind}"),
+    };
+    Some(page::Movement {
+        text,
+        waypoints_total: total,
+        waypoints_reached: reached,
+        distance_to_go_m: distance_m,
+        time_to_go_s: distance_m.zip(speed_mps).map(|(metres, mps)| metres / mps),
+    })
+}
+
+/// What changes all the time.
+pub(super) fn now(robot: &WatchedRobot, number: u64, now: MonotonicNs) -> page::Now {
+    let view = &robot.pilot;
+    let bridge = robot.process(Process::Bridge, now);
+    let telemetry = match (robot.telemetry_freshness(now), bridge) {
+        // Nothing looks for the publisher of telemetry, which is the bridge.
+        (Freshness::Stale(age), Freshness::Gone(_)) => Freshness::Gone(age),
+        (freshness, _) => freshness,
+    };
+    let published = robot.state.as_ref().map(ModuleState::published);
+    page::Now {
+        robot: robot.id.get(),
+        n: number,
+        sent_ms: now.0 / 1_000_000,
+        telemetry: age(telemetry, view.received, now),
+        bridge: age(bridge, published, now),
+        position: view.place.map(position),
+        altitude_m: view.altitude_m,
+        height_m: robot.height_m(),
+        attitude: attitude(robot),
+        ground_speed_mps: view.ground_speed_mps,
+        climb_mps: view.climb_mps,
+        course_deg: view.course_deg,
+        battery_v: view.battery_v,
+        fuel_percent: view.fuel_percent,
+        fix: view.gps.map(|gps| gps.name().to_owned()),
+        flying: view.flying,
+        left_out: 0,
+    }
+}
+
+fn attitude(robot: &WatchedRobot) -> Option<page::Attitude> {
+    let view = &robot.pilot;
+    Some(page::Attitude {
+        roll_deg: view.roll_deg?,
+        pitch_deg: view.pitch_deg?,
+        yaw_deg: view.heading_deg?,
+    })
+}
+
+/// How old a sample is; of one that claims to be of the future that is not known.
+fn age(freshness: Freshness, at: Option<MonotonicNs>, now: MonotonicNs) -> page::Age {
+    let age = match freshness {
+        Freshness::Absent | Freshness::Waiting => None,
+        Freshness::Fresh => at.map(|at| now.since(at)),
+        Freshness::Stale(age) | Freshness::Gone(age) => age,
+    };
+    page::Age {
+        freshness: self::freshness(freshness),
+        age_ms: age.map(|age| age.as_millis() as u64),
+    }
+}
+
+fn freshness(freshness: Freshness) -> page::Freshness {
+    match freshness {
+        Freshness::Absent | Freshness::Waiting => page::Freshness::Never,
+        Freshness::Fresh => page::Freshness::Fresh,
+        Freshness::Stale(_) => page::Freshness::Stale,
+        Freshness::Gone(_) => page::Freshness::Gone,
+    }
+}
+
+/// The fence in force, the path that is flown, and home; what the bridge has not said is empty.
+pub(super) fn chart(robot: &WatchedRobot, held: Option<&Outline>) -> page::Chart {
+    page::Chart {
+        robot: robot.id.get(),
+        source: page::Source::Bridge,
+        number: held.map_or(0, |held| held.number),
+        fence: held.map(held::areas).unwrap_or_default(),
+        floor_m: held.and_then(|held| held.floor_m),
+        ceiling_m: held.and_then(|held| held.ceiling_m),
+        path: held
+            .iter()
+            .flat_map(|held| &held.path)
+            .map(|at| [at.latitude_deg, at.longitude_deg, at.altitude_m])
+            .collect(),
+        home: robot.home.map(|home| {
+            let [latitude_deg, longitude_deg] = position(home.place);
+            [latitude_deg, longitude_deg, home.altitude_m]
+        }),
+    }
+}
+
+/// The last minutes, for a page that joins.
+pub(super) fn past(robot: &WatchedRobot, past: &Past, clock: Clocks) -> page::Past {
+    let now = clock.now;
+    let before = |at: MonotonicNs| -now.since(at).as_secs_f64();
+    page::Past {
+        robot: robot.id.get(),
+        track: robot.track.points().iter().copied().map(position).collect(),
+        t_s: past.points().map(|point| before(point.at)).collect(),
+        altitude_m: past.points().map(|point| point.altitude_m).collect(),
+        ground_speed_mps: past.points().map(|point| point.ground_speed_mps).collect(),
+        battery_v: past.points().map(|point| point.battery_v).collect(),
+        phases: past
+            .phases()
+            .map(|phase| page::Phase {
+                from_s: before(phase.from),
+                to_s: before(phase.to.unwrap_or(now)),
+                text: phase.text.to_owned(),
+            })
+            .collect(),
+        events: robot
+            .journal
+            .newest(usize::MAX)
+            .map(|line| past_event(line, clock))
+            .collect(),
+    }
+}
+
+fn past_event(line: &EventLine, clock: Clocks) -> page::PastEvent {
+    page::PastEvent {
+        at_unix_ms: clock.unix_ms(line.at),
+        severity: weight(line.weight),
+        text: line.text.clone(),
+    }
+}
+
+/// What happened just now.
+pub(super) fn event(robot: &WatchedRobot, line: &EventLine, clock: Clocks) -> page::Event {
+    page::Event {
+        robot: robot.id.get(),
+        at_unix_ms: clock.unix_ms(line.at),
+        severity: weight(line.weight),
+        text: line.text.clone(),
+    }
+}
+
+fn weight(weight: Weight) -> page::EventSeverity {
+    match weight {
+        Weight::Note => page::EventSeverity::Note,
+        Weight::Order => page::EventSeverity::Order,
+        Weight::Warning => page::EventSeverity::Warning,
+        Weight::Alarm => page::EventSeverity::Alarm,
+    }
+}
+
+pub(super) fn severity(severity: Severity) -> page::Severity {
+    match severity {
+        Severity::Note => page::Severity::Note,
+        Severity::Warning => page::Severity::Warning,
+        Severity::Error => page::Severity::Alarm,
+    }
+}
+
+/// A finding of a check.
+pub(super) fn finding(finding: &Finding) -> page::Finding {
+    page::Finding {
+        severity: finding_severity(finding),
+        text: finding.text.clone(),
+        next_step: finding.next_step.clone(),
+    }
+}
+
+/// What could not be checked forbids nothing, but is to be seen.
+pub(super) fn finding_severity(finding: &Finding) -> page::Severity {
+    match finding.is_unmade() {
+        true => page::Severity::Warning,
+        false => severity(finding.severity),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ipc_types::RobotId;
+
+    use super::*;
+    use crate::robot::fixture::{at, fly};
+
+    fn flown() -> WatchedRobot {
+        let mut robot = WatchedRobot::new(RobotId::DEFAULT);
+        fly(&mut robot);
+        robot.judge(at(20_000));
+        robot
+    }
+
+    #[test]
+    fn a_robot_in_flight_is_said_in_the_words_of_the_terminal() {
+        let robot = flown();
+        let words = super::robot(&robot, at(20_100));
+        assert_eq!(words.phase, "flying the path, waypoint 2 of 3");
+        assert_eq!(
+            (&*words.activity, &*words.module),
+            ("flying the path", "running")
+        );
+        assert_eq!((&*words.link.state, words.link.age_s), ("up", Some(20.0)));
+        assert_eq!(words.switch, Some(page::Switch::Auto));
+        let movement = words.movement.unwrap();
+        assert_eq!(
+            (movement.waypoints_total, movement.waypoints_reached),
+            (3, 1)
+        );
+        assert!((movement.distance_to_go_m.unwrap() - 31.4).abs() < 0.01);
+        assert!((movement.time_to_go_s.unwrap() - 10.13).abs() < 0.01);
+        assert!(words.alarms.is_empty() && !words.blocked && !words.replayed && !words.relayed);
+        let line = summary(&robot, at(20_100));
+        assert_eq!(
+            (line.severity, line.flying),
+            (page::Severity::Ok, Some(true))
+        );
+        assert_eq!(line.text, words.phase);
+    }
+
+    #[test]
+    fn values_have_the_age_of_their_sample_and_the_freshness_of_the_terminal() {
+        let mut robot = flown();
+        let said = now(&robot, 5, at(20_100));
+        assert_eq!((said.n, said.height_m), (5, Some(10.0)));
+        assert_eq!(said.fix.as_deref(), Some("RTK fixed"));
+        assert_eq!(said.attitude.unwrap().yaw_deg, 90.0);
+        robot.provider(Process::Bridge, false, at(21_500));
+        for (ms, telemetry, bridge) in [
+            (20_100, page::Freshness::Fresh, page::Freshness::Gone),
+            (21_500, page::Freshness::Gone, page::Freshness::Gone),
+        ] {
+            let said = now(&robot, 1, at(ms));
+            assert_eq!(
+                (said.telemetry.freshness, said.bridge.freshness),
+                (telemetry, bridge)
+            );
+            assert_eq!(said.telemetry.age_ms, Some(ms - 20_000));
+            assert_eq!(said.bridge.age_ms, Some(ms - 20_000));
+        }
+        robot.judge(at(21_500));
+        let words = super::robot(&robot, at(21_500));
+        assert_eq!(
+            (&*words.alarms[0].id, words.alarms[0].severity),
+            ("bridge-gone", page::Severity::Alarm)
+        );
+        assert_eq!(
+            summary(&robot, at(21_500)).flying,
+            None,
+            "it is not of the present"
+        );
+    }
+
+    #[test]
+    fn what_is_not_known_is_nothing() {
+        let robot = WatchedRobot::new(RobotId::DEFAULT);
+        let said = now(&robot, 1, at(0));
+        assert_eq!(
+            (said.telemetry.freshness, said.telemetry.age_ms),
+            (page::Freshness::Never, None)
+        );
+        assert_eq!(
+            (said.position, said.altitude_m, said.attitude, said.flying),
+            (None, None, None, None)
+        );
+        let words = super::robot(&robot, at(0));
+        assert_eq!((&*words.phase, words.movement), ("no bridge runs", None));
+        assert_eq!(chart(&robot, None).home, None);
+    }
+
+    #[test]
+    fn a_page_that_comes_gets_track_plots_and_events_with_the_time_of_day() {
+        let robot = flown();
+        let mut past = Past::default();
+        past.take(&robot, at(20_000));
+        let clock = Clocks {
+            now: at(21_000),
+            zero_unix_ns: 1_800_014_400_000_000_000 - at(0).0,
+        };
+        let said = super::past(&robot, &past, clock);
+        assert_eq!(said.t_s, [-1.0]);
+        assert_eq!(said.altitude_m, [Some(25.0)]);
+        assert_eq!((said.phases[0].from_s, said.phases[0].to_s), (-1.0, 0.0));
+        assert!(said.track.len() > 20);
+        let first = &said.events[0];
+        assert_eq!(
+            (first.at_unix_ms, &*first.text),
+            (1_800_014_400_000, "at rest")
+        );
+        assert_eq!(said.events[3].severity, page::EventSeverity::Order);
+    }
+}

@@ -1,0 +1,87 @@
+//! What `ril view` and `ril run view` take.
+
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+
+use clap::{ArgAction, Args};
+use runtime::args::{CommonArgs, robot};
+
+use crate::options::EXIT_CODES;
+
+/// `ril view`
+///
+/// Starts `ril run view` in the background if no view of this user runs on the port, and opens its page in a browser.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct ViewArgs {
+    /// What the server takes.
+    #[command(flatten)]
+    pub server: ServerArgs,
+
+    /// Print the address of the page instead of opening it; who has it may order
+    #[arg(long)]
+    pub no_browser: bool,
+
+    /// Print it as one JSON object instead of opening the page
+    #[arg(long)]
+    pub json: bool,
+
+    /// End the view that runs on the port
+    #[arg(long, conflicts_with_all = ["no_browser", "json"])]
+    pub stop: bool,
+}
+
+/// `ril run view`
+///
+/// The page is at http://127.0.0.1:PORT/, on loopback only.
+#[derive(Args, Clone, Debug)]
+pub struct RunViewArgs {
+    /// What the server takes.
+    #[command(flatten)]
+    pub server: ServerArgs,
+
+    /// Leave the session of the terminal: `ril view` starts it so
+    #[arg(long, hide = true)]
+    pub own_session: bool,
+}
+
+/// What the server takes, however it is started.
+#[derive(Args, Clone, Debug)]
+pub struct ServerArgs {
+    /// Port on loopback [default: 8765, or view.toml]
+    #[arg(long, value_name = "PORT", value_parser = clap::value_parser!(u16).range(1..))]
+    pub port: Option<u16>,
+
+    /// Which robot; can be given several times, or as 1,2,5 [default: all robots that are alive, those that come later included]
+    #[arg(long = "robot", value_name = "N", env = "RIL_ROBOT", value_delimiter = ',', value_parser = robot)]
+    pub robots: Vec<NonZeroU32>,
+
+    /// Configuration file; it must exist when it is named here
+    #[arg(long, value_name = "FILE", env = "RIL_CONFIG")]
+    pub config: Option<PathBuf>,
+
+    /// Log more: -v debug, -vv trace
+    #[arg(short, long, action = ArgAction::Count)]
+    pub verbose: u8,
+
+    /// Log less: -q warnings, -qq errors, -qqq nothing
+    #[arg(short, long, action = ArgAction::Count, conflicts_with = "verbose")]
+    pub quiet: u8,
+
+    /// Check the configuration and end: exit code 0, or 78 with file, line and reason
+    #[arg(long)]
+    pub check_config: bool,
+}
+
+impl ServerArgs {
+    /// What every process takes.
+    pub fn common(&self) -> CommonArgs {
+        CommonArgs {
+            robot: self.robots.first().copied(),
+            config: self.config.clone(),
+            verbose: self.verbose,
+            quiet: self.quiet,
+            check_config: self.check_config,
+        }
+    }
+}

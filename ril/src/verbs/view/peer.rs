@@ -1,0 +1,170 @@
+//! Who is at the other end of a connection: the user of a loopback peer, as `/proc/net/tcp` names it.
+//!
+//! A loopback port is open to every user of the machine. A peer of another machine, or of another network namespace such as a
+//! container's, is not in the table and is no own user.
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::path::{Path, PathBuf};
+
+use crate::robot::domain::{PROC, open_files};
+
+/// Most bytes that are read of a table: 55,000 connections. What lies beyond is not found, and so is not taken for this user's.
+const MAX_TABLE_BYTES: u64 = 8 << 20;
+
+/// The state of a socket that listens, as the kernel numbers it.
+const LISTENS: u8 = 0x0a;
+
+/// A row of the table.
+struct Row {
+    local: SocketAddr,
+    remote: SocketAddr,
+    state: u8,
+    uid: u32,
+    inode: u64,
+}
+
+/// Whether the process at the other end of the connection from `peer` to `own` is this user's.
+pub(super) fn is_own_user(peer: SocketAddr, own: SocketAddr) -> bool {
+    let uid = rustix::process::getuid().as_raw();
+    peer.ip().to_canonical().is_loopback()
+        && tables().any(|table| uid_of(&table, peer, own) == Some(uid))
+}
+
+/// Who listens at `port`, as the end of a sentence; empty if that cannot be known.
+pub(super) fn holder(port: u16) -> String {
+    let listener = tables().find_map(|table| {
+        let mut rows = rows(&table);
+        rows.find(|row| row.state == LISTENS && row.local.port() == port)
+            .map(|row| (row.uid, row.inode))
+    });
+    let Some((uid, inode)) = listener else {
+        return String::new();
+    };
+    match process_with(inode) {
+        Some((pid, name)) => format!(" by {name} (process {pid})"),
+        None => format!(" by a process of user {uid}"),
+    }
+}
+
+/// The process that has the socket of this inode open, and its name; those of other users cannot be looked at.
+fn process_with(inode: u64) -> Option<(u32, String)> {
+    let socket = PathBuf::from(format!("socket:[{inode}]"));
+    let processes = fs::read_dir(PROC).ok()?.flatten();
+    processes.into_iter().find_map(|process| {
+        let pid: u32 = process.file_name().to_str()?.parse().ok()?;
+        let open = open_files(&process.path()).ok()?;
+        open.iter().find(|(_, path)| *path == socket)?;
+        let name = fs::read_to_string(process.path().join("comm")).ok()?;
+        Some((pid, name.trim_end().to_owned()))
+    })
+}
+
+fn tables() -> impl Iterator<Item = String> {
+    ["net/tcp", "net/tcp6"].into_iter().filter_map(|name| {
+        let mut table = String::new();
+        let file = File::open(Path::new(PROC).join(name)).ok()?;
+        let mut file = file.take(MAX_TABLE_BYTES);
+        file.read_to_string(&mut table).ok()?;
+        Some(table)
+    })
+}
+
+/// The user of the socket from `local` to `remote` in a table of the kernel; `None` if it is not in there.
+fn uid_of(table: &str, local: SocketAddr, remote: SocketAddr) -> Option<u32> {
+    let (local, remote) = (canonical(local), canonical(remote));
+    rows(table)
+        .find(|row| row.local == local && row.remote == remote)
+        .map(|row| row.uid)
+}
+
+fn rows(table: &str) -> impl Iterator<Item = Row> {
+    table.lines().skip(1).filter_map(|line| {
+        let mut words = line.split_ascii_whitespace().skip(1);
+        Some(Row {
+            local: address(words.next()?)?,
+            remote: address(words.next()?)?,
+            state: u8::from_str_radix(words.next()?, 16).ok()?,
+            // Queues, timer and retransmissions stand between; then a time.
+            uid: words.nth(3)?.parse().ok()?,
+            inode: words.nth(1)?.parse().ok()?,
+        })
+    })
+}
+
+fn canonical(address: SocketAddr) -> SocketAddr {
+    SocketAddr::new(address.ip().to_canonical(), address.port())
+}
+
+/// Reads `0100007F:1F90`: words of 32 bits in the order of this machine, and a port.
+fn address(text: &str) -> Option<SocketAddr> {
+    let (ip, port) = text.split_once(':')?;
+    let word = |at: usize| u32::from_str_radix(ip.get(at..at + 8)?, 16).ok();
+    let ip = match ip.len() {
+        8 => IpAddr::V4(Ipv4Addr::from(word(0)?.to_ne_bytes())),
+        32 => {
+            let mut bytes = [0; 16];
+            for (index, bytes) in bytes.chunks_exact_mut(4).enumerate() {
+                bytes.copy_from_slice(&word(index * 8)?.to_ne_bytes());
+            }
+            IpAddr::V6(Ipv6Addr::from(bytes))
+        }
+        _ => return None,
+    };
+    let port = u16::from_str_radix(port, 16).ok()?;
+    Some(canonical(SocketAddr::new(ip, port)))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::{TcpListener, TcpStream};
+
+    use super::*;
+
+    const TABLE: &str = "\
+  sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt   uid  timeout inode
+   0: 0100007F:223D 00000000:0000 0A 00000000:00000000 00:00000000 00000000  1000        0 1 1
+   1: 0100007F:C350 0100007F:223D 01 00000000:00000000 00:00000000 00000000  1001        0 2 1
+   2: 0000000000000000FFFF00000100007F:C351 0000000000000000FFFF00000100007F:223D 01 00000000:00000000 00:00000000 00000000  1002 0 3 1
+   3: 00000000000000000000000001000000:C352 00000000000000000000000001000000:223D 01 00000000:00000000 00:00000000 00000000  1003 0 4 1
+   4: garbage
+";
+
+    #[test]
+    #[cfg(target_endian = "little")]
+    fn the_user_of_the_other_end_is_found_in_either_table() {
+        for (local, remote, uid) in [
+            ("127.0.0.1:50000", "127.0.0.1:8765", Some(1001)),
+            ("127.0.0.1:50001", "127.0.0.1:8765", Some(1002)),
+            ("[::ffff:127.0.0.1]:50001", "127.0.0.1:8765", Some(1002)),
+            ("[::1]:50002", "[::1]:8765", Some(1003)),
+            ("127.0.0.1:50000", "127.0.0.1:8766", None),
+            ("127.0.0.1:8765", "127.0.0.1:50000", None),
+        ] {
+            let address = |text: &str| text.parse().unwrap();
+            assert_eq!(
+                uid_of(TABLE, address(local), address(remote)),
+                uid,
+                "{local}"
+            );
+        }
+        assert_eq!(address("7F:1"), None);
+        assert_eq!(address(""), None);
+    }
+
+    #[test]
+    fn a_connection_of_this_process_is_this_user_s() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let own = listener.local_addr().unwrap();
+        let stream = TcpStream::connect(own).unwrap();
+        let peer = stream.local_addr().unwrap();
+        assert!(is_own_user(peer, own));
+        let holder = holder(own.port());
+        assert!(
+            holder.ends_with(&format!("(process {})", std::process::id())),
+            "{holder}"
+        );
+        assert!(!is_own_user("10.0.0.1:5".parse().unwrap(), own));
+    }
+}

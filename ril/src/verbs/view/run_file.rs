@@ -1,0 +1,218 @@
+//! [`RunFile`]: what a running view leaves for `ril view` of the same user: its process, and the token with which a page may order.
+//!
+//! The server holds a lock on the file as long as it lives, which the kernel drops with it. So a file without a lock is one of a process
+//! that was killed, and the next server writes over it. Only this user can read it.
+
+use std::fs::{DirBuilder, File, OpenOptions};
+use std::io::{self, Read, Seek, Write};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use runtime::exit::Failure;
+use rustix::fs::{FlockOperation, flock};
+use rustix::io::Errno;
+use serde::{Deserialize, Serialize};
+
+/// More than any of these files has.
+const MAX_BYTES: u64 = 64 << 10;
+
+/// What is in the file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Running {
+    /// The server's process.
+    pub pid: u32,
+    /// Its port on loopback.
+    pub port: u16,
+    /// The folder of the domain that it shows.
+    pub domain: PathBuf,
+    /// The token of a page that may order.
+    pub token: String,
+}
+
+impl Running {
+    /// The address of the page, without the token.
+    pub fn address(&self) -> String {
+        format!("http://127.0.0.1:{}/", self.port)
+    }
+
+    /// The address with the token, which is in no request: browsers keep what is behind `#` to themselves.
+    pub fn address_with_token(&self) -> String {
+        format!("{}#token={}", self.address(), self.token)
+    }
+}
+
+/// The file of a server that lives in this process; it is removed at the end.
+pub(super) struct RunFile {
+    path: PathBuf,
+    file: File,
+}
+
+impl RunFile {
+    /// Takes the file of this port, which says nothing yet.
+    ///
+    /// # Errors
+    ///
+    /// Code 1 when another view of this user has it, or the folder cannot be used.
+    pub fn take(port: u16) -> Result<RunFile, Failure> {
+        let path = path(&folder()?, port);
+        loop {
+            let file = open(&path, true).map_err(|error| unusable(&path, &error))?;
+            match flock(&file, FlockOperation::NonBlockingLockExclusive) {
+                Ok(()) => {}
+                Err(Errno::WOULDBLOCK) => return Err(taken(port, read(&file).ok().as_ref())),
+                Err(error) => return Err(unusable(&path, &error.into())),
+            }
+            // A server that just ended may have removed it between opening and locking.
+            if is_at(&file, &path) {
+                return Ok(RunFile { path, file });
+            }
+        }
+    }
+
+    /// Says what runs.
+    pub fn write(&mut self, running: &Running) -> io::Result<()> {
+        let text = serde_json::to_vec(running)?;
+        self.file.set_len(0)?;
+        self.file.rewind()?;
+        self.file.write_all(&text)
+    }
+}
+
+impl Drop for RunFile {
+    fn drop(&mut self) {
+        // Before the lock goes, so that nothing is removed that the next server has.
+        for path in [self.path.with_extension("html"), self.path.clone()] {
+            if let Err(error) = std::fs::remove_file(&path) {
+                tracing::debug!(%error, path = %path.display(), "the file cannot be removed");
+            }
+        }
+    }
+}
+
+/// The view of this user that runs on `port`; `None` if there is none, or it is not ready yet.
+pub(super) fn find(port: u16) -> Result<Option<Running>, Failure> {
+    let path = path(&folder()?, port);
+    let file = match open(&path, false) {
+        Ok(file) => file,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(unusable(&path, &error)),
+    };
+    match flock(&file, FlockOperation::NonBlockingLockShared) {
+        Err(Errno::WOULDBLOCK) => Ok(read(&file).ok()),
+        _ => Ok(None),
+    }
+}
+
+/// Where a view of this port that runs in the background logs.
+pub(super) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
+    let path = folder()?.join(format!("view-{port}.log"));
+    let file = OpenOptions::new()
+        .write(true)
+        .create(true)
+        .truncate(true)
+        .mode(0o600)
+        .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
+        .open(&path);
+    file.map(|file| (file, path.clone()))
+        .map_err(|error| unusable(&path, &error))
+}
+
+/// Writes the page that leads a browser to the address with the token. A command line is no place for the token: other users can read it.
+pub(super) fn write_opener(running: &Running) -> Result<PathBuf, Failure> {
+    let path = opener(&folder()?, running.port);
+    let address = running.address_with_token();
+    let page = format!(
+        "<!DOCTYPE html><meta charset=\"utf-8\"><title>ril view</title>\n\
+         <meta http-equiv=\"refresh\" content=\"0; url={address}\">\n\
+         <a href=\"{address}\">The page of ril view</a>\n"
+    );
+    let file = OpenOptions::new()
+        .write(true)
+        .create(true)
+        .truncate(true)
+        .mode(0o600)
+        .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
+        .open(&path);
+    file.and_then(|mut file| file.write_all(page.as_bytes()))
+        .map_err(|error| unusable(&path, &error))?;
+    Ok(path)
+}
+
+fn opener(folder: &Path, port: u16) -> PathBuf {
+    folder.join(format!("view-{port}.html"))
+}
+
+fn path(folder: &Path, port: u16) -> PathBuf {
+    folder.join(format!("view-{port}.json"))
+}
+
+fn open(path: &Path, creates: bool) -> io::Result<File> {
+    OpenOptions::new()
+        .read(true)
+        .write(true)
+        .create(creates)
+        .mode(0o600)
+        .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
+        .open(path)
+}
+
+fn read(mut file: &File) -> io::Result<Running> {
+    let mut text = Vec::new();
+    file.rewind()?;
+    file.take(MAX_BYTES).read_to_end(&mut text)?;
+    Ok(serde_json::from_slice(&text)?)
+}
+
+fn is_at(file: &File, path: &Path) -> bool {
+    let (Ok(open), Ok(there)) = (file.metadata(), std::fs::symlink_metadata(path)) else {
+        return false;
+    };
+    (open.dev(), open.ino()) == (there.dev(), there.ino())
+}
+
+/// This user's folder for files of running programs, which no other user can enter.
+fn folder() -> Result<PathBuf, Failure> {
+    let runtime = std::env::var_os("XDG_RUNTIME_DIR").filter(|path| !path.is_empty());
+    let uid = rustix::process::getuid().as_raw();
+    let folder = match runtime {
+        Some(runtime) => PathBuf::from(runtime).join("ril"),
+        None => PathBuf::from(format!("/dev/shm/ril-{uid}")),
+    };
+    match DirBuilder::new().mode(0o700).create(&folder) {
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
+            return Err(unusable(&folder, &error));
+        }
+        _ => {}
+    }
+    let there = std::fs::symlink_metadata(&folder).map_err(|error| unusable(&folder, &error))?;
+    if !there.is_dir() || there.uid() != uid || there.mode() & 0o077 != 0 {
+        let text = format!(
+            "{} is no folder of this user alone, and the token must not lie where others read it",
+            folder.display()
+        );
+        return Err(Failure::internal(text).with_next_step("remove it, or set XDG_RUNTIME_DIR"));
+    }
+    Ok(folder)
+}
+
+fn unusable(path: &Path, error: &io::Error) -> Failure {
+    Failure::internal(format!("{} cannot be used: {error}", path.display()))
+}
+
+/// Why a server cannot start: another view of this user runs.
+fn taken(port: u16, running: Option<&Running>) -> Failure {
+    let who = running.map_or_else(String::new, |running| {
+        format!(
+            " (process {} of domain {})",
+            running.pid,
+            running.domain.display()
+        )
+    });
+    Failure::internal(format!(
+        "a view of this user runs on port {port} already{who}"
+    ))
+    .with_next_step(format!(
+        "`ril view --port {port}` opens its page; another port runs another one: `--port {}`",
+        port.saturating_add(1)
+    ))
+}

@@ -1,0 +1,315 @@
+//! [`ViewShell`]: the server's loop: sockets, robots and what pages want, in the one wait of every process.
+//!
+//! Samples wake nothing: robots are drained by the time, 20 times a second while a page looks and 5 times when none does, so that no
+//! publisher pays for viewers, and the last minutes are there for a page that comes. Sockets, reports and signals wake at once.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::time::Duration;
+
+use ipc_types::{MonotonicNs, SchedulingRole, WaitError, Wake};
+use module_kit::process::{Process, Sources};
+use view::{BUSY, ConnectionId, Event, Peer, Server};
+
+use super::channels::Channels;
+use super::checks::Checks;
+use super::fleet::Fleet;
+use super::messages;
+use super::orders::Orders;
+use super::peer::is_own_user;
+use super::sockets::{Arrived, Key, Sockets};
+use super::speaker::Speaker;
+use crate::config::RequestConfig;
+use crate::robot::changes::Weight;
+use crate::robot::clock::{Clocks, WallClock};
+
+/// Time between two looks at the robots while a page looks.
+const WATCHED_PERIOD: Duration = Duration::from_millis(50);
+
+/// The same when none does.
+const UNWATCHED_PERIOD: Duration = Duration::from_millis(200);
+
+/// Clients of robots that may wake the process. A wait has 16 sources, of which sockets, signals and checks are three; the reports of
+/// further robots are taken at the next look.
+const MAX_CLIENTS: usize = 12;
+
+/// How often what pages want is done at one wake before the process looks at its sources again.
+const MAX_ROUNDS: usize = 4;
+
+/// Why a view cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum ViewError {
+    /// The operating system cannot wait any more.
+    #[error(transparent)]
+    Wait(#[from] WaitError),
+    /// The sockets cannot be waited for.
+    #[error("the sockets cannot be used")]
+    Sockets(#[from] io::Error),
+}
+
+/// See the module's documentation.
+pub(super) struct ViewShell {
+    sockets: Sockets,
+    /// What each connection is called in the server.
+    connections: BTreeMap<Key, ConnectionId>,
+    server: Server,
+    fleet: Fleet,
+    speaker: Speaker,
+    channels: Channels,
+    orders: Orders,
+    checks: Checks,
+    requests: RequestConfig,
+    /// When the robots are looked at next.
+    next_look: MonotonicNs,
+    wall_clock: WallClock,
+    buffer: Vec<u8>,
+}
+
+impl ViewShell {
+    pub fn new(
+        sockets: Sockets,
+        server: Server,
+        fleet: Fleet,
+        requests: RequestConfig,
+    ) -> ViewShell {
+        ViewShell {
+            sockets,
+            connections: BTreeMap::new(),
+            server,
+            fleet,
+            speaker: Speaker::default(),
+            channels: Channels::default(),
+            orders: Orders::default(),
+            checks: Checks::default(),
+            requests,
+            next_look: MonotonicNs(0),
+            wall_clock: WallClock::default(),
+            buffer: Vec::new(),
+        }
+    }
+
+    /// Accepts and reads.
+    fn take_bytes(&mut self, now: MonotonicNs) -> io::Result<()> {
+        let (readable, wants_to_connect) = self.sockets.ready()?;
+        for key in readable {
+            let Some(id) = self.connections.get(&key).copied() else {
+                continue;
+            };
+            match self.sockets.read(key, &mut self.buffer) {
+                None => {}
+                Some(Arrived::Bytes(bytes)) => self.server.receive(id, bytes, now),
+                Some(Arrived::End) => self.close(key, now),
+            }
+        }
+        if wants_to_connect {
+            while let Some(connection) = self.sockets.accept() {
+                let peer = Peer {
+                    address: connection.peer,
+                    is_own_user: is_own_user(connection.peer, connection.own),
+                    is_encrypted: false,
+                };
+                match self.server.accept(peer, now) {
+                    Some(id) => _ = self.connections.insert(connection.key, id),
+                    None => {
+                        // What the kernel does not take of so few bytes is not worth waiting for.
+                        let _ = self.sockets.write(connection.key, BUSY);
+                        self.sockets.close(connection.key);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn close(&mut self, key: Key, now: MonotonicNs) {
+        self.sockets.close(key);
+        if let Some(id) = self.connections.remove(&key) {
+            self.server.closed(id, now);
+        }
+    }
+
+    /// Looks at the robots, when it is time to, and says what is new.
+    fn look(&mut self, now: MonotonicNs) {
+        if now >= self.next_look {
+            let period = match self.server.has_viewers() {
+                true => WATCHED_PERIOD,
+                false => UNWATCHED_PERIOD,
+            };
+            // A machine that stalls does not make up for it.
+            self.next_look = (self.next_look + period).max(now + period / 2);
+            self.sockets.recover();
+            if self.fleet.look(now) {
+                self.server.set_robots(self.fleet.ids());
+            }
+            self.fleet.drain(now);
+            let clock = self.clock(now);
+            self.speaker.speak(&mut self.fleet, &mut self.server, clock);
+            for shown in self.fleet.iter() {
+                let ipc = shown.ports.ipc();
+                self.channels.drain(ipc, &mut self.server, clock);
+            }
+        }
+        self.report(now);
+    }
+
+    /// Says what became of orders and checks.
+    fn report(&mut self, now: MonotonicNs) {
+        for shown in self.fleet.iter_mut() {
+            shown.ports.drain_reports(&mut shown.robot, now);
+            let robot = shown.robot.id.get();
+            for news in shown.ports.take_news() {
+                if let Some(report) = self.orders.report(robot, &news) {
+                    self.server.order(&report);
+                }
+            }
+        }
+        for (viewer, answer) in self.checks.answers(now) {
+            self.server.check(viewer, &answer);
+        }
+    }
+
+    /// Does what pages want; says whether they wanted something.
+    fn take_events(&mut self, now: MonotonicNs) -> bool {
+        let mut wanted = false;
+        while let Some(event) = self.server.poll_event() {
+            wanted = true;
+            match event {
+                Event::Joined { viewer, robot } => self.join(viewer, robot, now),
+                Event::Order {
+                    viewer: _,
+                    order,
+                    from,
+                } => {
+                    let Some(shown) = self.fleet.get_mut(order.robot) else {
+                        continue;
+                    };
+                    let report = self.orders.take(&order, &from, shown, &self.requests, now);
+                    self.server.order(&report);
+                }
+                Event::Check { viewer, check } => {
+                    let Some(shown) = self.fleet.get_mut(check.robot) else {
+                        continue;
+                    };
+                    if let Some(answer) = self.checks.take(viewer, &check, shown, now) {
+                        self.server.check(viewer, &answer);
+                    }
+                }
+                Event::NotSent { order, from, text } => {
+                    let (robot, kind, order) = (order.robot, order.kind, &order.order);
+                    tracing::info!(robot, ?kind, order, from, "order not sent: {text}");
+                }
+                Event::Lease { robot, text } => {
+                    tracing::info!(robot, "{text}");
+                    if let Some(shown) = self.fleet.get_mut(robot) {
+                        shown.robot.journal.add(now, Weight::Order, text);
+                    }
+                }
+                Event::Rejected { from, why, count } => {
+                    tracing::warn!(from, count, "{why}");
+                }
+                // What else there may be needs nothing, or belongs to what is not offered: services, parameters, recordings.
+                _ => {}
+            }
+        }
+        wanted
+    }
+
+    /// A page has come, or looks at another robot.
+    fn join(&mut self, viewer: view::ViewerId, robot: u32, now: MonotonicNs) {
+        let clock = self.clock(now);
+        let Some(shown) = self.fleet.get_mut(robot) else {
+            return;
+        };
+        let past = messages::past(&shown.robot, &shown.past, clock);
+        self.server.past(viewer, &past);
+        self.speaker.joined(robot);
+        self.next_look = now;
+        self.look(now);
+    }
+
+    /// Writes what waits, and closes what has ended.
+    fn send(&mut self, now: MonotonicNs) {
+        let keys: Vec<(Key, ConnectionId)> = self
+            .connections
+            .iter()
+            .map(|(key, id)| (*key, *id))
+            .collect();
+        for (key, id) in keys {
+            let mut is_gone = false;
+            let waits = loop {
+                let output = self.server.output(id);
+                if output.is_empty() {
+                    break false;
+                }
+                match self.sockets.write(key, output) {
+                    Some(0) => break true,
+                    Some(count) => self.server.sent(id, count, now),
+                    None => {
+                        is_gone = true;
+                        break false;
+                    }
+                }
+            };
+            if is_gone || !waits && self.server.is_ended(id) {
+                self.close(key, now);
+            } else {
+                self.sockets.wait_to_write(key, waits);
+            }
+        }
+    }
+
+    /// The clocks. Foxglove clients keep what they have by the time of day, which is another one when the wall clock was set.
+    fn clock(&mut self, now: MonotonicNs) -> Clocks {
+        let (clock, was_set) = self.wall_clock.look(now);
+        if was_set {
+            tracing::warn!("the clock was set: Foxglove clients begin anew");
+            self.server.restart_foxglove(clock.zero_unix_ns.to_string());
+        }
+        clock
+    }
+}
+
+impl Process for ViewShell {
+    type Error = ViewError;
+    type Key = ();
+
+    const ROLE: SchedulingRole = SchedulingRole::Consumer;
+
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
+        sources.descriptor((), self.sockets.descriptor());
+        for descriptor in self.checks.descriptors() {
+            sources.descriptor((), descriptor);
+        }
+        for client in self.fleet.sources(MAX_CLIENTS) {
+            sources.port(client);
+        }
+    }
+
+    fn drain(&mut self, _wake: Wake) -> Result<(), ViewError> {
+        let now = MonotonicNs::now();
+        self.take_bytes(now)?;
+        self.server.advance(now);
+        for _ in 0..MAX_ROUNDS {
+            let wanted = self.take_events(now);
+            self.look(now);
+            self.send(now);
+            // What a connection had sent before may be read when its output is written, and may want something.
+            if !wanted {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<MonotonicNs> {
+        [
+            Some(self.next_look),
+            self.server.deadline(),
+            self.fleet.next_order(),
+            self.checks.deadline(),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
+    }
+}

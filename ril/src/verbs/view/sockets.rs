@@ -1,0 +1,268 @@
+//! [`Sockets`]: the listener and all connections in one epoll descriptor, which is one source of the process's wait. Nothing here blocks.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::time::Duration;
+
+use rustix::event::{Timespec, epoll};
+use rustix::io::Errno;
+use socket2::SockRef;
+
+/// What the kernel may hold of a connection and has not sent: a viewer on a slow line gets what is new when the line is free, not what
+/// was new when it was full.
+const NOT_SENT_BYTES: u32 = 16 << 10;
+
+/// How long sent bytes may stay without an acknowledgement before the connection is dropped.
+const USER_TIMEOUT: Duration = Duration::from_secs(15);
+
+/// Connections that are accepted at one wake; the others are accepted at the next, behind what the connected ones send.
+const MAX_ACCEPTED: usize = 32;
+
+/// Bytes that are read of one connection at one wake, so that none keeps the others waiting.
+const READ_BYTES: usize = 16 << 10;
+
+/// Events that are taken at one wake: all connections that there can be, and the listener.
+const MAX_EVENTS: usize = 256;
+
+/// The listener's key. Connections have those from 1.
+const LISTENER: u64 = 0;
+
+/// What a connection is called here.
+pub(super) type Key = u64;
+
+/// What came of a connection.
+pub(super) enum Arrived<'a> {
+    /// Bytes.
+    Bytes(&'a [u8]),
+    /// Its end.
+    End,
+}
+
+/// A connection that came.
+pub(super) struct Accepted {
+    pub key: Key,
+    pub peer: SocketAddr,
+    pub own: SocketAddr,
+}
+
+/// See the module's documentation.
+pub(super) struct Sockets {
+    epoll: OwnedFd,
+    listener: TcpListener,
+    /// Closed when there is no other descriptor left, so that a connection can be accepted and closed. `None` if it could not be opened
+    /// again: then nothing is accepted until it can.
+    spare: Option<File>,
+    is_listening: bool,
+    connections: BTreeMap<Key, Connection>,
+    next_key: Key,
+    /// Connections that came at this wake.
+    came: usize,
+    /// Connections that were closed at once because there was no descriptor for them.
+    turned_away: u64,
+}
+
+struct Connection {
+    stream: TcpStream,
+    /// Whether the kernel is asked when the next bytes can be written.
+    waits_to_write: bool,
+}
+
+impl Sockets {
+    /// Listens at `address`.
+    pub fn listen(address: SocketAddr) -> io::Result<Sockets> {
+        let listener = TcpListener::bind(address)?;
+        listener.set_nonblocking(true)?;
+        let sockets = Sockets {
+            epoll: epoll::create(epoll::CreateFlags::CLOEXEC)?,
+            spare: Some(spare()?),
+            listener,
+            is_listening: true,
+            connections: BTreeMap::new(),
+            next_key: LISTENER + 1,
+            came: 0,
+            turned_away: 0,
+        };
+        let data = epoll::EventData::new_u64(LISTENER);
+        epoll::add(
+            &sockets.epoll,
+            &sockets.listener,
+            data,
+            epoll::EventFlags::IN,
+        )?;
+        Ok(sockets)
+    }
+
+    /// What to wait for.
+    pub fn descriptor(&self) -> BorrowedFd<'_> {
+        self.epoll.as_fd()
+    }
+
+    /// The connections that have something to read, and whether someone wants to connect.
+    pub fn ready(&mut self) -> io::Result<(Vec<Key>, bool)> {
+        let mut events = Vec::with_capacity(MAX_EVENTS);
+        let at_once = Timespec::default();
+        let spare = rustix::buffer::spare_capacity(&mut events);
+        match epoll::wait(&self.epoll, spare, Some(&at_once)) {
+            Ok(_) | Err(Errno::INTR) => {}
+            Err(error) => return Err(error.into()),
+        }
+        self.came = 0;
+        let mut readable = Vec::new();
+        let mut wants_to_connect = false;
+        for event in &events {
+            // What can be written is written at the end of each wake, whatever woke.
+            let flags = event.flags;
+            let comes = epoll::EventFlags::IN | epoll::EventFlags::HUP | epoll::EventFlags::ERR;
+            match event.data.u64() {
+                LISTENER => wants_to_connect = true,
+                key if flags.intersects(comes) => readable.push(key),
+                _ => {}
+            }
+        }
+        Ok((readable, wants_to_connect))
+    }
+
+    /// Accepts the next connection; `None` if there is none, or enough came at this wake.
+    pub fn accept(&mut self) -> Option<Accepted> {
+        while self.came < MAX_ACCEPTED {
+            self.came += 1;
+            match self.listener.accept() {
+                Ok((stream, peer)) => match self.add(stream, peer) {
+                    Ok(accepted) => return Some(accepted),
+                    Err(error) => tracing::debug!(%error, "a connection that came is gone"),
+                },
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return None,
+                Err(error) if is_out_of_descriptors(&error) => {
+                    if !self.turn_away() {
+                        return None;
+                    }
+                }
+                Err(error) => {
+                    // Of a connection that was given up before it was accepted; the listener goes on.
+                    tracing::debug!(%error, "a connection could not be accepted");
+                    return None;
+                }
+            }
+        }
+        None
+    }
+
+    fn add(&mut self, stream: TcpStream, peer: SocketAddr) -> io::Result<Accepted> {
+        stream.set_nonblocking(true)?;
+        stream.set_nodelay(true)?;
+        let socket = SockRef::from(&stream);
+        socket.set_tcp_notsent_lowat(NOT_SENT_BYTES)?;
+        socket.set_tcp_user_timeout(Some(USER_TIMEOUT))?;
+        let own = stream.local_addr()?;
+        let key = self.next_key;
+        let data = epoll::EventData::new_u64(key);
+        epoll::add(&self.epoll, &stream, data, epoll::EventFlags::IN)?;
+        self.next_key += 1;
+        let waits_to_write = false;
+        self.connections.insert(
+            key,
+            Connection {
+                stream,
+                waits_to_write,
+            },
+        );
+        Ok(Accepted { key, peer, own })
+    }
+
+    /// Gives the spare descriptor away to accept a connection and close it. Says whether that can be done again.
+    fn turn_away(&mut self) -> bool {
+        self.turned_away += 1;
+        // One line for each doubling: a flood of connections must not fill the log.
+        if self.turned_away.is_power_of_two() {
+            let count = self.turned_away;
+            tracing::warn!(
+                count,
+                "no file descriptor is left: connections are turned away"
+            );
+        }
+        self.spare = None;
+        let turned_away = self.listener.accept().is_ok();
+        self.spare = spare().ok();
+        if self.spare.is_none() {
+            self.set_listening(false);
+        }
+        turned_away && self.spare.is_some()
+    }
+
+    /// Accepts again after all descriptors were used up; to be called now and then.
+    pub fn recover(&mut self) {
+        if !self.is_listening {
+            self.spare = spare().ok();
+            self.set_listening(self.spare.is_some());
+        }
+    }
+
+    fn set_listening(&mut self, is_listening: bool) {
+        let flags = match is_listening {
+            true => epoll::EventFlags::IN,
+            false => epoll::EventFlags::empty(),
+        };
+        let data = epoll::EventData::new_u64(LISTENER);
+        let set = epoll::modify(&self.epoll, &self.listener, data, flags);
+        self.is_listening = is_listening && set.is_ok();
+    }
+
+    /// Reads what came of a connection, at most [`READ_BYTES`]: the rest wakes again. `None` if nothing came.
+    pub fn read<'a>(&mut self, key: Key, buffer: &'a mut Vec<u8>) -> Option<Arrived<'a>> {
+        let connection = self.connections.get_mut(&key)?;
+        buffer.resize(READ_BYTES, 0);
+        match connection.stream.read(buffer) {
+            Ok(0) => Some(Arrived::End),
+            Ok(count) => Some(Arrived::Bytes(&buffer[..count])),
+            Err(error) if is_for_later(&error) => None,
+            Err(_) => Some(Arrived::End),
+        }
+    }
+
+    /// Writes what the kernel takes, and says how much that was; `None` if the connection has ended.
+    pub fn write(&mut self, key: Key, bytes: &[u8]) -> Option<usize> {
+        let connection = self.connections.get_mut(&key)?;
+        match connection.stream.write(bytes) {
+            Ok(count) => Some(count),
+            Err(error) if is_for_later(&error) => Some(0),
+            Err(_) => None,
+        }
+    }
+
+    /// Whether the process is to be woken when the connection can be written to.
+    pub fn wait_to_write(&mut self, key: Key, waits: bool) {
+        let Some(connection) = self.connections.get_mut(&key) else {
+            return;
+        };
+        if connection.waits_to_write != waits {
+            let flags = match waits {
+                true => epoll::EventFlags::IN | epoll::EventFlags::OUT,
+                false => epoll::EventFlags::IN,
+            };
+            let data = epoll::EventData::new_u64(key);
+            let set = epoll::modify(&self.epoll, &connection.stream, data, flags);
+            connection.waits_to_write = waits && set.is_ok();
+        }
+    }
+
+    /// Closes a connection, which takes it out of the wait.
+    pub fn close(&mut self, key: Key) {
+        self.connections.remove(&key);
+    }
+}
+
+fn spare() -> io::Result<File> {
+    File::open("/dev/null")
+}
+
+fn is_for_later(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
+}
+
+fn is_out_of_descriptors(error: &io::Error) -> bool {
+    let errno = error.raw_os_error().map(Errno::from_raw_os_error);
+    matches!(errno, Some(Errno::MFILE | Errno::NFILE))
+}

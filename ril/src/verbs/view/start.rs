@@ -1,0 +1,247 @@
+//! `ril view`: finds the view of this user that runs on the port, or starts one in the background, and opens its page.
+
+use std::ffi::{OsStr, OsString};
+use std::fs::File;
+use std::io::{Read, Write};
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::net::{SocketAddr, UnixDatagram};
+use std::os::unix::process::CommandExt;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use ipc_types::{Domain, MonotonicNs, fresh_request_id};
+use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::signal::WITH_PARENT;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+use serde::Serialize;
+
+use super::options::{ServerArgs, ViewArgs};
+use super::run_file::{self, Running};
+use super::server;
+use crate::render::json_line;
+use crate::session::print_configuration;
+
+/// How long the server has to be ready, and to end. It takes a tenth of a second.
+const TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Most that is shown of the log of a server that did not start.
+const MAX_LOG_BYTES: u64 = 4096;
+
+/// `ril view`
+///
+/// # Errors
+///
+/// Code 1 when the server cannot start, 3 when there is none to stop, 78 when the configuration is wrong.
+pub fn view(args: &ViewArgs) -> Result<(), Failure> {
+    let common = args.server.common();
+    if args.server.check_config {
+        return print_configuration("view", &server::check_config(&args.server)?);
+    }
+    runtime::logging::init(common.verbosity())?;
+    let port = server::load(&args.server)?.value.port;
+    let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
+    let running = run_file::find(port)?;
+    if args.stop {
+        return stop(port, running.as_ref());
+    }
+    let running = match running {
+        Some(running) if running.domain == domain.root() => running,
+        Some(other) => {
+            let text = format!(
+                "the view on port {port} shows another domain, {}",
+                other.domain.display()
+            );
+            let next_step = format!(
+                "run another one: `ril view --port {}`",
+                port.saturating_add(1)
+            );
+            return Err(Failure::internal(text).with_next_step(next_step));
+        }
+        None => start(port, &args.server)?,
+    };
+    match args.json {
+        true => json_line(&mut std::io::stdout().lock(), &ViewObject::of(&running)),
+        false => show(&running, args.no_browser),
+    }
+}
+
+/// A view that runs, for programs.
+#[derive(Serialize)]
+struct ViewObject {
+    schema: &'static str,
+    pid: u32,
+    port: u16,
+    address: String,
+    address_with_token: String,
+}
+
+impl ViewObject {
+    fn of(running: &Running) -> ViewObject {
+        ViewObject {
+            schema: "ril.View.v1",
+            pid: running.pid,
+            port: running.port,
+            address: running.address(),
+            address_with_token: running.address_with_token(),
+        }
+    }
+}
+
+/// Ends the server.
+fn stop(port: u16, running: Option<&Running>) -> Result<(), Failure> {
+    let Some(running) = running else {
+        let text = format!("no view of this user runs on port {port}");
+        return Err(Failure::new(ExitCode::ServiceAbsent, text));
+    };
+    let unreachable = || Failure::internal(format!("process {} cannot be ended", running.pid));
+    let pid = i32::try_from(running.pid).ok().and_then(Pid::from_raw);
+    let process =
+        pidfd_open(pid.ok_or_else(unreachable)?, PidfdFlags::empty()).map_err(|_| unreachable())?;
+    pidfd_send_signal(&process, Signal::TERM).map_err(|_| unreachable())?;
+    let mut ended = [PollFd::new(&process, PollFlags::IN)];
+    let timeout = Timespec::try_from(TIMEOUT).ok();
+    match poll(&mut ended, timeout.as_ref()) {
+        Ok(1..) => Ok(()),
+        _ => Err(Failure::new(
+            ExitCode::Timeout,
+            format!("process {} does not end", running.pid),
+        )),
+    }
+}
+
+/// Starts the server in the background, and waits until it is ready.
+fn start(port: u16, args: &ServerArgs) -> Result<Running, Failure> {
+    let (log, log_path) = run_file::log_file(port)?;
+    let name = format!("ril-view-{}", fresh_request_id());
+    let address = SocketAddr::from_abstract_name(&name).or_fail(ExitCode::Internal)?;
+    let readiness = UnixDatagram::bind_addr(&address).or_fail(ExitCode::Internal)?;
+    let program = std::env::current_exe().or_fail(ExitCode::Internal)?;
+    let mut command = Command::new(program);
+    command
+        .args(["run", "view", "--own-session"])
+        .args(arguments(port, args))
+        .env("NOTIFY_SOCKET", format!("@{name}"))
+        .env_remove(WITH_PARENT)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(log);
+    let mut child = command
+        .spawn()
+        .map_err(|error| Failure::internal(format!("`ril run view` cannot be started: {error}")))?;
+    await_readiness(&readiness, &mut child, &log_path)?;
+    run_file::find(port)?.ok_or_else(|| {
+        let text = format!(
+            "`ril run view` ended again; {} says why",
+            log_path.display()
+        );
+        Failure::internal(text)
+    })
+}
+
+fn arguments(port: u16, args: &ServerArgs) -> Vec<OsString> {
+    let mut words: Vec<OsString> = vec!["--port".into(), port.to_string().into()];
+    for robot in &args.robots {
+        words.extend(["--robot".into(), robot.to_string().into()]);
+    }
+    if let Some(config) = &args.config {
+        words.extend(["--config".into(), config.into()]);
+    }
+    words.extend((0..args.verbose).map(|_| "-v".into()));
+    words.extend((0..args.quiet).map(|_| "-q".into()));
+    words
+}
+
+/// Waits for the server's word that it is ready, or for its end.
+fn await_readiness(readiness: &UnixDatagram, child: &mut Child, log: &Path) -> Result<(), Failure> {
+    let process = pidfd_open(Pid::from_child(child), PidfdFlags::empty());
+    let process = process.or_fail(ExitCode::Internal)?;
+    let give_up = MonotonicNs::now() + TIMEOUT;
+    let mut message = [0; 256];
+    loop {
+        let mut sources = [
+            PollFd::new(readiness, PollFlags::IN),
+            PollFd::new(&process, PollFlags::IN),
+        ];
+        let left = give_up.since(MonotonicNs::now());
+        let timeout = Timespec::try_from(left).ok();
+        let count = poll(&mut sources, timeout.as_ref());
+        let [says, ends] = sources.map(|source| !source.revents().is_empty());
+        if says {
+            let length = readiness.recv(&mut message).or_fail(ExitCode::Internal)?;
+            if message[..length].starts_with(b"READY=1") {
+                return Ok(());
+            }
+        } else if ends {
+            let code = child.wait().ok().and_then(|status| status.code());
+            return Err(not_started(code, log));
+        } else if count == Ok(0) || left.is_zero() {
+            let text = format!(
+                "`ril run view` is not ready after {} s; {} has its log",
+                TIMEOUT.as_secs(),
+                log.display()
+            );
+            return Err(Failure::new(ExitCode::Timeout, text));
+        }
+    }
+}
+
+/// Why the server ended at once: what it logged last, and its exit code.
+fn not_started(code: Option<i32>, log: &Path) -> Failure {
+    let mut text = String::new();
+    let read = File::open(log).and_then(|file| file.take(MAX_LOG_BYTES).read_to_string(&mut text));
+    if let Err(error) = read {
+        tracing::debug!(%error, "the log cannot be read");
+    }
+    let said = text.lines().next().unwrap_or("it said nothing");
+    let said = said.strip_prefix("error: ").unwrap_or(said);
+    let code = ExitCode::ALL
+        .into_iter()
+        .find(|known| Some(i32::from(known.code())) == code && *known != ExitCode::Ok);
+    Failure::new(
+        code.unwrap_or(ExitCode::Internal),
+        format!("`ril run view` did not start: {said}"),
+    )
+}
+
+/// Prints where the page is, and opens it.
+fn show(running: &Running, is_printed_alone: bool) -> Result<(), Failure> {
+    let mut out = std::io::stdout().lock();
+    if is_printed_alone {
+        return writeln!(out, "{}", running.address_with_token()).map_err(Failure::output);
+    }
+    writeln!(out, "the view is at {}", running.address()).map_err(Failure::output)?;
+    let file = run_file::write_opener(running)?;
+    if open(&file) {
+        return Ok(());
+    }
+    let text = "no browser could be started: neither $BROWSER nor xdg-open";
+    Err(Failure::new(ExitCode::NotInOrder, text)
+        .with_next_step("`ril view --no-browser` prints the address for a browser of your choice"))
+}
+
+/// Opens a file in the browser that the user prefers. The browser goes on by itself.
+fn open(file: &Path) -> bool {
+    let preferred = std::env::var_os("BROWSER").unwrap_or_default();
+    let preferred = preferred.to_str().unwrap_or_default().split(':');
+    let programs = preferred
+        .filter(|program| !program.is_empty())
+        .chain(["xdg-open"]);
+    programs.into_iter().any(|program| {
+        let mut words = program.split_whitespace();
+        let Some(program) = words.next() else {
+            return false;
+        };
+        let page: &OsStr = file.as_os_str();
+        let opened = Command::new(program)
+            .args(words.filter(|word| *word != "%s"))
+            .arg(page)
+            .process_group(0)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn();
+        opened.is_ok()
+    })
+}

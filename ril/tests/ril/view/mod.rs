@@ -1,0 +1,495 @@
+//! `ril run view` and `ril view` beside real robots and stand-ins, as a browser sees them.
+
+mod page;
+
+use std::fs;
+use std::net::{TcpListener, TcpStream};
+use std::path::PathBuf;
+
+use ipc_types::RobotId;
+use ipc_types::code::{MovementKind, Reason};
+use ipc_types::payload::{ModuleState, SharedStruct};
+use ril_tests::process::Signal;
+use ril_tests::{Answer, Process, Sandbox, StandInBridge};
+use serde_json::{Value, json};
+
+use crate::common::{FOR_SLOW_MACHINES, Flight, end, json as json_of, movement, sandbox};
+use page::{Page, request};
+
+/// A view that runs on a port of its own.
+struct View {
+    process: Process,
+    port: u16,
+    token: String,
+}
+
+/// A port that no other process has at this moment.
+fn free_port() -> u16 {
+    let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
+    listener.local_addr().expect("an address").port()
+}
+
+/// `ril` with these arguments, whose runtime folder is the sandbox's.
+fn ril(rig: &Sandbox, args: &str) -> Process {
+    let mut command = rig.command(args.split_whitespace());
+    command.env("XDG_RUNTIME_DIR", rig.folder());
+    Process::spawn(&rig.domain, command)
+}
+
+fn run_file(rig: &Sandbox, port: u16) -> PathBuf {
+    rig.path(&format!("ril/view-{port}.json"))
+}
+
+fn token(rig: &Sandbox, port: u16) -> String {
+    let text = fs::read_to_string(run_file(rig, port)).expect("a file of the running view");
+    let running: Value = serde_json::from_str(&text).expect("JSON");
+    running["token"].as_str().expect("a token").to_owned()
+}
+
+impl View {
+    fn start(rig: &Sandbox) -> View {
+        let port = free_port();
+        let mut process = ril(rig, &format!("run view --port {port}"));
+        process.wait_for_text("ready");
+        let token = token(rig, port);
+        View {
+            process,
+            port,
+            token,
+        }
+    }
+
+    fn page(&self) -> Page {
+        Page::open(self.port, Some(&self.token))
+    }
+
+    fn end(self) {
+        end(self.process, Signal::TERM);
+    }
+}
+
+fn order(number: &str, kind: &str) -> Value {
+    json!({"type": "order", "order": number, "robot": 1, "kind": kind, "seen": 0, "position": null,
+        "altitude_m": null, "confirm": null})
+}
+
+#[test]
+fn a_page_sees_a_robot_fly_and_that_its_bridge_is_gone() {
+    let rig = sandbox();
+    let robot = rig.start_robot(1, 1);
+    let view = View::start(&rig);
+    let mut page = view.page();
+    let hello = page.until_type("hello");
+    assert_eq!(hello["protocol"], "hero.view.v1");
+    assert_eq!(hello["role"], "command");
+    assert_eq!(hello["robots"], json!([1]));
+    let past = page.until_type("past");
+    assert!(past["t_s"].is_array(), "{past}");
+    let words = page.until("the phase", |message| {
+        message["type"] == "robot" && message["phase"] == "on the ground"
+    });
+    assert_eq!(
+        (&words["replayed"], &words["relayed"]),
+        (&json!(false), &json!(false))
+    );
+    page.until("the list", |message| {
+        message["type"] == "robots" && message["robots"][0]["link"] == "fresh"
+    });
+
+    // 20 a second at most, of true ages.
+    let mut last_ms = 0;
+    let mut least_ms = u64::MAX;
+    let first = page.until_type("now");
+    for _ in 0..40 {
+        let now = page.until_type("now");
+        assert_eq!(now["telemetry"]["freshness"], "fresh", "{now}");
+        assert!(
+            now["telemetry"]["age_ms"].as_u64().unwrap() <= 1000,
+            "{now}"
+        );
+        assert!(now["position"][0].is_number(), "{now}");
+        let sent_ms = now["sent_ms"].as_u64().unwrap();
+        if last_ms > 0 {
+            least_ms = least_ms.min(sent_ms - last_ms);
+        }
+        last_ms = sent_ms;
+    }
+    let span_ms = last_ms - first["sent_ms"].as_u64().unwrap();
+    assert!(
+        span_ms >= 39 * 45,
+        "40 values in {span_ms} ms, two of them in {least_ms} ms"
+    );
+
+    let [bridge, sim, status] = [robot.bridge, robot.sim, robot.status];
+    rig.kill(bridge);
+    page.until("the event", |message| {
+        message["type"] == "event" && message["severity"] == "alarm"
+    });
+    let gone = page.until("a bridge that is gone, and its telemetry", |message| {
+        let is_gone = |name: &str| message[name]["freshness"] == "gone";
+        message["type"] == "now" && is_gone("bridge") && is_gone("telemetry")
+    });
+    let age_ms = |name: &str| gone[name]["age_ms"].as_u64().unwrap();
+    assert!(
+        age_ms("telemetry") > 1000 && age_ms("bridge") > 500,
+        "{gone}"
+    );
+    page.until("the alarm", |message| {
+        message["type"] == "robot" && message["alarms"][0]["id"] == "bridge-gone"
+    });
+    // A page that comes now has it in its past.
+    let past = view.page().until_type("past");
+    let events = past["events"].as_array().unwrap();
+    assert_eq!(events.last().unwrap()["severity"], "alarm", "{past}");
+    view.end();
+    for process in [sim, status] {
+        end(process, Signal::INT);
+    }
+}
+
+#[test]
+fn an_order_is_given_once_whatever_a_page_repeats() {
+    let rig = sandbox();
+    let bridge = StandInBridge::start(&rig.domain);
+    bridge.publish_state(&StandInBridge::idle_state());
+    let view = View::start(&rig);
+    let mut page = view.page();
+    page.until_type("robot");
+    for _ in 0..3 {
+        let report = page.order(&order("a1", "hold"));
+        assert_eq!(
+            (&report["stage"], &report["kind"]),
+            (&json!("done"), &json!("hold"))
+        );
+    }
+    bridge.answer_next(Answer::refuse(Reason::LinkDown));
+    let report = page.order(&order("a2", "land"));
+    assert_eq!(report["stage"], "refused");
+    assert!(
+        report["text"].as_str().unwrap().contains("link-down"),
+        "{report}"
+    );
+
+    // Another page finds what became of it, and does not give it again either.
+    let mut other = view.page();
+    other.until_type("robot");
+    other.order(&order("a2", "land"));
+
+    // Who may only watch orders nothing.
+    let mut stranger = Page::open(view.port, None);
+    assert_eq!(stranger.until_type("hello")["role"], "watch");
+    let report = stranger.order(&order("a3", "land"));
+    assert_eq!(report["stage"], "not-sent", "{report}");
+    let mut liar = Page::open(view.port, Some("0123456789abcdef0123456789abcdef"));
+    let answer = liar.until("an answer", |message| {
+        message["type"] == "hello" || message["type"] == "refused"
+    });
+    assert_ne!(answer["role"], "command", "{answer}");
+
+    page.order(&order("a4", "hold"));
+    let kinds: Vec<_> = (0..3)
+        .map(|_| movement(bridge.next_request()).kind())
+        .collect();
+    let expected = [MovementKind::Hold, MovementKind::Land, MovementKind::Hold];
+    assert_eq!(kinds, expected.map(Some));
+    let finished = end(view.process, Signal::TERM);
+    finished.err_says("kind=Land");
+}
+
+#[test]
+fn a_page_flies_to_a_place_that_was_checked() {
+    let rig = sandbox();
+    let mast = "[[fence.area]]\nname = \"mast\"\nkind = \"exclusion\"\ncentre = [37.4114, -6.001]\nradius_m = 10.0\n";
+    rig.write("bridge.toml", &format!("{FOR_SLOW_MACHINES}\n{mast}"));
+    let flight = Flight::begin(&rig);
+    let view = View::start(&rig);
+    let mut page = view.page();
+    page.until("where it is", |message| {
+        message["type"] == "now" && message["telemetry"]["freshness"] == "fresh"
+    });
+    let (latitude, longitude, altitude) = flight.place;
+    let near = [latitude + 0.0002, longitude];
+    let behind = [latitude + 0.0006, longitude];
+    let check = |order: &str, place: [f64; 2]| json!({"type": "check", "order": order, "robot": 1, "kind": "goto", "position": place, "altitude_m": altitude});
+    let goto = |order: &str, place: [f64; 2], seen: &Value| {
+        json!({"type": "order", "order": order, "robot": 1, "kind": "goto", "seen": seen, "position": place,
+            "altitude_m": altitude, "confirm": null})
+    };
+    let mut other = view.page();
+    let chart = other.until("the fence", |message| {
+        message["type"] == "chart" && message["fence"][0]["name"] == "mast"
+    });
+    assert_eq!(
+        (&chart["source"], &chart["fence"][0]["inclusion"]),
+        (&json!("bridge"), &json!(false))
+    );
+    page.send(&check("c1", near));
+    let good = page.until_type("check");
+    let distance_m = good["distance_m"].as_f64().unwrap();
+    assert!((20.0..25.0).contains(&distance_m), "{good}");
+    assert_ne!(good["severity"], "alarm", "{good}");
+    page.send(&check("c2", behind));
+    let bad = page.until_type("check");
+    assert_eq!(
+        (&bad["order"], &bad["severity"]),
+        (&json!("c2"), &json!("alarm"))
+    );
+    assert!(
+        bad["findings"][0]["text"]
+            .as_str()
+            .unwrap()
+            .contains("mast"),
+        "{bad}"
+    );
+
+    page.send(&json!({"type": "lease", "robot": 1, "action": "take"}));
+    page.until("the lease", |message| {
+        message["type"] == "lease" && message["holder"] == "you"
+    });
+    let seen = page.until_type("now")["n"].clone();
+    let report = page.order(&goto("g1", behind, &seen));
+    assert_eq!(report["stage"], "not-sent", "{report}");
+    let seen = page.until_type("now")["n"].clone();
+    let report = page.order(&goto("g2", near, &seen));
+    assert_eq!(report["stage"], "done", "{report}");
+    view.end();
+    flight.end();
+}
+
+#[test]
+fn robots_that_come_are_shown_and_a_take_off_is_checked_by_the_preflight() {
+    let rig = sandbox();
+    let first = StandInBridge::start(&rig.domain);
+    let view = View::start(&rig);
+    let mut page = view.page();
+    assert_eq!(page.until_type("hello")["robots"], json!([1]));
+    let second = StandInBridge::start_for(&rig.domain, RobotId::new(7).unwrap());
+    page.until("both robots", |message| {
+        message["type"] == "robots" && message["robots"][1]["robot"] == 7
+    });
+    page.send(&json!({"type": "open", "token": view.token, "robot": 7, "rate_hz": 20}));
+    page.until("robot 7", |message| {
+        message["type"] == "past" && message["robot"] == 7
+    });
+    page.send(&json!({"type": "check", "order": "t1", "robot": 7, "kind": "takeoff", "position": null, "altitude_m": 10.0}));
+    let check = page.until_type("check");
+    assert_eq!(
+        (&check["robot"], &check["severity"]),
+        (&json!(7), &json!("alarm"))
+    );
+    let findings = check["findings"].as_array().unwrap();
+    let has = |text: &str| {
+        findings
+            .iter()
+            .any(|one| one["text"].as_str().unwrap().contains(text))
+    };
+    assert!(
+        has("no telemetry came") && has("checks of the preflight passed"),
+        "{check}"
+    );
+    view.end();
+    drop((first, second));
+}
+
+/// Reads until a binary frame with a message of a subscription: its time and its bytes.
+fn message(client: &mut Page) -> (u64, Vec<u8>) {
+    const BINARY: u8 = 2;
+    loop {
+        let (opcode, frame) = client.next_frame().expect("a server that goes on");
+        if opcode == BINARY && frame[0] == 1 {
+            assert_eq!(frame[1..5], 7_u32.to_le_bytes());
+            let time = u64::from_le_bytes(frame[5..13].try_into().unwrap());
+            return (time, frame[13..].to_vec());
+        }
+    }
+}
+
+#[test]
+fn foxglove_has_every_topic_with_the_bytes_of_recordings() {
+    let rig = sandbox();
+    let robot = rig.start_robot(1, 1);
+    let view = View::start(&rig);
+    let host = format!("127.0.0.1:{}", view.port);
+    for protocol in ["foxglove.websocket.v1", "foxglove.sdk.v1"] {
+        let mut client = Page::speak(protocol, view.port, &host, None).expect("an upgrade");
+        let info = client.until("serverInfo", |message| message["op"] == "serverInfo");
+        assert!(
+            info["capabilities"]
+                .as_array()
+                .unwrap()
+                .contains(&json!("time")),
+            "{info}"
+        );
+        let mut channels: Vec<Value> = Vec::new();
+        client.until("all topics", |message| {
+            channels.extend(
+                message["channels"]
+                    .as_array()
+                    .into_iter()
+                    .flatten()
+                    .cloned(),
+            );
+            [
+                "/robot1/bridge/state",
+                "/robot1/dsp/telemetry",
+                "/robot1/hero/telemetry",
+                "/robot1/bridge/outline",
+            ]
+            .iter()
+            .all(|topic| channels.iter().any(|channel| channel["topic"] == *topic))
+        });
+        let state = channels
+            .iter()
+            .find(|channel| channel["topic"] == "/robot1/bridge/state");
+        let state = state.unwrap();
+        assert_eq!(
+            (&state["encoding"], &state["schemaEncoding"]),
+            (&json!("cdr"), &json!("ros2msg"))
+        );
+        assert_eq!(state["schemaName"], "hero_msgs/msg/ModuleState");
+        client.send(
+            &json!({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": state["id"]}]}),
+        );
+        let mut last = 0;
+        for _ in 0..3 {
+            let (time, bytes) = message(&mut client);
+            assert_eq!(bytes[..4], [0, 1, 0, 0], "CDR, little endian");
+            let state = ModuleState::from_bytes(&bytes[4..]).expect("a state");
+            assert!(state.sequence > last && state.published_ns > 0);
+            // The time of day of the moment at which it was published.
+            let since_1970 = std::time::SystemTime::UNIX_EPOCH
+                .elapsed()
+                .unwrap()
+                .as_nanos() as u64;
+            let now = ipc_types::MonotonicNs::now().0;
+            let age_ns = now - state.published_ns;
+            assert!((since_1970 - age_ns).abs_diff(time) < 100_000_000, "{time}");
+            last = state.sequence;
+        }
+    }
+    view.end();
+    for process in [robot.bridge, robot.sim, robot.status] {
+        end(process, Signal::INT);
+    }
+}
+
+#[test]
+fn a_view_without_descriptors_turns_away_and_goes_on() {
+    let rig = sandbox();
+    let bridge = StandInBridge::start(&rig.domain);
+    let port = free_port();
+    let mut command = rig.shell(&format!("ulimit -n 64; exec \"$0\" run view --port {port}"));
+    command.env("XDG_RUNTIME_DIR", rig.folder());
+    let mut process = rig.spawn(command);
+    process.wait_for_text("ready");
+    let crowd: Vec<TcpStream> = (0..80)
+        .map(|_| TcpStream::connect(("127.0.0.1", port)).expect("room in the backlog"))
+        .collect();
+    process.wait_for_text("no file descriptor is left");
+    drop(crowd);
+    // The server sees one end after the other; until then it turns away.
+    let own = format!("127.0.0.1:{port}");
+    let comes = (0..100_000).find_map(|_| Page::upgrade(port, &own, None).ok());
+    let mut page = comes.expect("a server that accepts again");
+    page.send(&json!({"type": "open", "token": token(&rig, port), "robot": null, "rate_hz": 20}));
+    assert_eq!(page.until_type("hello")["role"], "command");
+    page.until_type("robot");
+    end(process, Signal::TERM);
+    drop(bridge);
+}
+
+#[test]
+fn pages_of_others_get_nothing() {
+    let rig = sandbox();
+    let bridge = StandInBridge::start(&rig.domain);
+    let view = View::start(&rig);
+    let port = view.port;
+    let own = format!("127.0.0.1:{port}");
+    let evil = format!("evil.example:{port}");
+    assert!(Page::upgrade(port, &own, Some("http://evil.example")).is_err());
+    assert!(Page::upgrade(port, &own, Some("null")).is_err());
+    assert!(Page::upgrade(port, &evil, Some(&format!("http://{evil}"))).is_err());
+    let (status, _) = request(port, "/", &[("Host", &evil)]);
+    assert!(!status.contains(" 200 "), "{status}");
+    let (status, body) = request(port, "/", &[("Host", &own)]);
+    assert!(status.contains(" 200 ") && body.contains("<!"), "{status}");
+    assert!(!body.contains(&view.token));
+    view.end();
+    drop(bridge);
+}
+
+#[test]
+fn the_command_finds_or_starts_a_view_opens_it_and_ends_it() {
+    let rig = sandbox();
+    let bridge = StandInBridge::start(&rig.domain);
+    let port = free_port();
+    ril(&rig, &format!("view --stop --port {port}")).exits(3);
+    let started = ril(&rig, &format!("view --no-browser --port {port}")).exits(0);
+    let token = token(&rig, port);
+    let address = format!("http://127.0.0.1:{port}/#token={token}");
+    assert_eq!(started.stdout, [&*address]);
+    // The second one finds it.
+    let found = ril(&rig, &format!("view --no-browser --port {port}")).exits(0);
+    assert_eq!(found.stdout, started.stdout);
+    let told = ril(&rig, &format!("view --json --port {port}")).exits(0);
+    assert_eq!(json_of(&told.stdout[0])["address_with_token"], address);
+    // A browser gets a file that leads there: its command line is no place for the token.
+    let browser = rig.write(
+        "browser",
+        "#!/bin/sh\necho \"$@\" > args\ncp \"$1\" opened\n",
+    );
+    let executable = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    fs::set_permissions(&browser, executable).unwrap();
+    let mut command = rig.command(["view", "--port", &port.to_string()]);
+    command
+        .env("XDG_RUNTIME_DIR", rig.folder())
+        .env("BROWSER", &browser);
+    let shown = Process::spawn(&rig.domain, command).exits(0);
+    assert!(!shown.stdout.concat().contains(&token), "{shown:#?}");
+    // It is a process of its own, which this test cannot wait for: what it opens is on the command's way.
+    let opened = rig.path(&format!("ril/view-{port}.html"));
+    assert!(fs::read_to_string(&opened).unwrap().contains(&address));
+    let mut page = Page::open(port, Some(&token));
+    assert_eq!(page.until_type("hello")["role"], "command");
+    ril(&rig, &format!("view --stop --port {port}")).exits(0);
+    assert!(!run_file(&rig, port).exists() && !opened.exists());
+    drop(bridge);
+}
+
+#[test]
+fn a_port_that_is_in_use_is_said_with_its_holder() {
+    let rig = sandbox();
+    let listener = TcpListener::bind(("127.0.0.1", 0)).unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let finished = ril(&rig, &format!("run view --port {port}")).exits(1);
+    finished.err_says(format!("port {port} is in use by "));
+    finished.err_says(format!("(process {})", std::process::id()));
+    // Started in the background, it says the same.
+    let finished = ril(&rig, &format!("view --port {port} --no-browser")).exits(1);
+    finished.err_says(format!("port {port} is in use by "));
+    drop(listener);
+
+    let view = View::start(&rig);
+    let finished = ril(&rig, &format!("run view --port {}", view.port)).exits(1);
+    finished.err_says(format!("(process {} of domain ", view.process.id()));
+    view.end();
+}
+
+#[test]
+fn a_view_that_was_killed_leaves_nothing_in_the_way() {
+    let rig = sandbox();
+    let view = View::start(&rig);
+    let port = view.port;
+    rig.kill(view.process);
+    assert!(run_file(&rig, port).exists());
+    ril(&rig, &format!("view --stop --port {port}")).exits(3);
+    let mut again = ril(&rig, &format!("run view --port {port}"));
+    again.wait_for_text("ready");
+    assert_ne!(token(&rig, port), view.token);
+    end(again, Signal::INT);
+    assert!(!run_file(&rig, port).exists());
+    rig.write("view.toml", "\n[request]\ntimeout = 1\n");
+    ril(&rig, "run view --check-config")
+        .exits(78)
+        .err_says("view.toml:3: ");
+}
