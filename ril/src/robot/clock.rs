@@ -51,21 +51,27 @@ pub struct WallClock {
 impl WallClock {
     /// The clocks at `now`, the present moment, and whether the wall clock was set since the last look.
     pub fn look(&mut self, now: MonotonicNs) -> (Clocks, bool) {
+        let before = MonotonicNs::now();
         let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
         let unix_ns = u64::try_from(since_1970.as_nanos()).unwrap_or(u64::MAX);
-        self.at(now, unix_ns)
+        let (zero_unix_ns, was_set) = self.read(before, unix_ns, MonotonicNs::now());
+        (Clocks { now, zero_unix_ns }, was_set)
     }
 
-    fn at(&mut self, now: MonotonicNs, unix_ns: u64) -> (Clocks, bool) {
-        let measured = unix_ns.saturating_sub(now.0);
+    /// The wall clock said `unix_ns` at some moment between two of the monotonic one, which are far apart when the process stood
+    /// still there. That is no clock that was set.
+    fn read(&mut self, before: MonotonicNs, unix_ns: u64, after: MonotonicNs) -> (u64, bool) {
+        let earliest = unix_ns.saturating_sub(after.0);
+        let latest = unix_ns.saturating_sub(before.0);
+        let set_ns = SET.as_nanos() as u64;
+        let as_before = earliest.saturating_sub(set_ns)..=latest.saturating_add(set_ns);
         let was_set = self
             .zero_unix_ns
-            .is_some_and(|zero| Duration::from_nanos(measured.abs_diff(zero)) > SET);
+            .is_some_and(|zero| !as_before.contains(&zero));
         if was_set {
-            self.zero_unix_ns = Some(measured);
+            self.zero_unix_ns = None;
         }
-        let zero_unix_ns = *self.zero_unix_ns.get_or_insert(measured);
-        (Clocks { now, zero_unix_ns }, was_set)
+        (*self.zero_unix_ns.get_or_insert(earliest), was_set)
     }
 }
 
@@ -88,13 +94,30 @@ mod tests {
             // Before the machine was started: as if at its start.
             (7_000, 3_000, 0, false),
         ] {
-            let (clock, is_set) = wall.at(MonotonicNs(now_ms * MS), unix_ms * MS);
-            assert_eq!((clock.zero_unix_ns, is_set), (zero_ms * MS, was_set));
-            assert_eq!(
-                clock.unix_ns(MonotonicNs(MS)),
-                (zero_ms + 1) * MS,
-                "{now_ms}"
+            let now = MonotonicNs(now_ms * MS);
+            let read = wall.read(now, unix_ms * MS, now);
+            assert_eq!(read, (zero_ms * MS, was_set), "{now_ms}");
+        }
+    }
+
+    #[test]
+    fn a_process_that_stood_still_between_two_clocks_takes_none_for_set() {
+        const S: u64 = 1_000_000_000;
+        let mut wall = WallClock::default();
+        for (before_s, unix_s, after_s, zero_s, was_set) in [
+            (1, 51, 1, 50, false),
+            // Before it read the wall clock, and after it.
+            (2, 55, 5, 50, false),
+            (6, 56, 9, 50, false),
+            // A clock that was set by more than the process stood still.
+            (10, 65, 13, 52, true),
+        ] {
+            let read = wall.read(
+                MonotonicNs(before_s * S),
+                unix_s * S,
+                MonotonicNs(after_s * S),
             );
+            assert_eq!(read, (zero_s * S, was_set), "{before_s}");
         }
     }
 }
