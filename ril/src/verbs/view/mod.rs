@@ -4,14 +4,14 @@
 //! * `start`: the command that finds or starts the server and opens the page; `run_file`: how it finds it;
 //! * [`server`]: the process; `shell`: its loop, `sockets`: its connections, `peer`: who is at the other end;
 //! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages` and `held`: what is said of one, `speaker`: when;
-//! * `channels`: their topics for Foxglove;
+//! * `foxglove`: what Foxglove and Lichtblick get and order;
 //! * `orders`, `checks`, `check`, `preflight`: what pages order, and what they ask before.
 
-mod channels;
 mod check;
 mod checks;
 mod config;
 mod fleet;
+mod foxglove;
 mod held;
 mod messages;
 pub mod options;

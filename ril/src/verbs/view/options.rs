@@ -29,6 +29,10 @@ pub struct ViewArgs {
     /// End the view that runs on the port
     #[arg(long, conflicts_with_all = ["no_browser", "json"])]
     pub stop: bool,
+
+    /// Print panels for a robot, which Foxglove and Lichtblick import as a layout
+    #[arg(long, conflicts_with_all = ["no_browser", "json", "stop"])]
+    pub layout: bool,
 }
 
 /// `ril run view`

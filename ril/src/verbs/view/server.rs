@@ -79,7 +79,7 @@ pub fn run(args: &RunViewArgs) -> Result<(), Failure> {
     };
     run_file.write(&running).or_fail(ExitCode::Internal)?;
     let server = server(&config, token, &fleet)?;
-    let mut shell = ViewShell::new(sockets, server, fleet, config.request);
+    let mut shell = ViewShell::new(sockets, server, fleet, &config);
     tracing::info!(address = running.address(), "ready");
     let supervisor = Notifier::from_env();
     process::run(&mut shell, &termination, &supervisor).or_fail(ExitCode::Internal)?;
@@ -110,6 +110,8 @@ fn server(config: &ViewConfig, secret: String, fleet: &Fleet) -> Result<Server, 
         names: config.names.clone(),
         origins: config.origins.clone(),
         tokens: vec![own],
+        foxglove_commands: config.commands.foxglove,
+        foxglove_parameters: config.commands.foxglove,
         ..Settings::default()
     };
     let mut server = Server::new(settings, instance);

@@ -3,6 +3,7 @@
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::{Read, Write};
+use std::num::NonZeroU32;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::os::unix::process::CommandExt;
@@ -10,7 +11,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use ipc_types::{Domain, MonotonicNs, fresh_request_id};
+use ipc_types::{Domain, MonotonicNs, RobotId, fresh_request_id};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::WITH_PARENT;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -33,11 +34,14 @@ const MAX_LOG_BYTES: u64 = 4096;
 ///
 /// # Errors
 ///
-/// Code 1 when the server cannot start, 3 when there is none to stop, 78 when the configuration is wrong.
+/// Code 1 when the server cannot start, 2 when a layout is of several robots, 3 when there is none to stop, 78 when the configuration is wrong.
 pub fn view(args: &ViewArgs) -> Result<(), Failure> {
     let common = args.server.common();
     if args.server.check_config {
         return print_configuration("view", &server::check_config(&args.server)?);
+    }
+    if args.layout {
+        return print_layout(&args.server.robots);
     }
     runtime::logging::init(common.verbosity())?;
     let port = server::load(&args.server)?.value.port;
@@ -65,6 +69,24 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
         true => json_line(&mut std::io::stdout().lock(), &ViewObject::of(&running)),
         false => show(&running, args.no_browser),
     }
+}
+
+/// Panels for one robot, by default robot 1.
+fn print_layout(robots: &[NonZeroU32]) -> Result<(), Failure> {
+    let robot = match robots {
+        [] => RobotId::DEFAULT,
+        [robot] => RobotId::from(*robot),
+        _ => {
+            return Err(Failure::usage(
+                "a layout is of one robot: name one with --robot",
+            ));
+        }
+    };
+    let layout = ros_messages::layout(robot);
+    std::io::stdout()
+        .lock()
+        .write_all(layout.as_bytes())
+        .map_err(Failure::output)
 }
 
 /// A view that runs, for programs.
