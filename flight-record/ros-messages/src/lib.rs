@@ -53,7 +53,7 @@ pub use geojson::{GEO_JSON, geojson_message};
 pub use layout::layout;
 pub use log::{Level, Log};
 pub use path::{PATH, PathPoint, path_message};
-pub use pose::{POSE_STAMPED, pose_stamped};
+pub use pose::{POSE_STAMPED, pose_stamped, position};
 pub use qos::{Durability, OFFERED_QOS_PROFILES, Qos, Reliability};
 pub use standard::StandardMessage;
 pub use time::UnixOffset;
