@@ -4,6 +4,7 @@
 use crate::diagnostics::DIAGNOSTIC_ARRAY;
 use crate::geojson::GEO_JSON;
 use crate::log::Log;
+use crate::path::PATH;
 use crate::pose::POSE_STAMPED;
 use crate::standard::StandardMessage;
 use crate::transform::TF_MESSAGE;
@@ -13,12 +14,13 @@ const SEPARATOR: &str =
     "================================================================================";
 
 /// Names of the types that messages of this crate have.
-pub const TYPES: [&str; 9] = [
+pub const TYPES: [&str; 10] = [
     StandardMessage::NavSatFix.type_name(),
     StandardMessage::Imu.type_name(),
     StandardMessage::BatteryState.type_name(),
     StandardMessage::TwistStamped.type_name(),
     POSE_STAMPED,
+    PATH,
     Log::TYPE_NAME,
     TF_MESSAGE,
     DIAGNOSTIC_ARRAY,
@@ -79,6 +81,17 @@ fn own(type_name: &str) -> Option<(&'static str, &'static [&'static str])> {
             &[
                 "std_msgs/msg/Header",
                 "builtin_interfaces/msg/Time",
+                "geometry_msgs/msg/Pose",
+                "geometry_msgs/msg/Point",
+                "geometry_msgs/msg/Quaternion",
+            ],
+        ),
+        "nav_msgs/msg/Path" => (
+            "std_msgs/Header header\ngeometry_msgs/PoseStamped[] poses\n",
+            &[
+                "std_msgs/msg/Header",
+                "builtin_interfaces/msg/Time",
+                "geometry_msgs/msg/PoseStamped",
                 "geometry_msgs/msg/Pose",
                 "geometry_msgs/msg/Point",
                 "geometry_msgs/msg/Quaternion",

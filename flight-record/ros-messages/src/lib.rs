@@ -4,6 +4,7 @@
 //! * [`StandardMessage`]: what drivers in ROS 2 publish of a robot, made of its telemetry;
 //! * [`pose_stamped`]: position and attitude, for viewers that draw the robot;
 //! * [`tf_message`]: the same as a transform; [`ViewerMessage`]: all that is made of telemetry for viewers;
+//! * [`path_message`]: a plan, or the track that was flown; [`Qos`]: how surely a topic's samples arrive;
 //! * [`diagnostic_array`]: what is wrong; [`geojson_message`]: what lies on a map;
 //! * [`layout`]: the panels of Foxglove and Lichtblick that show all this;
 //! * [`Log`]: a line of a process's log;
@@ -37,7 +38,9 @@ mod geojson;
 mod header;
 mod layout;
 mod log;
+mod path;
 mod pose;
+mod qos;
 mod standard;
 mod time;
 mod transform;
@@ -49,7 +52,9 @@ pub use diagnostics::{DIAGNOSTIC_ARRAY, Diagnostic, DiagnosticLevel, diagnostic_
 pub use geojson::{GEO_JSON, geojson_message};
 pub use layout::layout;
 pub use log::{Level, Log};
-pub use pose::{POSE_STAMPED, pose_stamped};
+pub use path::{PATH, PathPoint, path_message};
+pub use pose::{POSE_STAMPED, pose_stamped, position};
+pub use qos::{Durability, OFFERED_QOS_PROFILES, Qos, Reliability};
 pub use standard::StandardMessage;
 pub use time::UnixOffset;
 pub use transform::{TF_MESSAGE, tf_message};

@@ -16,8 +16,6 @@ const LEN: usize = 4 + 8 + 8 + 7 * 8;
 
 /// The pose in CDR, in the frame `map` (east, north, up), stamped with the time at which the bridge received the telemetry.
 /// Nothing without the groups `xy` and `attitude`.
-///
-/// The height is the altitude of the group `geographic`, 0 when that is not valid.
 pub fn pose_stamped(telemetry: &HeroTelemetry, offset: UnixOffset) -> Option<Vec<u8>> {
     let pose = pose(telemetry)?;
     let mut writer = Writer::with_capacity(LEN);
@@ -29,6 +27,14 @@ pub fn pose_stamped(telemetry: &HeroTelemetry, offset: UnixOffset) -> Option<Vec
 /// East, north, up in metres, and the quaternion, all in the frame `map`.
 pub(crate) fn pose(telemetry: &HeroTelemetry) -> Option<[f64; 7]> {
     let Quaternion([x, y, z, w]) = orientation(telemetry)?;
+    let [east_m, north_m, up_m] = position(telemetry)?;
+    Some([east_m, north_m, up_m, x, y, z, w])
+}
+
+/// East, north, up in metres in the frame `map`; `None` without the group `xy`.
+///
+/// The height is the altitude of the group `geographic`, 0 when that is not valid.
+pub fn position(telemetry: &HeroTelemetry) -> Option<[f64; 3]> {
     if !telemetry.valid(TelemetryGroup::Xy) {
         return None;
     }
@@ -39,7 +45,7 @@ pub(crate) fn pose(telemetry: &HeroTelemetry) -> Option<[f64; 7]> {
         0.0
     };
     let local = &telemetry.local;
-    Some([local.east_m, local.north_m, up_m, x, y, z, w])
+    Some([local.east_m, local.north_m, up_m])
 }
 
 #[cfg(test)]

@@ -5,6 +5,7 @@ use ipc_types::RobotId;
 use ipc_types::payload::HeroTelemetry;
 
 use crate::pose::{POSE_STAMPED, pose_stamped};
+use crate::qos::Qos;
 use crate::standard::StandardMessage;
 use crate::time::UnixOffset;
 use crate::transform::{TF_MESSAGE, tf_message};
@@ -46,6 +47,14 @@ impl ViewerMessage {
             ViewerMessage::Standard(standard) => standard.type_name(),
             ViewerMessage::Pose => POSE_STAMPED,
             ViewerMessage::Transform => TF_MESSAGE,
+        }
+    }
+
+    /// How surely its messages arrive.
+    pub const fn qos(self) -> Qos {
+        match self {
+            ViewerMessage::Transform => Qos::TRANSFORM,
+            ViewerMessage::Standard(_) | ViewerMessage::Pose => Qos::SENSOR_DATA,
         }
     }
 

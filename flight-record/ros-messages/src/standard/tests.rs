@@ -111,9 +111,42 @@ fn a_fix_is_in_degrees_with_the_status_of_its_quality() {
     assert_eq!(status, [2, 1, 0]);
     let values = doubles(&message, BODY, 12);
     assert!((values[0] + 30.0).abs() < 1e-12 && (values[1] - 45.0).abs() < 1e-12);
-    assert_eq!(values[2..], [120.5, 0., 0., 0., 0., 0., 0., 0., 0., 0.]);
-    // Type of covariance: unknown.
-    assert_eq!(message[4 + BODY + 12 * 8..], [0]);
+    assert_eq!(values[2], 120.5);
+}
+
+#[test]
+fn the_covariance_of_a_position_is_that_of_the_kind_of_its_fix() {
+    let covariance = |quality: Option<u32>| {
+        let mut groups = vec![TelemetryGroup::Geographic];
+        groups.extend(quality.map(|_| TelemetryGroup::GpsQuality));
+        let telemetry = HeroTelemetry {
+            gps_quality: quality.unwrap_or_default(),
+            ..telemetry(&groups)
+        };
+        let fix = StandardMessage::NavSatFix;
+        let message = fix.write(&telemetry, RobotId::DEFAULT, OFFSET).unwrap();
+        let matrix = doubles(&message, BODY + 3 * 8, 9);
+        assert!([1, 2, 3, 5, 6, 7].iter().all(|index| matrix[*index] == 0.0));
+        let kind = message[4 + BODY + 12 * 8];
+        (kind, [0, 4, 8].map(|index| matrix[index].sqrt()))
+    };
+    for (quality, kind, error_m) in [
+        (None, 0, 0.0),
+        (Some(0), 0, 0.0),
+        (Some(1), 1, 3.0),
+        (Some(2), 1, 1.0),
+        (Some(3), 1, 3.0),
+        (Some(4), 1, 0.02),
+        (Some(5), 1, 0.5),
+        (Some(6), 0, 0.0),
+        (Some(8), 0, 0.0),
+    ] {
+        let (found, errors) = covariance(quality);
+        assert_eq!(found, kind, "{quality:?}");
+        for (found, expected) in errors.into_iter().zip([error_m, error_m, 2.0 * error_m]) {
+            assert!((found - expected).abs() < 1e-12, "{quality:?}: {found}");
+        }
+    }
 }
 
 #[test]

@@ -140,8 +140,7 @@ fn standard_values(message: StandardMessage) -> Value {
             "latitude": 0.75_f64.to_degrees(),
             "longitude": (-0.1_f64).to_degrees(),
             "altitude": 120.5,
-            "position_covariance": unknown,
-            "position_covariance_type": 0,
+            "position_covariance_type": 1,
         }),
         StandardMessage::Imu => json!({
             "header": header("robot1/base_link"),
