@@ -17,6 +17,7 @@ use super::fleet::Fleet;
 use super::messages;
 use super::orders::Orders;
 use super::peer::is_own_user;
+use super::replay::Playback;
 use super::sockets::{Arrived, Key, Sockets};
 use super::speaker::Speaker;
 use crate::config::RequestConfig;
@@ -54,6 +55,8 @@ pub(super) struct ViewShell {
     connections: BTreeMap<Key, ConnectionId>,
     server: Server,
     fleet: Fleet,
+    /// The recording that is shown; `None` if robots are shown live.
+    playback: Option<Playback>,
     speaker: Speaker,
     channels: Channels,
     orders: Orders,
@@ -77,6 +80,7 @@ impl ViewShell {
             connections: BTreeMap::new(),
             server,
             fleet,
+            playback: None,
             speaker: Speaker::default(),
             channels: Channels::default(),
             orders: Orders::default(),
@@ -86,6 +90,11 @@ impl ViewShell {
             wall_clock: WallClock::default(),
             buffer: Vec::new(),
         }
+    }
+
+    /// Shows a recording.
+    pub fn play(&mut self, playback: Playback) {
+        self.playback = Some(playback);
     }
 
     /// Accepts and reads.
@@ -138,18 +147,26 @@ impl ViewShell {
             // A machine that stalls does not make up for it.
             self.next_look = (self.next_look + period).max(now + period / 2);
             self.sockets.recover();
-            if self.fleet.look(now) {
-                self.server.set_robots(self.fleet.ids());
-            }
-            self.fleet.drain(now);
-            let clock = self.clock(now);
-            self.speaker.speak(&mut self.fleet, &mut self.server, clock);
-            for shown in self.fleet.iter() {
-                let ipc = shown.ports.ipc();
-                self.channels.drain(ipc, &mut self.server, clock);
+            match &mut self.playback {
+                Some(playback) => playback.look(&mut self.server, &mut self.speaker, now),
+                None => self.look_at_robots(now),
             }
         }
         self.report(now);
+    }
+
+    fn look_at_robots(&mut self, now: MonotonicNs) {
+        if self.fleet.look(now) {
+            self.server.set_robots(self.fleet.ids());
+        }
+        self.fleet.drain(now);
+        let clock = self.clock(now);
+        self.speaker
+            .speak(self.fleet.seen(), &mut self.server, clock, now);
+        for shown in self.fleet.iter() {
+            let ipc = shown.ports.ipc();
+            self.channels.drain(ipc, &mut self.server, clock);
+        }
     }
 
     /// Says what became of orders and checks.
@@ -204,10 +221,21 @@ impl ViewShell {
                         shown.robot.journal.add(now, Weight::Order, text);
                     }
                 }
+                Event::Replay { request, .. } => {
+                    if let Some(playback) = &mut self.playback {
+                        playback.take(&request, now);
+                        self.next_look = now;
+                    }
+                }
+                Event::Subscribed(_) => {
+                    if let Some(playback) = &mut self.playback {
+                        playback.subscribed();
+                    }
+                }
                 Event::Rejected { from, why, count } => {
                     tracing::warn!(from, count, "{why}");
                 }
-                // What else there may be needs nothing, or belongs to what is not offered: services, parameters, recordings.
+                // What else there may be needs nothing, or belongs to what is not offered: services, parameters.
                 _ => {}
             }
         }
@@ -216,6 +244,11 @@ impl ViewShell {
 
     /// A page has come, or looks at another robot.
     fn join(&mut self, viewer: view::ViewerId, robot: u32, now: MonotonicNs) {
+        if let Some(playback) = &mut self.playback {
+            playback.join(viewer, &mut self.server, &mut self.speaker, now);
+            self.next_look = now;
+            return;
+        }
         let clock = self.clock(now);
         let Some(shown) = self.fleet.get_mut(robot) else {
             return;
