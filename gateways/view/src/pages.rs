@@ -394,6 +394,14 @@ impl Pages {
         }
     }
 
+    /// All pages are to get the past and all states anew.
+    pub fn begin_anew(&mut self) {
+        for page in self.pages.values_mut().filter(|page| !page.is_hidden) {
+            page.has_joined = page.robot.is_some();
+            page.outbox.drop_now();
+        }
+    }
+
     /// A page that is to get the past and all states.
     pub fn poll_joined(&mut self) -> Option<Event> {
         self.pages.iter_mut().find_map(|(viewer, page)| {

@@ -455,6 +455,11 @@ impl Server {
         self.pages.say(None, &Outgoing::Replay(replay));
     }
 
+    /// All that pages know is of another moment: they are to get the past and all states anew, by an [`Event::Joined`] each.
+    pub fn begin_anew(&mut self) {
+        self.pages.begin_anew();
+    }
+
     /// Offers a channel to Foxglove clients; `None` if there are too many. The number stays the same as long as topic and layout do.
     pub fn channel(&mut self, channel: Channel) -> Option<ChannelId> {
         self.foxglove.offer(channel)

@@ -1,10 +1,11 @@
-//! `ril view`, `ril run view`: robots in a browser, and for Foxglove.
+//! `ril view`, `ril run view`: robots in a browser, and for Foxglove; `ril view FILE`: a recording.
 //!
 //! The crate `view` speaks HTTP, WebSocket and the protocols on top, as pure values. Here are
 //! * `start`: the command that finds or starts the server and opens the page; `run_file`: how it finds it;
 //! * [`server`]: the process; `shell`: its loop, `sockets`: its connections, `peer`: who is at the other end;
 //! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages` and `held`: what is said of one, `speaker`: when;
 //! * `foxglove`: what Foxglove and Lichtblick get and order;
+//! * `replay`: a recording in the place of the robots;
 //! * `orders`, `checks`, `check`, `preflight`: what pages order, and what they ask before.
 
 mod check;
@@ -18,6 +19,7 @@ pub mod options;
 mod orders;
 mod peer;
 mod preflight;
+mod replay;
 mod run_file;
 mod secret;
 pub mod server;

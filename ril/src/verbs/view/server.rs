@@ -11,7 +11,7 @@ use runtime::config::{Loaded, load as load_file};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
-use view::page::Role;
+use view::page::{ReplayInfo, Role};
 use view::{Instance, Server, Settings, Token};
 
 use super::config::{DEFAULT_FILE, EXAMPLE, ViewConfig};
@@ -75,10 +75,12 @@ pub fn run(args: &RunViewArgs) -> Result<(), Failure> {
         pid: std::process::id(),
         port: config.port,
         domain: root,
+        recording: None,
         token: token.clone(),
     };
     run_file.write(&running).or_fail(ExitCode::Internal)?;
-    let server = server(&config, token, &fleet)?;
+    let mut server = server(&config, token, None)?;
+    server.set_robots(fleet.ids());
     let mut shell = ViewShell::new(sockets, server, fleet, &config);
     tracing::info!(address = running.address(), "ready");
     let supervisor = Notifier::from_env();
@@ -87,7 +89,7 @@ pub fn run(args: &RunViewArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn listen(port: u16) -> Result<Sockets, Failure> {
+pub(super) fn listen(port: u16) -> Result<Sockets, Failure> {
     let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
     Sockets::listen(address).map_err(|error| match error.kind() {
         ErrorKind::AddrInUse => {
@@ -99,7 +101,12 @@ fn listen(port: u16) -> Result<Sockets, Failure> {
     })
 }
 
-fn server(config: &ViewConfig, secret: String, fleet: &Fleet) -> Result<Server, Failure> {
+/// A server of robots that are live, or of a recording.
+pub(super) fn server(
+    config: &ViewConfig,
+    secret: String,
+    replay: Option<ReplayInfo>,
+) -> Result<Server, Failure> {
     let instance = Instance(secret::random_hex().or_fail(ExitCode::Internal)?);
     let own = Token {
         name: "ril view".to_owned(),
@@ -112,9 +119,8 @@ fn server(config: &ViewConfig, secret: String, fleet: &Fleet) -> Result<Server, 
         tokens: vec![own],
         foxglove_commands: config.commands.foxglove,
         foxglove_parameters: config.commands.foxglove,
+        replay,
         ..Settings::default()
     };
-    let mut server = Server::new(settings, instance);
-    server.set_robots(fleet.ids());
-    Ok(server)
+    Ok(Server::new(settings, instance))
 }

@@ -18,6 +18,7 @@ use super::foxglove::{Foxglove, ServiceCall};
 use super::messages;
 use super::orders::Orders;
 use super::peer::is_own_user;
+use super::replay::Playback;
 use super::sockets::{Arrived, Key, Sockets};
 use super::speaker::Speaker;
 use crate::config::RequestConfig;
@@ -55,6 +56,8 @@ pub(super) struct ViewShell {
     connections: BTreeMap<Key, ConnectionId>,
     server: Server,
     fleet: Fleet,
+    /// The recording that is shown; `None` if robots are shown live.
+    playback: Option<Playback>,
     speaker: Speaker,
     foxglove: Foxglove,
     orders: Orders,
@@ -73,6 +76,7 @@ impl ViewShell {
             connections: BTreeMap::new(),
             server,
             fleet,
+            playback: None,
             speaker: Speaker::default(),
             foxglove: Foxglove::new(config.commands.foxglove, config.request.clone()),
             orders: Orders::default(),
@@ -82,6 +86,11 @@ impl ViewShell {
             wall_clock: WallClock::default(),
             buffer: Vec::new(),
         }
+    }
+
+    /// Shows a recording.
+    pub fn play(&mut self, playback: Playback) {
+        self.playback = Some(playback);
     }
 
     /// Accepts and reads.
@@ -134,16 +143,24 @@ impl ViewShell {
             // A machine that stalls does not make up for it.
             self.next_look = (self.next_look + period).max(now + period / 2);
             self.sockets.recover();
-            if self.fleet.look(now) {
-                self.server.set_robots(self.fleet.ids());
+            match &mut self.playback {
+                Some(playback) => playback.look(&mut self.server, &mut self.speaker, now),
+                None => self.look_at_robots(now),
             }
-            self.fleet.drain(now);
-            let clock = self.clock(now);
-            self.speaker.speak(&mut self.fleet, &mut self.server, clock);
-            self.foxglove
-                .drain(&mut self.fleet, &mut self.server, clock);
         }
         self.report(now);
+    }
+
+    fn look_at_robots(&mut self, now: MonotonicNs) {
+        if self.fleet.look(now) {
+            self.server.set_robots(self.fleet.ids());
+        }
+        self.fleet.drain(now);
+        let clock = self.clock(now);
+        self.speaker
+            .speak(self.fleet.seen(), &mut self.server, clock, now);
+        self.foxglove
+            .drain(&mut self.fleet, &mut self.server, clock);
     }
 
     /// Says what became of orders and checks.
@@ -200,6 +217,17 @@ impl ViewShell {
                         shown.robot.journal.add(now, Weight::Order, text);
                     }
                 }
+                Event::Replay { request, .. } => {
+                    if let Some(playback) = &mut self.playback {
+                        playback.take(&request, now);
+                        self.next_look = now;
+                    }
+                }
+                Event::Subscribed(_) => {
+                    if let Some(playback) = &mut self.playback {
+                        playback.subscribed();
+                    }
+                }
                 Event::Rejected { from, why, count } => {
                     tracing::warn!(from, count, "{why}");
                 }
@@ -221,7 +249,7 @@ impl ViewShell {
                 Event::SetParameter { name, value, from } => {
                     self.foxglove.set(&name, &value, &from, &mut self.server);
                 }
-                // What else there may be needs nothing, or belongs to what is not offered: recordings.
+                // What else there may be needs nothing, or belongs to another way of showing.
                 _ => {}
             }
         }
@@ -230,6 +258,11 @@ impl ViewShell {
 
     /// A page has come, or looks at another robot.
     fn join(&mut self, viewer: view::ViewerId, robot: u32, now: MonotonicNs) {
+        if let Some(playback) = &mut self.playback {
+            playback.join(viewer, &mut self.server, &mut self.speaker, now);
+            self.next_look = now;
+            return;
+        }
         let clock = self.clock(now);
         let Some(shown) = self.fleet.get_mut(robot) else {
             return;

@@ -20,7 +20,7 @@ use serde::Serialize;
 
 use super::options::{ServerArgs, ViewArgs};
 use super::run_file::{self, Running};
-use super::server;
+use super::{replay, server};
 use crate::render::json_line;
 use crate::session::print_configuration;
 
@@ -44,6 +44,9 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
         return print_layout(&args.server.robots);
     }
     runtime::logging::init(common.verbosity())?;
+    if let Some(file) = &args.file {
+        return replay::view(args, file);
+    }
     let port = server::load(&args.server)?.value.port;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     let running = run_file::find(port)?;
@@ -51,12 +54,15 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
         return stop(port, running.as_ref());
     }
     let running = match running {
-        Some(running) if running.domain == domain.root() => running,
+        Some(running) if running.domain == domain.root() && running.recording.is_none() => running,
         Some(other) => {
-            let text = format!(
-                "the view on port {port} shows another domain, {}",
-                other.domain.display()
-            );
+            let text = match &other.recording {
+                Some(file) => format!("the view on port {port} shows {}", file.display()),
+                None => format!(
+                    "the view on port {port} shows another domain, {}",
+                    other.domain.display()
+                ),
+            };
             let next_step = format!(
                 "run another one: `ril view --port {}`",
                 port.saturating_add(1)
@@ -66,7 +72,7 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
         None => start(port, &args.server)?,
     };
     match args.json {
-        true => json_line(&mut std::io::stdout().lock(), &ViewObject::of(&running)),
+        true => print_object(&running),
         false => show(&running, args.no_browser),
     }
 }
@@ -109,6 +115,11 @@ impl ViewObject {
             address_with_token: running.address_with_token(),
         }
     }
+}
+
+/// Prints it as one JSON object.
+pub(super) fn print_object(running: &Running) -> Result<(), Failure> {
+    json_line(&mut std::io::stdout().lock(), &ViewObject::of(running))
 }
 
 /// Ends the server.
@@ -228,7 +239,7 @@ fn not_started(code: Option<i32>, log: &Path) -> Failure {
 }
 
 /// Prints where the page is, and opens it.
-fn show(running: &Running, is_printed_alone: bool) -> Result<(), Failure> {
+pub(super) fn show(running: &Running, is_printed_alone: bool) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     if is_printed_alone {
         return writeln!(out, "{}", running.address_with_token()).map_err(Failure::output);
