@@ -171,7 +171,7 @@ fn lichtblicks_library_gets_each_topic_as_ril_echo_prints_it() {
     for topic in DERIVED {
         let messages = messages.get(topic);
         assert!(
-            messages.is_some_and(|messages| messages[0].len() > 0),
+            messages.is_some_and(|messages| !messages[0].is_empty()),
             "{topic}"
         );
     }
