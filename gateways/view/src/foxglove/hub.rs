@@ -6,9 +6,10 @@ use std::sync::Arc;
 use ipc_types::MonotonicNs;
 use serde_json::Value;
 
+use super::assets;
 use super::channels::{Channel, Channels, Sample};
 use super::client::{Client, Frame, Notice};
-use super::message::{Binary, Incoming, Outgoing, Parameter, read_binary};
+use super::message::{Binary, Incoming, Outgoing, Parameter, asset_response, read_binary};
 use super::parameters::Parameters;
 use super::services::{ENCODING, Service, Services, refused};
 use crate::authority::access::Permit;
@@ -57,7 +58,7 @@ impl Hub {
             Role::Watch
         };
         let mut client = Client::new(peer, Permit { role, ..permit });
-        let mut capabilities = vec!["time"];
+        let mut capabilities = vec!["time", "assets"];
         if self.has_parameters {
             capabilities.extend(["parameters", "parametersSubscribe"]);
         }
@@ -148,6 +149,10 @@ impl Hub {
                 }
             }
             Incoming::Advertise => client.notice(Notice::NoPublishing),
+            Incoming::FetchAsset { uri, request_id } => {
+                let response = asset_response(request_id, assets::find(&uri));
+                client.answer(Frame::Binary(response));
+            }
             _ if !self.has_parameters => {}
             Incoming::GetParameters {
                 parameter_names,

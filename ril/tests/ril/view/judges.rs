@@ -232,7 +232,9 @@ fn a_client_in_python_reads_orders_and_asks() {
     let kind = request.expect("the order").kind();
     assert_eq!(kind, Some(MovementKind::Hold));
     let capabilities = found["capabilities"].as_array().expect("a list");
-    for capability in ["time", "parameters", "services"] {
+    let asset = found["asset"].as_str().expect("a text");
+    assert!(asset.contains("base_link"), "{asset}");
+    for capability in ["time", "assets", "parameters", "services"] {
         assert!(capabilities.iter().any(|one| one == capability), "{found}");
     }
     view.end();
