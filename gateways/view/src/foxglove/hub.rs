@@ -1,7 +1,6 @@
 //! [`Hub`]: all Foxglove clients, and what they are offered.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use ipc_types::MonotonicNs;
 use serde_json::Value;
@@ -308,21 +307,10 @@ impl Hub {
     }
 
     /// Sends a sample to all that have subscribed to its channel.
-    pub fn sample(
-        &mut self,
-        channel: ChannelId,
-        log_time_unix_ns: u64,
-        bytes: Arc<[u8]>,
-        now: MonotonicNs,
-    ) {
-        let sample = Sample {
-            channel,
-            log_time_unix_ns,
-            bytes,
-        };
-        if self.channels.keep(&sample) {
+    pub fn sample(&mut self, sample: &Sample, now: MonotonicNs) {
+        if self.channels.keep(sample) {
             for client in self.clients.values_mut() {
-                client.sample(&sample, now);
+                client.sample(sample, now);
             }
         }
     }
