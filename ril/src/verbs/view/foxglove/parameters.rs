@@ -24,6 +24,7 @@ use crate::render::messages::details::{port_name, port_value};
 use crate::render::messages::{FinalReport, Verb, ending};
 use crate::request::{Exchange, Next, Outcome, Until, begin_by_ns};
 use crate::robot::changes::Weight;
+use crate::robot::freshness::Freshness;
 use crate::robot::model::Process;
 use crate::verbs::view::fleet::{Fleet, Shown};
 
@@ -290,7 +291,8 @@ impl OfRobot {
     /// Forgets all that is known of a bridge that is gone: another one may have other ports, and their values are not known.
     fn follow(&mut self, shown: &Shown, server: &mut Server, now: MonotonicNs) {
         let bridge = shown.robot.process(Process::Bridge, now);
-        let state = shown.robot.state.as_ref().filter(|_| bridge.is_fresh());
+        let is_gone = matches!(bridge, Freshness::Absent | Freshness::Gone(_));
+        let state = shown.robot.state.as_ref().filter(|_| !is_gone);
         let epoch_ns = state.map(|state| state.epoch_ns);
         if self.asked.is_some() || self.epoch_ns == epoch_ns {
             return;
