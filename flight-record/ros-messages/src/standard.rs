@@ -2,7 +2,7 @@
 //!
 //! | here | in ROS 2 |
 //! |---|---|
-//! | body: forward, right, down | `hero1/base_link`: forward, left, up |
+//! | body: forward, right, down | `robot1/base_link`: forward, left, up |
 //! | world: north, east, down | `map`: east, north, up |
 //! | yaw from north, clockwise | yaw from east, counter-clockwise |
 //!

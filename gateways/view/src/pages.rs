@@ -487,6 +487,12 @@ impl Pages {
         }
     }
 
+    /// Whether a page has the lease of this robot.
+    pub fn is_commanded(&self, robot: u32) -> bool {
+        let lease = self.leases.get(&robot);
+        lease.is_some_and(|lease| lease.holder().is_some())
+    }
+
     /// Puts the newest values before all pages that look at the robot.
     pub fn now(&mut self, values: &page::Now, now: MonotonicNs) {
         let mut text: Option<NowText> = None;

@@ -388,6 +388,16 @@ impl Server {
         self.pages.has_viewers() || self.foxglove.has_viewers()
     }
 
+    /// Whether a Foxglove client is here.
+    pub fn has_foxglove_clients(&self) -> bool {
+        self.foxglove.has_viewers()
+    }
+
+    /// Whether a page commands this robot: then nothing else that viewers order is to be sent, but hold and land.
+    pub fn is_commanded(&self, robot: u32) -> bool {
+        self.pages.is_commanded(robot)
+    }
+
     /// The robots that pages look at.
     pub fn watched(&self) -> impl Iterator<Item = u32> + use<> {
         self.pages.watched().into_iter()

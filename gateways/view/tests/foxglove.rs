@@ -346,6 +346,12 @@ fn parameters_are_answered_from_what_is_known() {
         json!([{"name": "/a", "value": 4.5, "type": "float64"}, {"name": "/b"}]),
     );
     assert_eq!(world.messages(&mut other), [changed]);
+    // One that comes later, too.
+    world.server.parameter("/c", Some(json!(1)));
+    let new = values(Value::Null, json!([{"name": "/c", "value": 1}]));
+    assert_eq!(world.messages(&mut other), [new]);
+    world.server.parameter("/c", None);
+    world.messages(&mut other);
     world.say(
         &other,
         &json!({"op": "unsubscribeParameterUpdates", "parameterNames": ["/a"]}),

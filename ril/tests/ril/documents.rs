@@ -613,6 +613,7 @@ impl Reader {
         let command = match file {
             "bridge.toml" => "run bridge",
             "ril.toml" => "start",
+            "view.toml" => "run view",
             "relay.toml" if text.contains("[station]") => "relay station",
             "relay.toml" => "relay robot",
             "Cargo.toml" => {

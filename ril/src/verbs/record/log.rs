@@ -8,8 +8,8 @@ use module_kit::journal::{Entry, LogLine, Reader};
 use recording::{Anchor, Channel, ChannelId, Recorder};
 use ros_messages::{Level, Log, UnixOffset, definition};
 
-use crate::recorded::{FLIGHT, topic};
-use crate::robot::changes::{self, Weight};
+use crate::recorded::{FLIGHT, level, topic};
+use crate::robot::changes;
 
 /// Makes lines of a log.
 #[derive(Debug)]
@@ -154,15 +154,6 @@ fn lines(last: Option<&ModuleState>, state: &ModuleState) -> Vec<(Level, String)
     let changes = changes::of_states(last, state).into_iter();
     lines.extend(changes.map(|(weight, text)| (level(weight), text)));
     lines
-}
-
-/// The level of ROS 2 that a weight has.
-fn level(weight: Weight) -> Level {
-    match weight {
-        Weight::Note | Weight::Order => Level::Info,
-        Weight::Warning => Level::Warn,
-        Weight::Alarm => Level::Error,
-    }
 }
 
 /// What turns monotonic times into those of `anchor`.

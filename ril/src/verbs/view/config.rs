@@ -26,8 +26,18 @@ pub struct ViewConfig {
     pub names: Vec<String>,
     /// Origins that may connect, beside the view's own.
     pub origins: Vec<String>,
-    /// Orders from pages.
+    /// What others than pages may order.
+    pub commands: CommandsConfig,
+    /// Orders.
     pub request: RequestConfig,
+}
+
+/// `[commands]`
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CommandsConfig {
+    /// Whether Foxglove clients have services and parameters.
+    pub foxglove: bool,
 }
 
 runtime::ranged! {
@@ -40,6 +50,7 @@ impl Default for ViewConfig {
             port: DEFAULT_PORT,
             names: Vec::new(),
             origins: Vec::new(),
+            commands: CommandsConfig::default(),
             request: RequestConfig::default(),
         }
     }

@@ -182,10 +182,6 @@ impl Fleet {
         self.shown.iter().map(|one| one.robot.id.get()).collect()
     }
 
-    pub fn iter(&self) -> impl Iterator<Item = &Shown> {
-        self.shown.iter()
-    }
-
     /// The robots as pages get them.
     pub fn seen(&self) -> impl Iterator<Item = Seen<'_>> {
         self.shown.iter().map(|one| Seen {

@@ -16,7 +16,7 @@ use crate::options::EXIT_CODES;
 #[command(after_help = EXIT_CODES)]
 pub struct ViewArgs {
     /// Recording of a flight (MCAP) to be played; where the port is in use and --port does not name it, one of the next ports is taken
-    #[arg(value_name = "FILE", conflicts_with = "stop")]
+    #[arg(value_name = "FILE", conflicts_with_all = ["stop", "layout"])]
     pub file: Option<PathBuf>,
 
     /// What the server takes.
@@ -34,6 +34,10 @@ pub struct ViewArgs {
     /// End the view that runs on the port
     #[arg(long, conflicts_with_all = ["no_browser", "json"])]
     pub stop: bool,
+
+    /// Print panels for a robot, which Foxglove and Lichtblick import as a layout
+    #[arg(long, conflicts_with_all = ["no_browser", "json", "stop"])]
+    pub layout: bool,
 }
 
 /// `ril run view`

@@ -81,7 +81,7 @@ pub fn run(args: &RunViewArgs) -> Result<(), Failure> {
     run_file.write(&running).or_fail(ExitCode::Internal)?;
     let mut server = server(&config, token, None)?;
     server.set_robots(fleet.ids());
-    let mut shell = ViewShell::new(sockets, server, fleet, config.request);
+    let mut shell = ViewShell::new(sockets, server, fleet, &config);
     tracing::info!(address = running.address(), "ready");
     let supervisor = Notifier::from_env();
     process::run(&mut shell, &termination, &supervisor).or_fail(ExitCode::Internal)?;
@@ -117,6 +117,8 @@ pub(super) fn server(
         names: config.names.clone(),
         origins: config.origins.clone(),
         tokens: vec![own],
+        foxglove_commands: config.commands.foxglove,
+        foxglove_parameters: config.commands.foxglove,
         replay,
         ..Settings::default()
     };

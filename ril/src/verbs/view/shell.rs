@@ -11,9 +11,10 @@ use ipc_types::{MonotonicNs, SchedulingRole, WaitError, Wake};
 use module_kit::process::{Process, Sources};
 use view::{BUSY, ConnectionId, Event, Peer, Server};
 
-use super::channels::Channels;
 use super::checks::Checks;
+use super::config::ViewConfig;
 use super::fleet::Fleet;
+use super::foxglove::{Foxglove, ServiceCall};
 use super::messages;
 use super::orders::Orders;
 use super::peer::is_own_user;
@@ -58,7 +59,7 @@ pub(super) struct ViewShell {
     /// The recording that is shown; `None` if robots are shown live.
     playback: Option<Playback>,
     speaker: Speaker,
-    channels: Channels,
+    foxglove: Foxglove,
     orders: Orders,
     checks: Checks,
     requests: RequestConfig,
@@ -69,12 +70,7 @@ pub(super) struct ViewShell {
 }
 
 impl ViewShell {
-    pub fn new(
-        sockets: Sockets,
-        server: Server,
-        fleet: Fleet,
-        requests: RequestConfig,
-    ) -> ViewShell {
+    pub fn new(sockets: Sockets, server: Server, fleet: Fleet, config: &ViewConfig) -> ViewShell {
         ViewShell {
             sockets,
             connections: BTreeMap::new(),
@@ -82,10 +78,10 @@ impl ViewShell {
             fleet,
             playback: None,
             speaker: Speaker::default(),
-            channels: Channels::default(),
+            foxglove: Foxglove::new(config.commands.foxglove, config.request.clone()),
             orders: Orders::default(),
             checks: Checks::default(),
-            requests,
+            requests: config.request.clone(),
             next_look: MonotonicNs(0),
             wall_clock: WallClock::default(),
             buffer: Vec::new(),
@@ -163,10 +159,8 @@ impl ViewShell {
         let clock = self.clock(now);
         self.speaker
             .speak(self.fleet.seen(), &mut self.server, clock, now);
-        for shown in self.fleet.iter() {
-            let ipc = shown.ports.ipc();
-            self.channels.drain(ipc, &mut self.server, clock);
-        }
+        self.foxglove
+            .drain(&mut self.fleet, &mut self.server, clock);
     }
 
     /// Says what became of orders and checks.
@@ -177,6 +171,8 @@ impl ViewShell {
             for news in shown.ports.take_news() {
                 if let Some(report) = self.orders.report(robot, &news) {
                     self.server.order(&report);
+                    self.foxglove
+                        .report(&report, news.request_id, &mut self.server);
                 }
             }
         }
@@ -235,7 +231,25 @@ impl ViewShell {
                 Event::Rejected { from, why, count } => {
                     tracing::warn!(from, count, "{why}");
                 }
-                // What else there may be needs nothing, or belongs to what is not offered: services, parameters.
+                Event::ServiceCall {
+                    call,
+                    service,
+                    request,
+                    from,
+                } => {
+                    let call = ServiceCall {
+                        call,
+                        service,
+                        request,
+                        from,
+                    };
+                    let robots = (&mut self.fleet, &mut self.orders);
+                    self.foxglove.call(call, robots, &mut self.server, now);
+                }
+                Event::SetParameter { name, value, from } => {
+                    self.foxglove.set(&name, &value, &from, &mut self.server);
+                }
+                // What else there may be needs nothing, or belongs to what is not offered.
                 _ => {}
             }
         }
