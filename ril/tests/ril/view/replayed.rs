@@ -289,7 +289,7 @@ fn a_file_that_cannot_be_shown_is_named_with_the_reason_and_another_port_is_foun
     second.wait_for_text("ready");
     ril(&rig, &format!("view flight.mcap --port {port}"))
         .exits(1)
-        .err_says(&format!("port {port}"));
+        .err_says(format!("port {port}"));
     // The view of live robots is another one.
     ril(&rig, "view --no-browser").exits(1).err_says("cut.mcap");
     ril(&rig, "view --stop").exits(0);
