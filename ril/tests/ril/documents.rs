@@ -34,7 +34,7 @@ use crate::common::sandbox;
 use crate::watch::screen::Screen;
 
 /// Pages with something to run, each of which has a test below.
-const PAGES: [&str; 9] = [
+const PAGES: [&str; 10] = [
     "README.md",
     "docs/install.md",
     "docs/json.md",
@@ -44,6 +44,7 @@ const PAGES: [&str; 9] = [
     "docs/plans.md",
     "docs/reference.md",
     "docs/safety.md",
+    "docs/view.md",
 ];
 
 /// Blocks that another test takes from the page: page, language, file and words in it.
@@ -227,7 +228,7 @@ fn every_block_of_every_document_has_a_rule() {
 }
 
 /// Blocks that cannot be run in a test.
-const WITHOUT_RUN: usize = 30;
+const WITHOUT_RUN: usize = 32;
 
 /// The robot's configuration: a machine that stalls ends no flight, and nothing is missing that a preflight asks for.
 const BRIDGE: &str = "\
@@ -738,4 +739,9 @@ fn the_examples_of_the_reference_run() {
 #[test]
 fn the_examples_of_the_page_about_safety_are_right() {
     Reader::new("docs/safety.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_views_are_right() {
+    Reader::new("docs/view.md").reads();
 }

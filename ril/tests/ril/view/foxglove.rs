@@ -18,7 +18,7 @@ use crate::common::{FOR_SLOW_MACHINES, end, movement, sandbox};
 const TOLERANCE_NS: u64 = 400_000_000;
 
 /// `view.toml` of a view in which clients order, on a machine that stalls.
-const COMMANDS: &str = "[commands]\nfoxglove = true\n[request]\ntimeout_s = 30\n";
+pub const COMMANDS: &str = "[commands]\nfoxglove = true\n[request]\ntimeout_s = 30\n";
 
 /// A client, and what the server has said.
 struct Client {
@@ -322,8 +322,8 @@ fn foxglove_has_a_place_in_space_on_the_map_alarms_and_events() {
 fn foxglove_orders_with_the_token_where_it_may_and_is_answered_by_the_bridge() {
     let rig = sandbox();
     rig.write("view.toml", COMMANDS);
+    // It has said nothing of itself, so that it is not asked for parameters.
     let bridge = StandInBridge::start(&rig.domain);
-    bridge.publish_state(&StandInBridge::idle_state());
     let view = View::start(&rig);
     let stranger = Client::connect(&view, "foxglove.sdk.v1", None);
     assert!(!stranger.can("services") && stranger.can("parameters"));

@@ -1,6 +1,7 @@
 //! `ril run view` and `ril view` beside real robots and stand-ins, as a browser sees them.
 
 mod foxglove;
+mod judges;
 mod page;
 mod replayed;
 
