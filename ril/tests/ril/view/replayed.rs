@@ -258,6 +258,28 @@ fn foxglove_gets_the_recorded_samples() {
     page.send(&replay("play", None, None));
     let (time, _) = sample(&mut client);
     assert_eq!(time, 1_700_000_003_000_000_000);
+
+    // Its own controls: go to 5 s, and stand there.
+    let mut wanted = vec![3, 1];
+    wanted.extend(1_f32.to_le_bytes());
+    wanted.push(1);
+    wanted.extend(1_700_000_005_000_000_000_u64.to_le_bytes());
+    wanted.extend(2_u32.to_le_bytes());
+    wanted.extend(b"r1");
+    client.send_binary(&wanted);
+    let state = loop {
+        let message = client.next_message().expect("a server that goes on");
+        if let Message::Binary(bytes) = message
+            && bytes[0] == 5
+        {
+            break bytes;
+        }
+    };
+    assert_eq!((state[1], &state[19..]), (1, &b"r1"[..]), "paused");
+    assert_eq!(state[2..10], 1_700_000_005_000_000_000_u64.to_le_bytes());
+    page.until("the position", |message| {
+        is_replay(message) && message["position_s"] == 5.0 && message["playing"] == false
+    });
     assert!(made.file.exists());
     end(shown.process, Signal::TERM);
 }
