@@ -66,19 +66,24 @@ impl Server {
         let access = Access::new(&settings);
         let assets = Assets::new();
         let is_replay = settings.replay.is_some();
+        let foxglove = Hub::new(
+            instance.0.clone(),
+            settings.foxglove_commands && !is_replay,
+            settings.foxglove_parameters,
+            settings.replay.as_ref(),
+        );
         let greeting = Greeting {
             build: assets.build().to_owned(),
-            instance: instance.0.clone(),
+            instance: instance.0,
             replay: settings.replay,
         };
-        let has_commands = settings.foxglove_commands && !is_replay;
         Server {
             access,
             assets,
             connections: BTreeMap::new(),
             next_id: 1,
             pages: Pages::new(greeting),
-            foxglove: Hub::new(instance.0, has_commands, settings.foxglove_parameters),
+            foxglove,
             events: Events::new(),
             rejected: BTreeMap::new(),
             clock: MonotonicNs(0),
@@ -450,8 +455,9 @@ impl Server {
         self.pages.report(report, self.clock);
     }
 
-    /// Says where the recording is to all pages.
+    /// Says where the recording is to all pages, and to Foxglove clients that control it.
     pub fn replay(&mut self, replay: &page::Replay) {
+        self.foxglove.replay(replay);
         self.pages.say(None, &Outgoing::Replay(replay));
     }
 

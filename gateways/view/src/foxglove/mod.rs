@@ -9,6 +9,7 @@ pub(crate) mod client;
 pub(crate) mod hub;
 mod message;
 mod parameters;
+mod playback;
 mod samples;
 pub(crate) mod services;
 

@@ -118,7 +118,7 @@ pub(super) fn server(
         origins: config.origins.clone(),
         tokens: vec![own],
         foxglove_commands: config.commands.foxglove,
-        foxglove_parameters: config.commands.foxglove,
+        foxglove_parameters: config.commands.foxglove && replay.is_none(),
         replay,
         ..Settings::default()
     };

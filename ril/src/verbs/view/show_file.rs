@@ -9,15 +9,14 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
-use super::super::config::ViewConfig;
-use super::super::fleet::Fleet;
-use super::super::options::ViewArgs;
-use super::super::run_file::{RunFile, Running};
-use super::super::shell::ViewShell;
-use super::super::sockets::Sockets;
-use super::super::start::show;
-use super::super::{secret, server};
-use super::playback::Playback;
+use super::config::ViewConfig;
+use super::fleet::Fleet;
+use super::options::ViewArgs;
+use super::replay::Playback;
+use super::run_file::{RunFile, Running};
+use super::shell::ViewShell;
+use super::sockets::Sockets;
+use super::{opener, secret, server};
 
 /// Ports that are tried behind the wanted one, which the view of live robots may have.
 const MORE_PORTS: u16 = 20;
@@ -27,7 +26,7 @@ const MORE_PORTS: u16 = 20;
 /// # Errors
 ///
 /// Code 1 when no port is free, 2 when the file cannot be read or is no recording, 78 when the configuration is wrong.
-pub(in super::super) fn view(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
+pub(super) fn view(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
     let config = server::load(&args.server)?.value;
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
@@ -55,10 +54,7 @@ pub(in super::super) fn view(args: &ViewArgs, file: &Path) -> Result<(), Failure
     let mut shell = ViewShell::new(sockets, server, Fleet::none(domain), &config);
     shell.play(playback);
     tracing::info!(address = running.address(), "ready");
-    match args.json {
-        true => super::super::start::print_object(&running)?,
-        false => show(&running, args.no_browser)?,
-    }
+    opener::show(&running, args)?;
     std::io::stdout().flush().map_err(Failure::output)?;
     process::run(&mut shell, &termination, &Notifier::from_env()).or_fail(ExitCode::Internal)
 }
