@@ -43,12 +43,13 @@ pub(crate) fn pose(telemetry: &HeroTelemetry) -> Option<[f64; 7]> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use ipc_types::payload::{HeroAttitude, HeroGeodetic, HeroLocal, SharedStruct};
 
     use super::*;
 
-    fn telemetry(groups: &[TelemetryGroup]) -> HeroTelemetry {
+    /// To the east of `map`'s origin, level.
+    pub(crate) fn telemetry(groups: &[TelemetryGroup]) -> HeroTelemetry {
         HeroTelemetry {
             received_ns: 2_000_000_003,
             valid_groups: groups.iter().map(|group| u32::from(group.bit())).sum(),

@@ -10,7 +10,7 @@ use crate::assets::Assets;
 use crate::authority::access::Access;
 use crate::connection::{Connection, Ending, Input};
 use crate::event::{Event, Events};
-use crate::foxglove::channels::Channel;
+use crate::foxglove::channels::{Channel, Sample};
 use crate::foxglove::client::Frame;
 use crate::foxglove::hub::Hub;
 use crate::foxglove::services::Service;
@@ -488,8 +488,24 @@ impl Server {
         log_time_unix_ns: u64,
         bytes: impl Into<Arc<[u8]>>,
     ) {
-        self.foxglove
-            .sample(channel, log_time_unix_ns, bytes.into(), self.clock);
+        let sample = Sample {
+            channel,
+            log_time_unix_ns,
+            bytes: bytes.into(),
+            is_line: false,
+        };
+        self.foxglove.sample(&sample, self.clock);
+    }
+
+    /// The same with a line of a log, which no newer one replaces.
+    pub fn line(&mut self, channel: ChannelId, log_time_unix_ns: u64, bytes: impl Into<Arc<[u8]>>) {
+        let line = Sample {
+            channel,
+            log_time_unix_ns,
+            bytes: bytes.into(),
+            is_line: true,
+        };
+        self.foxglove.sample(&line, self.clock);
     }
 
     /// Sends the time to Foxglove clients: that of the samples that follow.

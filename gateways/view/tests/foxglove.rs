@@ -81,7 +81,7 @@ fn a_client_is_told_what_there_is() {
     let mut world = world();
     let mut none = client(&mut world, None);
     let messages = world.messages(&mut none);
-    let info = json!({"op": "serverInfo", "name": "HERO RIL", "capabilities": ["time", "parameters", "parametersSubscribe"],
+    let info = json!({"op": "serverInfo", "name": "HERO RIL", "capabilities": ["time", "assets", "parameters", "parametersSubscribe"],
         "supportedEncodings": ["json"], "sessionId": "life"});
     assert_eq!(messages, [info, json!({"op": "advertise", "channels": []})]);
     let id = world.server.channel(channel("/robot1/pose")).unwrap();
@@ -218,20 +218,27 @@ fn capabilities_follow_settings_and_token() {
         (
             settings(),
             Some(SECRET),
-            json!(["time", "parameters", "parametersSubscribe", "services"]),
+            json!([
+                "time",
+                "assets",
+                "parameters",
+                "parametersSubscribe",
+                "services"
+            ]),
         ),
         (
             settings(),
             Some(WATCH),
-            json!(["time", "parameters", "parametersSubscribe"]),
+            json!(["time", "assets", "parameters", "parametersSubscribe"]),
         ),
-        (plain, Some(SECRET), json!(["time"])),
-        (recorded, Some(SECRET), json!(["time"])),
+        (plain, Some(SECRET), json!(["time", "assets"])),
+        (recorded, Some(SECRET), json!(["time", "assets"])),
         (
             in_2023(settings()),
             Some(SECRET),
             json!([
                 "time",
+                "assets",
                 "parameters",
                 "parametersSubscribe",
                 "playbackControl"
@@ -309,6 +316,11 @@ fn samples_come_to_those_who_have_subscribed() {
         world.events(),
         [Event::Subscribed(a), Event::Unsubscribed(a)]
     );
+    // What was the newest when the last one went is old by now.
+    let mut late = client(&mut world, None);
+    world.frames(&mut late);
+    subscribe(&mut world, &late, 7, number_a);
+    assert!(binaries(&mut world, &mut late).is_empty());
 }
 
 #[test]
@@ -683,4 +695,35 @@ fn another_beginning_of_time_makes_clients_connect_anew() {
     assert!(world.server.is_ended(one.id) && !world.server.is_ended(page.id));
     let mut again = client(&mut world, None);
     assert_eq!(world.messages(&mut again)[0]["sessionId"], "second");
+}
+
+#[test]
+fn files_are_those_of_the_program_and_no_others() {
+    let mut world = world();
+    let mut client = client(&mut world, None);
+    world.frames(&mut client);
+    let mut fetch = |uri: &str, request: u32| {
+        let message = json!({"op": "fetchAsset", "uri": uri, "requestId": request});
+        world.say(&client, &message);
+        let mut frames = world.frames(&mut client);
+        assert_eq!(frames.len(), 1, "{uri}");
+        let (_, bytes) = frames.remove(0);
+        assert_eq!((bytes[0], &bytes[1..5]), (4, &request.to_le_bytes()[..]));
+        (bytes[5], bytes[6..].to_vec())
+    };
+    let (status, file) = fetch("package://hero_ril/helicopter.urdf", 3);
+    assert_eq!((status, &file[..4]), (0, &[0; 4][..]));
+    assert!(file[4..].starts_with(b"<?xml"));
+    for uri in [
+        "package://hero_ril/../helicopter.urdf",
+        "file:///etc/passwd",
+        "",
+    ] {
+        let (status, error) = fetch(uri, 4);
+        assert_eq!(
+            (status, &error[4..]),
+            (1, &b"there is no such file"[..]),
+            "{uri}"
+        );
+    }
 }

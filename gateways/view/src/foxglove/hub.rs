@@ -1,14 +1,14 @@
 //! [`Hub`]: all Foxglove clients, and what they are offered.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use ipc_types::MonotonicNs;
 use serde_json::Value;
 
+use super::assets;
 use super::channels::{Channel, Channels, Sample};
 use super::client::{Client, Frame, Notice};
-use super::message::{Binary, Incoming, Outgoing, Parameter, read_binary};
+use super::message::{Binary, Incoming, Outgoing, Parameter, asset_response, read_binary};
 use super::parameters::Parameters;
 use super::playback::{CAPABILITY, Playback};
 use super::services::{ENCODING, Service, Services, refused};
@@ -65,7 +65,7 @@ impl Hub {
             Role::Watch
         };
         let mut client = Client::new(peer, Permit { role, ..permit });
-        let mut capabilities = vec!["time"];
+        let mut capabilities = vec!["time", "assets"];
         if self.has_parameters {
             capabilities.extend(["parameters", "parametersSubscribe"]);
         }
@@ -163,6 +163,10 @@ impl Hub {
                 }
             }
             Incoming::Advertise => client.notice(Notice::NoPublishing),
+            Incoming::FetchAsset { uri, request_id } => {
+                let response = asset_response(request_id, assets::find(&uri));
+                client.answer(Frame::Binary(response));
+            }
             _ if !self.has_parameters => {}
             Incoming::GetParameters {
                 parameter_names,
@@ -318,21 +322,10 @@ impl Hub {
     }
 
     /// Sends a sample to all that have subscribed to its channel.
-    pub fn sample(
-        &mut self,
-        channel: ChannelId,
-        log_time_unix_ns: u64,
-        bytes: Arc<[u8]>,
-        now: MonotonicNs,
-    ) {
-        let sample = Sample {
-            channel,
-            log_time_unix_ns,
-            bytes,
-        };
-        if self.channels.keep(&sample) {
+    pub fn sample(&mut self, sample: &Sample, now: MonotonicNs) {
+        if self.channels.keep(sample) {
             for client in self.clients.values_mut() {
-                client.sample(&sample, now);
+                client.sample(sample, now);
             }
         }
     }

@@ -9,6 +9,7 @@ use super::playback::{self, ControlRequest, Moment};
 const MESSAGE_DATA: u8 = 1;
 const TIME: u8 = 2;
 const SERVICE_CALL_RESPONSE: u8 = 3;
+const FETCH_ASSET_RESPONSE: u8 = 4;
 
 /// Opcodes of binary messages from clients.
 const CLIENT_MESSAGE_DATA: u8 = 1;
@@ -131,6 +132,10 @@ pub(crate) enum Incoming {
     UnsubscribeParameterUpdates {
         parameter_names: Vec<String>,
     },
+    FetchAsset {
+        uri: String,
+        request_id: u32,
+    },
     /// What is not offered here.
     #[serde(other)]
     Other,
@@ -224,6 +229,21 @@ pub(crate) fn service_response(
     bytes.extend((encoding.len() as u32).to_le_bytes());
     bytes.extend(encoding.as_bytes());
     bytes.extend(response);
+    bytes
+}
+
+/// A file, or why there is none.
+pub(crate) fn asset_response(request: u32, asset: Result<&[u8], &str>) -> Vec<u8> {
+    let (status, error, file) = match asset {
+        Ok(file) => (0, "", file),
+        Err(error) => (1, error, &[][..]),
+    };
+    let mut bytes = vec![FETCH_ASSET_RESPONSE];
+    bytes.extend(request.to_le_bytes());
+    bytes.push(status);
+    bytes.extend((error.len() as u32).to_le_bytes());
+    bytes.extend(error.as_bytes());
+    bytes.extend(file);
     bytes
 }
 

@@ -30,6 +30,7 @@ async def judge(address):
         answer = await client.call_service(services[f"/robot1/{name}"], b"{}", encoding="json", timeout=LIMIT_S)
         found[name] = json.loads(answer.payload)
     found["parameters"] = await client.get_parameters(timeout=LIMIT_S)
+    found["asset"] = (await client.fetch_asset("package://hero_ril/helicopter.urdf", timeout=LIMIT_S)).decode()
     found["capabilities"] = client.server_info["capabilities"]
     print(json.dumps(found))
     await client.disconnect()

@@ -171,7 +171,7 @@ fn lichtblicks_library_gets_each_topic_as_ril_echo_prints_it() {
     for topic in DERIVED {
         let messages = messages.get(topic);
         assert!(
-            messages.is_some_and(|messages| messages[0].len() > 0),
+            messages.is_some_and(|messages| !messages[0].is_empty()),
             "{topic}"
         );
     }
@@ -232,7 +232,9 @@ fn a_client_in_python_reads_orders_and_asks() {
     let kind = request.expect("the order").kind();
     assert_eq!(kind, Some(MovementKind::Hold));
     let capabilities = found["capabilities"].as_array().expect("a list");
-    for capability in ["time", "parameters", "services"] {
+    let asset = found["asset"].as_str().expect("a text");
+    assert!(asset.contains("base_link"), "{asset}");
+    for capability in ["time", "assets", "parameters", "services"] {
         assert!(capabilities.iter().any(|one| one == capability), "{found}");
     }
     view.end();

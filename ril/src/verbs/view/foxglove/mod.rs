@@ -10,7 +10,7 @@ mod geojson;
 mod parameters;
 mod services;
 
-pub(super) use self::services::ServiceCall;
+pub(crate) use self::services::ServiceCall;
 
 use ipc_types::MonotonicNs;
 use serde_json::Value;
