@@ -228,7 +228,7 @@ fn every_block_of_every_document_has_a_rule() {
 }
 
 /// Blocks that cannot be run in a test.
-const WITHOUT_RUN: usize = 32;
+const WITHOUT_RUN: usize = 31;
 
 /// The robot's configuration: a machine that stalls ends no flight, and nothing is missing that a preflight asks for.
 const BRIDGE: &str = "\
@@ -742,6 +742,6 @@ fn the_examples_of_the_page_about_safety_are_right() {
 }
 
 #[test]
-fn the_examples_of_the_page_about_views_are_right() {
+fn the_examples_of_the_page_about_views_run() {
     Reader::new("docs/view.md").reads();
 }
