@@ -58,15 +58,9 @@ pub struct Commands {
 impl Commands {
     /// What this command is. A new one is open from now on; one that `is_stop` is not remembered when it is answered.
     pub fn take(&mut self, key: Key, is_stop: bool, now: MonotonicNs) -> Copy {
-        self.known.retain(|one| match one.answered {
-            None => true,
-            Some((_, moment)) => now.since(moment) < MEMORY,
-        });
-        if let Some(known) = self.known.iter().find(|one| one.key == key) {
-            return match known.answered {
-                None => Copy::Open,
-                Some((answer, _)) => Copy::Answered(answer),
-            };
+        match self.look(key, now) {
+            Copy::New => {}
+            known => return known,
         }
         let own = self.known.iter().filter(|one| one.key.sender == key.sender);
         if own.count() >= MAX_COMMANDS {
@@ -86,6 +80,22 @@ impl Commands {
             answered: None,
         });
         Copy::New
+    }
+
+    /// What this command is; a new one stays new.
+    pub fn look(&mut self, key: Key, now: MonotonicNs) -> Copy {
+        self.known.retain(|one| match one.answered {
+            None => true,
+            Some((_, moment)) => now.since(moment) < MEMORY,
+        });
+        match self.known.iter().find(|one| one.key == key) {
+            None => Copy::New,
+            Some(Known { answered: None, .. }) => Copy::Open,
+            Some(Known {
+                answered: Some((answer, _)),
+                ..
+            }) => Copy::Answered(*answer),
+        }
     }
 
     /// The answer to a command. Of one that has an answer it is the later one, which copies get.

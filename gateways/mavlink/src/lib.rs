@@ -5,7 +5,7 @@
 //! see.
 //!
 //! * [`wire`]: frames and their checksums; [`message`]: the messages; [`number`]: the protocol's numbers;
-//! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`: the same in messages;
+//! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`, `identity`: the same in messages;
 //! * `stations`, `streams`, `texts`: to whom what is sent, and when;
 //! * `decide`: what a command asks for; `commands`: each at most once; `verdict`: how it is answered;
 //! * `gateway`: all of it as one value.
@@ -15,6 +15,7 @@ mod decide;
 mod event;
 mod gateway;
 mod home;
+mod identity;
 pub mod message;
 mod mode;
 pub mod number;

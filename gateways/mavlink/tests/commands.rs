@@ -149,6 +149,18 @@ fn each_command_in_the_air() {
         assert_eq!(acks(&sent), [(400, 2, 0)]);
         assert!(texts(&sent)[0].1.contains("use Land"), "{sent:?}");
     }
+    // Also when the same was done on the ground just before.
+    let mut world = World::with_station();
+    world.state.blocked = 0;
+    world.tick(20);
+    world.command(QGC, 400, one(0.0));
+    let stop = world.orders()[0];
+    assert_eq!(stop.kind, OrderKind::Stop);
+    world.report(&stop, Stage::Done, Reason::None);
+    world.telemetry.flying = 1;
+    world.tick(20);
+    world.command(QGC, 400, one(0.0));
+    assert_eq!(acks(&world.sent()), [(400, 0, 0), (400, 2, 0)]);
     // A landing that is under way is what was asked for.
     let mut world = World::flying();
     world.state.functionality = Functionality::Landing.code();

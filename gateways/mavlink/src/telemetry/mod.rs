@@ -2,12 +2,13 @@
 //!
 //! A message whose group of telemetry is not valid is not sent; where a message has a mark for "not known", that is sent instead.
 
-use ipc_types::code::{Functionality, LinkState, SafetyAction, SafetyRule};
+mod sensors;
+
+use ipc_types::code::{Functionality, SafetyAction};
 use ipc_types::payload::HeroTelemetry;
 use ipc_types::{MonotonicNs, TelemetryGroup};
 
 use crate::home::Home;
-use crate::message::{AUTOPILOT_VERSION, AVAILABLE_MODES};
 use crate::mode::Mode;
 use crate::number::{AUTOPILOT_PX4, TYPE_HELICOPTER};
 use crate::streams::Stream;
@@ -18,22 +19,6 @@ use crate::wire::Message;
 const ARMED: u8 = 128;
 /// `base_mode`: not a flight. A recorded one must not look like one.
 const SIMULATED: u8 = 32;
-
-/// MAV_SYS_STATUS_SENSOR.
-mod sensor {
-    pub const GYRO: u32 = 1;
-    pub const ACCELEROMETER: u32 = 2;
-    pub const MAGNETOMETER: u32 = 4;
-    pub const PRESSURE: u32 = 8;
-    pub const GPS: u32 = 0x20;
-    pub const ALTITUDE_CONTROL: u32 = 0x2000;
-    pub const POSITION_CONTROL: u32 = 0x4000;
-    pub const RC_RECEIVER: u32 = 0x1_0000;
-    pub const GEOFENCE: u32 = 0x10_0000;
-    pub const AHRS: u32 = 0x20_0000;
-    pub const BATTERY: u32 = 0x200_0000;
-    pub const PREARM_CHECK: u32 = 0x1000_0000;
-}
 
 /// What messages are made of.
 #[derive(Clone, Copy, Debug)]
@@ -148,92 +133,6 @@ impl Scene<'_> {
             .u8(self.base_mode())
             .u8(self.system_status())
             .u8(3)
-    }
-
-    fn sys_status(&self, message: Message) -> Message {
-        let (present, enabled, healthy) = self.sensors();
-        let state = self.known.state;
-        let errors = state.refused.pieces().min(u64::from(u16::MAX)) as u16;
-        message
-            .u32(present)
-            .u32(enabled)
-            .u32(healthy)
-            .u16(0)
-            .u16(self.battery_mv())
-            .i16(-1)
-            .u16(0)
-            .u16(errors)
-            .u16s(0, 4)
-            .i8(-1)
-    }
-
-    /// Which sensors there are, are used and are well.
-    fn sensors(&self) -> (u32, u32, u32) {
-        use TelemetryGroup as Group;
-        let (known, state) = (&self.known, self.known.state);
-        let has = |group| known.has(group);
-        let rule = state.safety.rule();
-        let is_fence = matches!(
-            rule,
-            Some(
-                SafetyRule::FenceInclusion
-                    | SafetyRule::FenceExclusion
-                    | SafetyRule::FenceFloor
-                    | SafetyRule::FenceCeiling
-                    | SafetyRule::FenceUnjudgeable
-            )
-        );
-        let is_supply = matches!(rule, Some(SafetyRule::Battery | SafetyRule::Fuel));
-        let is_up = state.link.state() == Some(LinkState::Up) && !known.is_manual();
-        let has_fence = state.safety.fence_areas > 0;
-        // A magnetometer stands for "the heading is known".
-        let rows = [
-            (sensor::GYRO, true, has(Group::AngularRate)),
-            (sensor::ACCELEROMETER, true, has(Group::Acceleration)),
-            (sensor::MAGNETOMETER, true, has(Group::Attitude)),
-            (sensor::AHRS, true, has(Group::Attitude)),
-            (sensor::PRESSURE, has(Group::Barometer), true),
-            (sensor::GPS, true, has(Group::Geographic) && self.fix() >= 3),
-            (sensor::RC_RECEIVER, true, has(Group::PilotPwm)),
-            (sensor::GEOFENCE, has_fence, !is_fence),
-            (sensor::BATTERY, true, has(Group::Supply) && !is_supply),
-            (sensor::POSITION_CONTROL, true, is_up),
-            (sensor::ALTITUDE_CONTROL, true, is_up),
-            (sensor::PREARM_CHECK, true, known.not_ready().is_none()),
-        ];
-        let bits = |keep: fn(bool, bool) -> bool| {
-            let kept = rows.iter().filter(|row| keep(row.1, row.2));
-            kept.fold(0, |bits, row| bits | row.0)
-        };
-        let control = sensor::POSITION_CONTROL | sensor::ALTITUDE_CONTROL;
-        let present = bits(|is_there, _| is_there);
-        let off = if known.is_manual() { control } else { 0 };
-        (
-            present,
-            present & !off,
-            bits(|is_there, is_well| is_there && is_well),
-        )
-    }
-
-    fn battery_mv(&self) -> u16 {
-        match self.known.has(TelemetryGroup::Supply) {
-            true => (self.telemetry().supply.battery_v * 1000.0).round() as u16,
-            false => u16::MAX,
-        }
-    }
-
-    /// GPS_FIX_TYPE of an NMEA quality.
-    fn fix(&self) -> u8 {
-        if !self.known.has(TelemetryGroup::GpsQuality) {
-            return 1;
-        }
-        match self.telemetry().gps_quality {
-            2 => 4,
-            4 => 6,
-            5 => 5,
-            1 | 3 | 7 | 8 => 3,
-            _ => 1,
-        }
     }
 
     /// Latitude, longitude, 10⁻⁷ degrees, and altitude above sea, mm.
@@ -411,30 +310,6 @@ impl Scene<'_> {
             .u8(u8::MAX)
     }
 
-    fn battery(&self, message: Message) -> Message {
-        let safety = &self.known.state.safety;
-        let charge = match (safety.rule(), safety.action()) {
-            _ if !self.known.has(TelemetryGroup::Supply) => 0,
-            (Some(SafetyRule::Battery), Some(SafetyAction::Land)) => 4,
-            (Some(SafetyRule::Battery), Some(SafetyAction::Hold | SafetyAction::Refuse)) => 3,
-            (Some(SafetyRule::Battery), _) => 2,
-            _ => 1,
-        };
-        message
-            .i32(-1)
-            .i32(-1)
-            .i16(i16::MAX)
-            .u16(self.battery_mv())
-            .u16s(u16::MAX, 9)
-            .i16(-1)
-            .u8(0)
-            .u8(0)
-            .u8(0)
-            .i8(-1)
-            .i32(0)
-            .u8(charge)
-    }
-
     fn home(&self, message: Message) -> Option<Message> {
         let home = self.home.shown()?;
         Some(
@@ -461,159 +336,5 @@ fn hundredths(angle_rad: f32) -> u16 {
     hundredths.rem_euclid(36_000.0) as u16
 }
 
-/// MAV_PROTOCOL_CAPABILITY: commands with integer coordinates, MAVLink 2. Missions, parameters and fences are not offered yet.
-const CAPABILITIES: u64 = 8 | 8192;
-
-/// AUTOPILOT_VERSION. The version is that of the PX4 of which the dialect of modes and commands is, of the type "development".
-pub fn autopilot_version(robot: u32) -> Message {
-    let own = env!("CARGO_PKG_VERSION");
-    Message::new(AUTOPILOT_VERSION)
-        .u64(CAPABILITIES)
-        .u64(u64::from(robot))
-        .u32(0x010f_0000)
-        .u32(0)
-        .u32(0)
-        .u32(0)
-        .u16(0)
-        .u16(0)
-        .text(own, 8)
-}
-
-/// AVAILABLE_MODES: one mode, by its place in the list.
-pub fn available_mode(index: usize) -> Option<Message> {
-    let mode = Mode::ALL.get(index)?;
-    let not_selectable = if mode.is_selectable() { 0 } else { 2 };
-    Some(
-        Message::new(AVAILABLE_MODES)
-            .u32(mode.custom())
-            .u32(not_selectable)
-            .u8(Mode::ALL.len() as u8)
-            .u8(index as u8 + 1)
-            .u8(mode.standard())
-            .text(mode.name(), 35),
-    )
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use ipc_types::payload::{ModuleState, WaypointPosition};
-
-    fn with<R>(telemetry: &HeroTelemetry, home: Home, look: impl FnOnce(&Scene<'_>) -> R) -> R {
-        let state = ModuleState::default();
-        let scene = Scene {
-            known: Known {
-                telemetry,
-                state: &state,
-            },
-            home: &home,
-            mode: Mode::Hold,
-            zero_above_sea_m: 100.0,
-        };
-        look(&scene)
-    }
-
-    fn full() -> HeroTelemetry {
-        let mut telemetry = HeroTelemetry {
-            valid_groups: 0xffff,
-            received_ns: 5_000_000_000,
-            gps_quality: 4,
-            ..HeroTelemetry::default()
-        };
-        telemetry.geodetic.latitude_rad = 37.4112_f64.to_radians();
-        telemetry.geodetic.longitude_rad = -6.001_f64.to_radians();
-        telemetry.geodetic.altitude_m = 30.25;
-        telemetry.velocity.north_mps = 3.5;
-        telemetry.velocity.up_mps = 1.25;
-        telemetry.velocity.course_rad = -0.1;
-        telemetry.attitude.yaw_rad = -std::f32::consts::FRAC_PI_2;
-        telemetry.supply.battery_v = 24.5;
-        telemetry
-    }
-
-    fn home() -> Home {
-        Home::TakeOff(WaypointPosition {
-            latitude_deg: 37.0,
-            longitude_deg: -6.0,
-            altitude_m: 20.0,
-        })
-    }
-
-    #[test]
-    fn units_and_frames_are_those_of_the_messages() {
-        with(&full(), home(), |scene| {
-            let message = scene.message(Stream::GlobalPosition).unwrap();
-            let position = message.payload();
-            assert_eq!(position.u32(0), 5_000);
-            assert_eq!(
-                (position.i32(4), position.i32(8)),
-                (374_112_000, -60_010_000)
-            );
-            assert_eq!((position.i32(12), position.i32(16)), (130_250, 10_250));
-            let speeds = [20, 22, 24].map(|at| position.u16(at) as i16);
-            assert_eq!(speeds, [350, 0, -125]);
-            assert_eq!(position.u16(26), 27_000);
-            let gps = scene.message(Stream::GpsRaw).unwrap();
-            assert_eq!((gps.payload().u8(28), gps.payload().u64(0)), (6, 5_000_000));
-            assert_eq!(gps.payload().u16(26), 35_427);
-            let status = scene.message(Stream::SysStatus).unwrap();
-            assert_eq!(status.payload().u16(14), 24_500);
-            let altitudes = scene.message(Stream::Altitude).unwrap();
-            assert_eq!(altitudes.payload().f32(20), 10.25);
-            let quaternion = scene.message(Stream::AttitudeQuaternion).unwrap();
-            let half = std::f32::consts::FRAC_1_SQRT_2;
-            assert!((quaternion.payload().f32(16) + half).abs() < 1e-6);
-        });
-    }
-
-    #[test]
-    fn what_is_not_valid_is_not_sent_or_marked() {
-        let telemetry = HeroTelemetry {
-            valid_groups: 0,
-            ..full()
-        };
-        with(&telemetry, Home::Unknown, |scene| {
-            for stream in Stream::ALL {
-                let is_sent = scene.message(stream).is_some();
-                let expected = !matches!(
-                    stream,
-                    Stream::GlobalPosition
-                        | Stream::Attitude
-                        | Stream::AttitudeQuaternion
-                        | Stream::LocalPosition
-                        | Stream::VfrHud
-                        | Stream::Home
-                );
-                assert_eq!(is_sent, expected, "{stream:?}");
-            }
-            let gps = scene.message(Stream::GpsRaw).unwrap();
-            assert_eq!((gps.payload().u8(28), gps.payload().i32(8)), (1, 0));
-            let altitudes = scene.message(Stream::Altitude).unwrap();
-            assert!(altitudes.payload().f32(12).is_nan());
-            let status = scene.message(Stream::SysStatus).unwrap();
-            assert_eq!(status.payload().u16(14), u16::MAX);
-            assert_eq!(status.payload().u32(8) & sensor::GPS, 0);
-        });
-        // A helicopter that was first heard in the air has no height over home that could be relied on.
-        let first = Home::FirstHeard(home().shown().unwrap());
-        with(&full(), first, |scene| {
-            let altitudes = scene.message(Stream::Altitude).unwrap();
-            assert!(altitudes.payload().f32(20).is_nan());
-            assert!(scene.message(Stream::Home).is_some());
-        });
-    }
-
-    #[test]
-    fn no_message_is_longer_than_its_definition() {
-        let lengths = [9, 9, 43, 2, 28, 28, 48, 28, 20, 32, 52, 54, 60];
-        with(&full(), home(), |scene| {
-            for (stream, most) in Stream::ALL.into_iter().zip(lengths) {
-                let message = scene.message(stream).unwrap();
-                assert!(message.payload().0.len() <= most, "{stream:?}");
-            }
-        });
-        assert_eq!(available_mode(0).unwrap().payload().0.len(), 46);
-        assert!(available_mode(Mode::ALL.len()).is_none());
-        assert_eq!(autopilot_version(1).payload().u64(8), 1);
-    }
-}
+mod tests;
