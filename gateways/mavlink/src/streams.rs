@@ -6,6 +6,7 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 
 use crate::message::{self, Kind};
+use crate::number::MavResult;
 
 /// Shortest period of a message.
 const MIN_PERIOD: Duration = Duration::from_millis(20);
@@ -119,18 +120,18 @@ impl Stream {
     /// # Errors
     ///
     /// When it is no period that can be had.
-    pub fn period(self, interval_us: f32) -> Result<Option<Duration>, ()> {
+    pub fn period(self, interval_us: f32) -> Result<Option<Duration>, MavResult> {
         match interval_us {
-            -1.0 if self == Stream::Heartbeat => Err(()),
+            -1.0 if self == Stream::Heartbeat => Err(MavResult::Denied),
             -1.0 => Ok(None),
             0.0 => Ok(self.default_period()),
             us if us.is_finite() && us > 0.0 => {
                 let period = Duration::from_micros(us as u64);
                 let is_possible = period >= MIN_PERIOD
                     && (self != Stream::Heartbeat || period <= Duration::from_secs(1));
-                is_possible.then_some(Some(period)).ok_or(())
+                is_possible.then_some(Some(period)).ok_or(MavResult::Denied)
             }
-            _ => Err(()),
+            _ => Err(MavResult::Denied),
         }
     }
 }
@@ -272,10 +273,10 @@ mod tests {
             (-1.0, Ok(None)),
             (0.0, Ok(Some(Duration::from_millis(100)))),
             (20_000.0, Ok(Some(Duration::from_millis(20)))),
-            (19_999.0, Err(())),
-            (f32::NAN, Err(())),
-            (-2.0, Err(())),
-            (f32::INFINITY, Err(())),
+            (19_999.0, Err(MavResult::Denied)),
+            (f32::NAN, Err(MavResult::Denied)),
+            (-2.0, Err(MavResult::Denied)),
+            (f32::INFINITY, Err(MavResult::Denied)),
         ] {
             assert_eq!(
                 Stream::Attitude.period(interval_us),
@@ -284,7 +285,10 @@ mod tests {
             );
         }
         for interval_us in [-1.0, 2e6] {
-            assert_eq!(Stream::Heartbeat.period(interval_us), Err(()));
+            assert_eq!(
+                Stream::Heartbeat.period(interval_us),
+                Err(MavResult::Denied)
+            );
         }
     }
 }

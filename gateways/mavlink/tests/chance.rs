@@ -10,6 +10,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 
 use crate::common::{QGC, SCRIPT, Station, World, acks, reposition};
+use crate::script;
 
 /// A message of any kind, with any content.
 fn any_message() -> impl Strategy<Value = Vec<u8>> {
@@ -184,4 +185,29 @@ fn a_flood_of_a_station_s_frames_leaves_room_for_a_hold() {
         &QGC.frame(&reposition(0, i32::MAX, i32::MAX, f32::NAN)),
     );
     assert_eq!(world.kinds(), [OrderKind::Hold]);
+}
+
+/// What the fuzzer begins with.
+const CORPUS: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../../workbench/fuzz/corpus/mavlink"
+);
+
+#[test]
+fn the_corpus_of_the_fuzz_target_passes() {
+    let mut count = 0;
+    for entry in std::fs::read_dir(CORPUS).expect("the corpus") {
+        script::play(&std::fs::read(entry.expect("a file").path()).expect("its bytes"));
+        count += 1;
+    }
+    assert!(count >= 5, "{count} files are no corpus");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_script_leaves_the_gateway_bounded(data in vec(any::<u8>(), 0..1500)) {
+        script::play(&data);
+    }
 }

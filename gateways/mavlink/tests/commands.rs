@@ -27,7 +27,8 @@ fn speed(mps: f32) -> [f32; 7] {
 fn each_command_on_the_ground() {
     use OrderKind::{Hold, Land, Speed, Start, TakeOff};
     // Command, orders, and the result if it is answered at once.
-    let table: [(u16, [f32; 7], &[OrderKind], Option<u8>); 25] = [
+    type Row<'a> = (u16, [f32; 7], &'a [OrderKind], Option<u8>);
+    let table: [Row<'_>; 25] = [
         (400, one(1.0), &[Start], None),
         (400, one(0.0), &[], Some(0)),
         (400, one(7.0), &[], Some(2)),

@@ -3,4 +3,5 @@
 mod chance;
 mod commands;
 mod common;
+mod script;
 mod telemetry;

@@ -47,7 +47,7 @@ impl Gateway {
                     }
                     MavResult::Accepted
                 }
-                Err(()) => MavResult::Denied,
+                Err(result) => result,
             },
             (command::GET_MESSAGE_INTERVAL, Some(stream)) => {
                 let route = self.stations.route(sender.address);
