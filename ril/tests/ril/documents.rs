@@ -34,10 +34,11 @@ use crate::common::sandbox;
 use crate::watch::screen::Screen;
 
 /// Pages with something to run, each of which has a test below.
-const PAGES: [&str; 9] = [
+const PAGES: [&str; 10] = [
     "README.md",
     "docs/install.md",
     "docs/json.md",
+    "docs/mavlink.md",
     "docs/modules.md",
     "docs/network.md",
     "docs/operations.md",
@@ -612,6 +613,7 @@ impl Reader {
         let mut text = block.text.join("\n");
         let command = match file {
             "bridge.toml" => "run bridge",
+            "mavlink.toml" => "run mavlink",
             "ril.toml" => "start",
             "relay.toml" if text.contains("[station]") => "relay station",
             "relay.toml" => "relay robot",
@@ -700,6 +702,11 @@ fn the_examples_of_the_page_about_installing_are_right() {
 #[test]
 fn the_examples_of_the_page_about_json_run() {
     Reader::new("docs/json.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_mavlink_are_right() {
+    Reader::new("docs/mavlink.md").reads();
 }
 
 #[test]
