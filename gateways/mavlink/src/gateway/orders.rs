@@ -190,7 +190,11 @@ impl Gateway {
         }
         let log = format!(
             "{} by {} at {}",
-            kind.name(),
+            if orders.is_return {
+                "return"
+            } else {
+                kind.name()
+            },
             key.sender,
             key.sender.address
         );
@@ -308,7 +312,7 @@ impl Gateway {
     ) {
         match (stage, reason) {
             (Stage::Done, _) => {
-                let text = format!("{} done", pending.kind.name());
+                let text = format!("{} done", pending.name());
                 self.say_to_all(Severity::Info, &text, now);
             }
             (Stage::Refused, Reason::AlreadyRunning) => {}
@@ -337,7 +341,7 @@ impl Gateway {
         let mut others = self.stations.addresses();
         others.retain(|address| *address != own);
         if !others.is_empty() {
-            let text = format!("{} by {}", pending.kind.name(), pending.key.sender);
+            let text = format!("{} by {}", pending.name(), pending.key.sender);
             self.say(&others, Severity::Notice, &text, now);
         }
     }
@@ -384,20 +388,20 @@ impl Gateway {
             if now >= one.issued + limit {
                 // What was to follow would come too late.
                 (one.is_answered, one.then) = (true, None);
-                said.push((one.key, one.kind, MavResult::Failed));
+                said.push((one.key, one.name(), MavResult::Failed));
             } else if now >= one.progress_at {
                 one.progress_at = now + NEXT_PROGRESS;
-                said.push((one.key, one.kind, MavResult::InProgress));
+                said.push((one.key, one.name(), MavResult::InProgress));
             }
         }
-        for (key, kind, result) in said {
+        for (key, name, result) in said {
             match result {
                 MavResult::InProgress => self.answer(&key, Answer::plain(result)),
                 _ => {
                     self.settle(&key, Answer::plain(result), now);
                     let text = format!(
                         "{}: no answer of the bridge; it may have been done, look before you repeat it",
-                        kind.name()
+                        name
                     );
                     self.say(&[key.sender.address], Severity::Error, &text, now);
                 }

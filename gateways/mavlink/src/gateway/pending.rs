@@ -18,3 +18,13 @@ pub struct Pending {
     pub is_answered: bool,
     pub progress_at: MonotonicNs,
 }
+
+impl Pending {
+    /// What people call it.
+    pub fn name(&self) -> &'static str {
+        match self.is_return {
+            true => "return",
+            false => self.kind.name(),
+        }
+    }
+}
