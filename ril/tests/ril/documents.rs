@@ -38,6 +38,7 @@ const PAGES: [&str; 10] = [
     "README.md",
     "docs/install.md",
     "docs/json.md",
+    "docs/mavlink.md",
     "docs/modules.md",
     "docs/network.md",
     "docs/operations.md",
@@ -613,6 +614,7 @@ impl Reader {
         let mut text = block.text.join("\n");
         let command = match file {
             "bridge.toml" => "run bridge",
+            "mavlink.toml" => "run mavlink",
             "ril.toml" => "start",
             "view.toml" => "run view",
             "relay.toml" if text.contains("[station]") => "relay station",
@@ -702,6 +704,11 @@ fn the_examples_of_the_page_about_installing_are_right() {
 #[test]
 fn the_examples_of_the_page_about_json_run() {
     Reader::new("docs/json.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_mavlink_are_right() {
+    Reader::new("docs/mavlink.md").reads();
 }
 
 #[test]
