@@ -212,14 +212,13 @@ mod tests {
 
     #[test]
     fn what_the_core_was_given_and_said_is_read_again() {
-        let mut writer = Writer::new(StatusJournal::ROOM);
-        writer.start();
         let at = MonotonicNs(1_000_000_007);
         let config = Config::default();
         let status = Status::new(config.calibration.clone(), Logs::default(), at);
-        let mut status = Journaled::new(status, &config, writer);
-        // Nothing before the first snapshot is recorded.
+        let mut status = Journaled::new(status, &config, Writer::new(StatusJournal::ROOM));
+        // Nothing before the first snapshot is recorded, and none is taken between a sample and the word that it was published.
         status.apply(at, Input::Sample(sample(1, 1)));
+        status.writer().start();
         status.apply(at, Input::Published(Ok(())));
         let inputs = [
             Input::Step(InputCounts {
