@@ -171,10 +171,33 @@ struct Loaded {
 }
 
 impl Snapshot {
+    /// A bridge as it begins, before its first input.
+    pub fn fresh(config: &BridgeConfig) -> Snapshot {
+        Snapshot {
+            config: config.clone(),
+            bridge: Bridge::new(config),
+        }
+    }
+
+    /// Whether it has had no input.
+    pub fn is_fresh(&self) -> bool {
+        let text = Snapshot::text_of(&self.config);
+        let bytes = |bridge| Snapshot::take(bridge, &self.config, &text);
+        bytes(&self.bridge) == bytes(&Bridge::new(&self.config))
+    }
+
     /// The configuration as the text that a snapshot has, as `bridge.toml` has it.
     pub fn text_of(config: &BridgeConfig) -> String {
         // Every value came from such a text.
         toml::to_string(config).unwrap_or_default()
+    }
+
+    /// The configuration that is this text.
+    ///
+    /// # Errors
+    /// It is none of this version.
+    pub fn config_of(text: &str) -> Result<BridgeConfig, NotASnapshot> {
+        runtime::config::parse(text, "the journal").map_err(|_| NotASnapshot)
     }
 
     /// The bytes of `bridge`; `config` is what it was made with, and `text` the same as a text.
@@ -205,8 +228,7 @@ impl Snapshot {
         if !rest.is_empty() || loaded.version != VERSION {
             return Err(NotASnapshot);
         }
-        let config: BridgeConfig =
-            runtime::config::parse(&loaded.config, "the journal").map_err(|_| NotASnapshot)?;
+        let config = Snapshot::config_of(&loaded.config)?;
         let fence: Fence = match loaded.fence {
             Some(text) => runtime::config::parse(&text, "the journal").map_err(|_| NotASnapshot)?,
             None => config.fence.clone(),

@@ -66,6 +66,11 @@ impl Manager {
         matches!(self.standing, Standing::Working(_))
     }
 
+    /// Since when it is as it is.
+    pub fn since(&self) -> MonotonicNs {
+        self.since
+    }
+
     /// How the module is.
     pub fn standing(&self) -> Standing<ImiCode> {
         self.standing

@@ -9,7 +9,7 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 
 use ipc_types::{RobotId, ServiceId};
-use recording::read::{ReadError, Recovered};
+use recording::read::ReadError;
 use ros_messages::Level;
 use ros_messages::cdr::{Reader, Writer};
 use runtime::exit::Failure;
@@ -110,11 +110,11 @@ string station
 /// # Errors
 ///
 /// Code 2 when the file is there already or cannot be written; what was written of it is removed, because it would look like all.
-pub fn new_file(
+pub fn new_file<T>(
     path: &Path,
     next_step: &str,
-    write: impl FnOnce(&mut BufWriter<File>) -> Result<Recovered, ReadError>,
-) -> Result<Recovered, Failure> {
+    write: impl FnOnce(&mut BufWriter<File>) -> Result<T, ReadError>,
+) -> Result<T, Failure> {
     let name = path.display();
     let mut options = File::options();
     let file = options.write(true).create_new(true).mode(0o640).open(path);

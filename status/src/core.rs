@@ -249,6 +249,11 @@ impl Status {
         status
     }
 
+    /// Since when it does what it does.
+    pub(crate) fn since(&self) -> MonotonicNs {
+        self.manager.since()
+    }
+
     /// The same with `estimator`, which is fed with every sample.
     #[must_use]
     pub fn with_estimator(mut self, estimator: Box<dyn Estimator + Send>) -> Status {

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::Config;
 use crate::core::{Event, Input, Kept, Output, Status, Summary};
 use crate::estimator::Estimator;
+use crate::log::Logs;
 
 /// An entry of the journal of status.
 pub type Record<'a> = module_kit::journal::Record<'a, Input, Output>;
@@ -59,7 +60,7 @@ impl Journaled {
     pub fn apply(&mut self, now: MonotonicNs, input: Input) -> Option<Output> {
         self.write_pending();
         // Between a sample and the word that it was published, the core has more than a snapshot.
-        if matches!(input, Input::Step(_)) && self.writer.wants_snapshot(now) {
+        if !matches!(input, Input::Published(_)) && self.writer.wants_snapshot(now) {
             let snapshot = Snapshot::take(&self.status, &self.text);
             self.writer.snapshot(now, &snapshot);
         }
@@ -128,6 +129,35 @@ impl Snapshot {
         toml::to_string(config).unwrap_or_default()
     }
 
+    /// Status as it begins at `began`, before its first input.
+    pub fn fresh(config: &Config, began: MonotonicNs) -> Snapshot {
+        let mut status = Status::new(config.calibration.clone(), Logs::default(), began);
+        if let Some(estimator) = config.estimator.build() {
+            status = status.with_estimator(estimator);
+        }
+        Snapshot {
+            config: config.clone(),
+            status,
+        }
+    }
+
+    /// When it began, if it has had no input.
+    pub fn began(&self) -> Option<MonotonicNs> {
+        let began = self.status.since();
+        let text = Snapshot::text_of(&self.config);
+        let fresh = Snapshot::fresh(&self.config, began);
+        let is_fresh = Snapshot::take(&self.status, &text) == Snapshot::take(&fresh.status, &text);
+        is_fresh.then_some(began)
+    }
+
+    /// The configuration that is this text.
+    ///
+    /// # Errors
+    /// It is none of this version.
+    pub fn config_of(text: &str) -> Result<Config, NotASnapshot> {
+        runtime::config::parse(text, "the journal").map_err(|_| NotASnapshot)
+    }
+
     /// The bytes of `status`; `text` is its configuration.
     pub fn take(status: &Status, text: &str) -> Vec<u8> {
         let saved = Saved {
@@ -152,8 +182,7 @@ impl Snapshot {
         if !rest.is_empty() {
             return Err(NotASnapshot);
         }
-        let config: Config =
-            runtime::config::parse(&saved.config, "the journal").map_err(|_| NotASnapshot)?;
+        let config = Snapshot::config_of(&saved.config)?;
         let calibration = config.calibration.clone();
         let status = Status::from_kept(saved.kept, calibration, config.estimator.build());
         let status = status.ok_or(NotASnapshot)?;
@@ -179,19 +208,17 @@ mod tests {
 
     use super::*;
     use crate::core::InputCounts;
-    use crate::log::Logs;
     use crate::test_samples::sample;
 
     #[test]
     fn what_the_core_was_given_and_said_is_read_again() {
-        let mut writer = Writer::new(StatusJournal::ROOM);
-        writer.start();
         let at = MonotonicNs(1_000_000_007);
         let config = Config::default();
         let status = Status::new(config.calibration.clone(), Logs::default(), at);
-        let mut status = Journaled::new(status, &config, writer);
-        // Nothing before the first snapshot is recorded.
+        let mut status = Journaled::new(status, &config, Writer::new(StatusJournal::ROOM));
+        // Nothing before the first snapshot is recorded, and none is taken between a sample and the word that it was published.
         status.apply(at, Input::Sample(sample(1, 1)));
+        status.writer().start();
         status.apply(at, Input::Published(Ok(())));
         let inputs = [
             Input::Step(InputCounts {

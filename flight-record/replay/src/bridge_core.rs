@@ -11,8 +11,11 @@ use ipc_types::payload::{
     RefusedCounters, RequestReport,
 };
 use ipc_types::{MonotonicNs, Topic};
+use module_kit::journal::Writer;
+use serde::{Deserialize, Serialize};
 
 use crate::difference::{Values, of_bytes, of_structs};
+use crate::kept::{Beginning, Streams};
 use crate::track::{Compared, Core};
 use crate::verdict::JournalVerdict;
 
@@ -22,11 +25,34 @@ pub struct BridgeCore {
     state: ModuleState,
 }
 
+impl BridgeCore {
+    fn of(snapshot: Snapshot) -> BridgeCore {
+        let state = *snapshot.bridge.state();
+        BridgeCore { snapshot, state }
+    }
+}
+
+/// An input of the bridge in a kept flight.
+#[derive(Serialize, Deserialize)]
+pub enum KeptInput<'a> {
+    /// So many of the bytes of the line.
+    Received(usize),
+    /// As it is.
+    Other(#[serde(borrow)] Input<'a>),
+}
+
 impl Core for BridgeCore {
     type Config = BridgeConfig;
     type Input<'a> = Input<'a>;
+    type Kept<'a> = KeptInput<'a>;
     type Output<'a> = Output<'a>;
     const JOURNAL: &'static str = BridgeJournal::KEY;
+    const TOPICS: &'static [&'static str] = &[
+        DspTelemetry::KEY,
+        ModuleState::KEY,
+        "requests",
+        "serial/sent",
+    ];
 
     fn restore(snapshot: &[u8], against: Option<&BridgeConfig>) -> Option<BridgeCore> {
         let snapshot = Snapshot::restore(snapshot).ok()?;
@@ -34,8 +60,58 @@ impl Core for BridgeCore {
             Some(config) => snapshot.against(config).ok()?,
             None => snapshot,
         };
-        let state = *snapshot.bridge.state();
-        Some(BridgeCore { snapshot, state })
+        Some(BridgeCore::of(snapshot))
+    }
+
+    fn beginning(snapshot: &[u8]) -> Beginning<'_> {
+        match Snapshot::restore(snapshot) {
+            Ok(restored) if restored.is_fresh() => {
+                // A bridge begins at no moment: it has not looked at the clock.
+                let config = Snapshot::text_of(&restored.config);
+                Beginning::Fresh(MonotonicNs(0), config.into())
+            }
+            _ => Beginning::Snapshot(snapshot),
+        }
+    }
+
+    fn fresh(_: MonotonicNs, config: &str, against: Option<&BridgeConfig>) -> Option<BridgeCore> {
+        let own = Snapshot::config_of(config).ok()?;
+        Some(BridgeCore::of(Snapshot::fresh(against.unwrap_or(&own))))
+    }
+
+    fn keep(at: MonotonicNs, input: Input<'_>, streams: &mut Streams, writer: &mut Writer) {
+        let kept = match input {
+            Input::Received(bytes) => {
+                streams.receive(bytes);
+                KeptInput::Received(bytes.len())
+            }
+            other => KeptInput::Other(other),
+        };
+        writer.input(at, &kept);
+    }
+
+    fn apply_kept(
+        &mut self,
+        at: MonotonicNs,
+        kept: KeptInput<'_>,
+        streams: &mut Streams,
+        said: &mut VecDeque<Output<'static>>,
+    ) -> bool {
+        let input = match kept {
+            KeptInput::Received(len) => streams.take_received(len).map(Input::Received),
+            KeptInput::Other(input) => Some(input),
+        };
+        let is_there = input.is_some();
+        if let Some(input) = input {
+            self.apply(at, input, said);
+        }
+        is_there
+    }
+
+    fn note(said: &Output<'_>, streams: &mut Streams) {
+        if let Output::Telemetry(sample) = said {
+            streams.made(sample);
+        }
     }
 
     fn snapshot(&self) -> Vec<u8> {

@@ -3,6 +3,7 @@
 //!
 //! * [`Verifier`]: takes the samples of the topics `bridge/journal` and `status/journal` in the order of a recording, and gives a
 //!   [`Comparison`];
+//! * [`Keeper`]: makes a test of a recorded flight, a [`kept`] one, of inputs and digests;
 //! * [`Difference`]: when, which topic, which field, and both values.
 //!
 //! A journal in which pieces are missing is verified up to each loss, and again from the next snapshot.
@@ -12,6 +13,9 @@
 
 mod bridge_core;
 mod difference;
+mod keeper;
+pub mod kept;
+mod renewed;
 mod status_core;
 mod tally;
 mod track;
@@ -19,5 +23,7 @@ mod verdict;
 mod verifier;
 
 pub use difference::Difference;
+pub use keeper::{Keeper, Kept};
+pub use renewed::renew;
 pub use verdict::{BreakAt, Comparison, JournalSpan, JournalVerdict, MAX_LISTED};
 pub use verifier::Verifier;

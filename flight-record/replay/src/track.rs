@@ -5,10 +5,11 @@ use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ipc_types::{JournalPiece, MonotonicNs};
-use module_kit::journal::{Entry, Reader};
-use serde::Deserialize;
+use module_kit::journal::{Entry, Reader, Writer};
+use serde::{Deserialize, Serialize};
 
 use crate::difference::{Values, presence};
+use crate::kept::{Beginning, Digest, Streams};
 use crate::tally::Tally;
 use crate::verdict::JournalVerdict;
 
@@ -17,14 +18,47 @@ pub trait Core: Sized {
     /// What it can be replayed with instead of its own configuration.
     type Config;
     /// What it is given.
-    type Input<'a>: Deserialize<'a>;
+    type Input<'a>: Deserialize<'a> + Serialize;
+    /// An input as a kept flight has it.
+    type Kept<'a>: Deserialize<'a> + Serialize;
     /// What it says.
-    type Output<'a>: Deserialize<'a>;
+    type Output<'a>: Deserialize<'a> + Serialize;
     /// The topic of the journal.
     const JOURNAL: &'static str;
+    /// Where its outputs are published, by their variant.
+    const TOPICS: &'static [&'static str];
 
     /// The core of a snapshot, with another configuration if one is given; `None` if it is no snapshot of this version.
     fn restore(snapshot: &[u8], against: Option<&Self::Config>) -> Option<Self>;
+
+    /// How a kept flight begins with this snapshot.
+    fn beginning(snapshot: &[u8]) -> Beginning<'_>;
+
+    /// The core that begins so, with another configuration if one is given; `None` if it is none of this version.
+    fn fresh(began: MonotonicNs, config: &str, against: Option<&Self::Config>) -> Option<Self>;
+
+    /// The core of a [`Beginning`] in postcard's format.
+    fn begin(beginning: &[u8], against: Option<&Self::Config>) -> Option<Self> {
+        match postcard::from_bytes(beginning).ok()? {
+            Beginning::Fresh(began, config) => Self::fresh(began, &config, against),
+            Beginning::Snapshot(snapshot) => Self::restore(snapshot, against),
+        }
+    }
+
+    /// Writes an input into a kept flight. What it refers to goes to `streams`.
+    fn keep(at: MonotonicNs, input: Self::Input<'_>, streams: &mut Streams, writer: &mut Writer);
+
+    /// Gives the core an input that was kept; false if `streams` have not what it refers to.
+    fn apply_kept(
+        &mut self,
+        at: MonotonicNs,
+        kept: Self::Kept<'_>,
+        streams: &mut Streams,
+        said: &mut VecDeque<Self::Output<'static>>,
+    ) -> bool;
+
+    /// Notes what inputs of another journal refer to.
+    fn note(_said: &Self::Output<'_>, _streams: &mut Streams) {}
 
     /// The bytes of the core.
     fn snapshot(&self) -> Vec<u8>;
@@ -136,6 +170,32 @@ impl<C: Core> Track<C> {
         }
     }
 
+    /// Takes the whole journal of a kept flight.
+    pub fn take_kept(&mut self, journal: Vec<u8>, streams: &mut Streams) {
+        if journal.is_empty() {
+            return;
+        }
+        let drive = &mut self.drive;
+        drive.tally.verdict.pieces += 1;
+        drive.tally.verdict.bytes += journal.len() as u64;
+        let mut reader = Reader::of(journal);
+        loop {
+            match reader.next::<C::Kept<'_>, Digest>() {
+                Ok(Some(record)) => match record.entry {
+                    Entry::Snapshot(beginning) => drive.begin(record.at, beginning),
+                    Entry::Input(kept) => drive.kept(record.at, kept, streams),
+                    Entry::Output(digest) => drive.digest(digest),
+                    Entry::Line(_) => {}
+                },
+                Ok(None) => return,
+                Err(_malformed) => {
+                    drive.tally.verdict.damaged += 1;
+                    return drive.stop();
+                }
+            }
+        }
+    }
+
     pub fn finish(self) -> JournalVerdict {
         let Track { reader, mut drive } = self;
         drive.stop();
@@ -163,15 +223,38 @@ impl<C: Core> Drive<C> {
         if self.core.is_some() && !is_own {
             return self.tally.reach(at);
         }
-        // A snapshot from a stranger may be a core that cannot be.
-        let restored = catch_unwind(AssertUnwindSafe(|| {
-            C::restore(bytes, self.against.as_ref())
-        }));
-        self.core = restored.ok().flatten();
+        self.restore(at, |against| C::restore(bytes, against));
+    }
+
+    /// A kept flight begins, or goes on with another process.
+    fn begin(&mut self, at: MonotonicNs, beginning: &[u8]) {
+        self.stop();
+        self.is_differing = false;
+        self.at = at;
+        self.tally.verdict.snapshots += 1;
+        self.restore(at, |against| C::begin(beginning, against));
+    }
+
+    fn restore(&mut self, at: MonotonicNs, make: impl FnOnce(Option<&C::Config>) -> Option<C>) {
+        // What comes from a stranger may be a core that cannot be.
+        let made = catch_unwind(AssertUnwindSafe(|| make(self.against.as_ref())));
+        self.core = made.ok().flatten();
         self.tally.restored(at, self.core.is_some());
     }
 
     fn input(&mut self, at: MonotonicNs, input: C::Input<'_>) {
+        self.drive(at, |core, said| {
+            core.apply(at, input, said);
+            true
+        });
+    }
+
+    /// Lets the core take an input; `apply` says whether it could.
+    fn drive(
+        &mut self,
+        at: MonotonicNs,
+        apply: impl FnOnce(&mut C, &mut VecDeque<C::Output<'static>>) -> bool,
+    ) {
         self.finish_input();
         self.at = at;
         let Some(core) = &mut self.core else {
@@ -180,11 +263,20 @@ impl<C: Core> Drive<C> {
         self.tally.verdict.inputs += 1;
         self.tally.reach(at);
         let said = &mut self.said;
-        if catch_unwind(AssertUnwindSafe(|| core.apply(at, input, said))).is_err() {
-            let values = presence("an answer", "a panic of the core");
-            self.tally.differs(at, C::JOURNAL, values);
-            self.stop();
-        }
+        let values = match catch_unwind(AssertUnwindSafe(|| apply(core, said))) {
+            Ok(true) => return,
+            Ok(false) => presence("an input", "nothing that it refers to"),
+            Err(_panic) => presence("an answer", "a panic of the core"),
+        };
+        self.tally.differs(at, C::JOURNAL, values);
+        self.stop();
+    }
+
+    /// An input of a kept flight.
+    fn kept(&mut self, at: MonotonicNs, kept: C::Kept<'_>, streams: &mut Streams) {
+        self.drive(at, |core, said| core.apply_kept(at, kept, streams, said));
+        let said = self.said.iter();
+        said.for_each(|output| C::note(output, streams));
     }
 
     fn output(&mut self, recorded: &C::Output<'_>) {
@@ -192,6 +284,32 @@ impl<C: Core> Drive<C> {
             let replayed = self.said.pop_front();
             self.compare(Some(recorded), replayed.as_ref());
         }
+    }
+
+    /// What a kept flight has of an output.
+    fn digest(&mut self, recorded: Digest) {
+        if self.is_differing || self.core.is_none() {
+            return;
+        }
+        let replayed = self.said.pop_front();
+        let of_replayed = replayed.as_ref().map(Digest::of);
+        if of_replayed == Some(recorded) {
+            return self.compare(replayed.as_ref(), replayed.as_ref());
+        }
+        let topic = C::TOPICS.get(usize::from(recorded.variant));
+        let text = |digest: Digest| format!("{:08x}", u32::from_le_bytes(digest.crc));
+        let values = match replayed.as_ref().zip(of_replayed) {
+            Some((output, digest)) if digest.variant == recorded.variant => Values {
+                field: "digest".to_owned(),
+                recorded: text(recorded),
+                replayed: format!("{} ({})", text(digest), C::describe(output).1),
+            },
+            Some((output, _)) => presence("something else", &C::describe(output).1),
+            None => presence("something", "nothing"),
+        };
+        self.is_differing = true;
+        let topic = topic.copied().unwrap_or(C::JOURNAL);
+        self.tally.differs(self.at, topic, values);
     }
 
     /// All outputs of the last input were read: what else the core said is not in the recording.

@@ -7,6 +7,7 @@ use status::config::Config;
 use status::journal::Snapshot;
 
 use crate::bridge_core::BridgeCore;
+use crate::kept::{KeptFlight, NotKept, Streams};
 use crate::track::Track;
 use crate::verdict::Comparison;
 
@@ -60,6 +61,18 @@ impl Verifier {
         {
             self.status.take(&piece);
         }
+    }
+
+    /// Takes a whole kept flight.
+    ///
+    /// # Errors
+    /// The bytes are none that this version reads.
+    pub fn take_kept(&mut self, file: &[u8]) -> Result<(), NotKept> {
+        let kept = KeptFlight::read(file)?;
+        let mut streams = Streams::of(kept.received);
+        self.bridge.take_kept(kept.bridge, &mut streams);
+        self.status.take_kept(kept.status, &mut streams);
+        Ok(())
     }
 
     /// What came of it.

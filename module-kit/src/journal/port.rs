@@ -16,12 +16,18 @@ const BURST: usize = SUBSCRIBER_BUFFER / 4;
 /// Shortest time between two bursts: a recorder that looks every 40 ms has room for those of that time.
 const REST: Duration = Duration::from_millis(20);
 
+/// Bytes of a process's beginning that wait for the first subscriber: some six seconds of a flight. A recorder that comes until then has
+/// the process from its start.
+const MAX_BEGINNING: usize = 128 << 10;
+
 /// The publisher of a journal.
 pub struct Port<P: JournalPiece> {
     /// Its place for former generations makes it large, and the process that owns this port is moved: a thread's stack has 2 MiB.
     publisher: Box<Publisher<P>>,
     /// The publisher's count of joins when it was last looked at.
     joins: u64,
+    /// What the writer has begins with the process, and no subscriber has come yet.
+    is_beginning: bool,
     /// When the next burst may be.
     next: MonotonicNs,
     /// The last piece could not be published.
@@ -38,19 +44,24 @@ impl<P: JournalPiece> Port<P> {
     /// # Errors
     /// See [`OpenError`]; another process may publish it.
     pub fn open(ipc: &Ipc) -> Result<Port<P>, OpenError> {
-        Ok(Port {
+        let port = Port {
             publisher: Box::new(ipc.publisher::<P>()?),
             tail: ipc.journal_tail::<P>()?,
             joins: 0,
+            is_beginning: true,
             next: MonotonicNs(0),
             is_failing: false,
             log: LogLines::claim(),
-        })
+        };
+        port.want_log(true);
+        Ok(port)
     }
 
-    /// A writer whose pieces fit.
+    /// A writer whose pieces fit. It is started, so that the journal has the process from its beginning.
     pub fn writer() -> Writer {
-        Writer::new(P::ROOM)
+        let mut writer = Writer::new(P::ROOM);
+        writer.start();
+        writer
     }
 
     /// What to wait for.
@@ -61,7 +72,8 @@ impl<P: JournalPiece> Port<P> {
     /// To be called before the inputs of a wake: starts the journal when a subscriber has joined, and stops it when none is left.
     pub fn follow(&mut self, writer: &mut Writer) {
         if self.publisher.subscribers() == 0 {
-            if writer.is_started() {
+            self.is_beginning &= writer.waiting() <= MAX_BEGINNING;
+            if writer.is_started() && !self.is_beginning {
                 writer.stop();
                 self.tail.clear();
                 self.want_log(false);
@@ -71,11 +83,13 @@ impl<P: JournalPiece> Port<P> {
         }
         let joins = self.publisher.joins();
         let has_joined = std::mem::replace(&mut self.joins, joins) != joins;
+        // The first one gets what begins with the process.
+        let is_first = std::mem::take(&mut self.is_beginning);
         if !writer.is_started() {
             writer.start();
             self.want_log(true);
             tracing::debug!(topic = P::KEY, "the journal is recorded");
-        } else if has_joined {
+        } else if has_joined && !is_first {
             writer.ask_for_snapshot();
         }
     }
@@ -84,7 +98,7 @@ impl<P: JournalPiece> Port<P> {
     /// and the journal begins again.
     pub fn publish(&mut self, writer: &mut Writer, now: MonotonicNs) {
         self.record_log(writer, now);
-        if !writer.is_started() {
+        if !writer.is_started() || self.is_beginning {
             return;
         }
         if now >= self.next {
@@ -113,7 +127,9 @@ impl<P: JournalPiece> Port<P> {
     pub fn finish(&mut self, writer: &mut Writer, now: MonotonicNs) {
         self.record_log(writer, now);
         if writer.is_started() {
-            writer.take_all().all(|piece| self.send(&piece, now));
+            if !self.is_beginning {
+                writer.take_all().all(|piece| self.send(&piece, now));
+            }
             writer.stop();
             self.tail.clear();
         }
@@ -156,6 +172,7 @@ impl<P: JournalPiece> Port<P> {
     /// When [`Port::publish`] has something to do.
     pub fn deadline(&self, writer: &Writer) -> Option<MonotonicNs> {
         match writer.has_full() {
+            _ if self.is_beginning => None,
             true => Some(self.next),
             false => writer.deadline(),
         }

@@ -50,6 +50,14 @@ impl Reader {
         Reader::default()
     }
 
+    /// A reader of bytes that begin with a snapshot: the pieces of one journal, one after the other.
+    pub fn of(bytes: Vec<u8>) -> Reader {
+        Reader {
+            unread: Some(Unread { bytes, given: 0 }),
+            ..Reader::default()
+        }
+    }
+
     /// Takes the next piece; afterwards call [`Reader::next`] until there is nothing. A piece that was there before is ignored.
     /// Says when the records before it do not go on.
     pub fn take<P: JournalPiece>(&mut self, piece: &P) -> Option<Break> {

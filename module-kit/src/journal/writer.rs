@@ -204,6 +204,11 @@ impl Writer {
         self.full.drain(..)
     }
 
+    /// Bytes that are not published.
+    pub fn waiting(&self) -> usize {
+        self.waiting
+    }
+
     /// What is not published: how many pieces wait, and the one that is being filled.
     pub fn unpublished(&self) -> (u64, &Piece) {
         (self.full.len() as u64, &self.open)

@@ -34,7 +34,7 @@ use crate::common::sandbox;
 use crate::watch::screen::Screen;
 
 /// Pages with something to run, each of which has a test below.
-const PAGES: [&str; 10] = [
+const PAGES: [&str; 11] = [
     "README.md",
     "docs/install.md",
     "docs/json.md",

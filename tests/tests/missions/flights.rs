@@ -1,36 +1,31 @@
-//! The library of recorded flights, `tests/flights`: every file must verify bit for bit, whichever change is made to the bridge or to
-//! status. `ril replay FILE --keep tests/flights` adds a flight. Those that are there were flown by the simulator, with faults:
+//! The library of kept flights, `tests/flights`: every file must verify bit for bit, whichever change is made to the bridge or to
+//! status. `ril replay FILE --keep tests/flights` adds a flight. After a change that is meant,
 //!
 //! ```sh
 //! RIL_WRITE_FLIGHTS=1 cargo test -p ril-tests --test main flights::
 //! ```
 //!
-//! flies them again. That is right after a change that is meant, and when the format of snapshots has changed: the inputs of a
-//! recording can be read by the version that made it.
+//! flies those of the simulator again, with their faults, and gives the inputs of all others to the changed cores.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use dsp_sim::helicopter::Phase;
+use ipc_types::Topic;
 use ipc_types::code::Functionality;
 use ipc_types::payload::{BridgeJournal, SharedStruct, StatusJournal};
-use ipc_types::schema::{CDR_HEADER, text};
-use ipc_types::{JournalPiece, MonotonicNs, RobotId};
-use recording::play::key_of;
-use recording::read::messages;
-use recording::{Anchor, Channel, ChannelId, FlightInfo, Recorder, Settings};
-use replay::{Comparison, Verifier};
+use replay::{Comparison, Keeper, Verifier, renew};
 
 use crate::missions::config::WorldConfig;
 use crate::missions::operator::{Step, bring_home, fly_through_trouble, point};
 use crate::missions::world::{Trouble, World};
 
 /// Largest file of the library, bytes: it lies in the repository.
-const MAX_LEN: u64 = 350_000;
+const MAX_LEN: usize = 250_000;
 
-/// Unix time of the simulator's zero, ns.
-const UNIX_NS: u64 = 1_767_225_600_000_000_000;
+/// Most bytes of a file for each second of its flight.
+const MAX_RATE: f64 = 10_000.0;
 
 fn library() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("flights")
@@ -98,70 +93,25 @@ fn fly(config: &WorldConfig, planned: Option<Planned>) -> Vec<u8> {
     file(&bridge, &status)
 }
 
-/// The journals as a recording.
+/// The journals as a kept flight.
 fn file(bridge: &[BridgeJournal], status: &[StatusJournal]) -> Vec<u8> {
-    let mut pieces: Vec<(u64, usize, &[u8])> = Vec::new();
-    pieces.extend(
-        bridge
-            .iter()
-            .map(|piece| (piece.published_ns, 0, piece.bytes())),
-    );
-    pieces.extend(
-        status
-            .iter()
-            .map(|piece| (piece.published_ns, 1, piece.bytes())),
-    );
-    pieces.sort_by_key(|(published_ns, ..)| *published_ns);
-    let anchor = Anchor {
-        monotonic: MonotonicNs(0),
-        unix_ns: UNIX_NS,
-    };
-    let info = FlightInfo {
-        robot: RobotId::DEFAULT,
-        metadata: Vec::new(),
-        attachments: Vec::new(),
-    };
-    let mut recorder = Recorder::new(Settings::default(), info, anchor);
-    let channels = [
-        channel::<BridgeJournal>(&mut recorder),
-        channel::<StatusJournal>(&mut recorder),
-    ];
-    let mut now = MonotonicNs(0);
-    for (published_ns, channel, sample) in pieces {
-        now = MonotonicNs(published_ns);
-        let sequence = u32::from_le_bytes(*sample.first_chunk().expect("a number"));
-        let message = [&CDR_HEADER[..], sample].concat();
-        recorder.add(now, channels[channel], now, sequence, &message);
+    let mut keeper = Keeper::default();
+    for piece in bridge {
+        keeper.take(BridgeJournal::KEY, piece.bytes());
     }
-    recorder.end(now);
-    let mut file = Vec::new();
-    while let Some(action) = recorder.next() {
-        action.apply_to(&mut file);
-        recorder.done(now, Ok(()));
+    for piece in status {
+        keeper.take(StatusJournal::KEY, piece.bytes());
     }
-    file
+    let kept = keeper.finish().expect("a journal");
+    assert!(kept.is_from_the_start);
+    kept.file
 }
 
-fn channel<P: JournalPiece>(recorder: &mut Recorder) -> ChannelId {
-    let channel = Channel {
-        topic: format!("/robot1/{}", P::KEY),
-        schema_name: P::LAYOUT.ros_resource_name(),
-        schema_text: text(P::LAYOUT),
-        metadata: Default::default(),
-    };
-    recorder.channel(channel).expect("room")
-}
-
-/// Drives the cores with the journals in a file.
+/// Drives the cores with a kept flight.
+#[track_caller]
 fn verify(verifier: Verifier, file: &[u8]) -> Comparison {
     let mut verifier = verifier;
-    for message in messages(file) {
-        let message = message.expect("a whole file");
-        let key = key_of(message.topic()).map(|(_, key)| key);
-        if let Some((key, sample)) = key.zip(message.data().strip_prefix(&CDR_HEADER)) {
-            verifier.take(key, sample);
-        }
-    }
+    verifier.take_kept(file).expect("a kept flight");
     verifier.finish()
 }
 
@@ -171,25 +121,38 @@ fn files() -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> = entries
         .map(|entry| entry.expect("an entry").path())
         .collect();
-    files.retain(|path| {
-        path.extension()
-            .is_some_and(|extension| extension == "mcap")
-    });
     files.sort();
     files
+}
+
+/// Flies the simulated flights again; the others keep their inputs.
+fn write_library() {
+    fs::create_dir_all(library()).expect("the library");
+    for path in files() {
+        let kept = fs::read(&path).expect("a file");
+        fs::write(path, renew(&kept).expect("a kept flight")).expect("a file");
+    }
+    for (name, config, planned) in flights() {
+        let path = library().join(format!("{name}.kept"));
+        fs::write(path, fly(&config, planned)).expect("a file");
+    }
+}
+
+/// How long the cores were driven, s.
+fn length(verdict: &Comparison) -> f64 {
+    let spans = verdict.bridge.spans.iter();
+    spans
+        .map(|span| span.to.since(span.from).as_secs_f64())
+        .sum()
 }
 
 #[test]
 fn every_flight_of_the_library_is_verified_bit_for_bit() {
     if std::env::var_os("RIL_WRITE_FLIGHTS").is_some() {
-        fs::create_dir_all(library()).expect("the library");
-        for (name, config, planned) in flights() {
-            let path = library().join(format!("{name}.mcap"));
-            fs::write(path, fly(&config, planned)).expect("a file");
-        }
+        write_library();
     }
     let files = files();
-    assert!(files.len() >= 5, "{files:?}");
+    assert!(files.len() > flights().len(), "{files:?}");
     for path in files {
         let file = fs::read(&path).expect("a file");
         let name = path.display();
@@ -200,10 +163,11 @@ fn every_flight_of_the_library_is_verified_bit_for_bit() {
             );
         }
         assert!(verdict.is_verified(), "{name}: {verdict:?}");
-        let len = file.len() as u64;
+        let (len, seconds) = (file.len(), length(&verdict));
+        println!("{name}: {len} bytes, {:.0} a second", len as f64 / seconds);
         assert!(
-            len <= MAX_LEN,
-            "{name} has {len} bytes: keep shorter flights"
+            len <= MAX_LEN && len as f64 <= MAX_RATE * seconds,
+            "{name} has {len} bytes for {seconds:.1} s: keep shorter flights"
         );
     }
 }

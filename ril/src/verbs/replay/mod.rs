@@ -1,6 +1,8 @@
 //! `ril replay`: the loop around the pure values of [`recording::play`]. One wait for keys, signals, requests, late subscribers and
 //! the next message's moment.
 
+mod journals;
+mod keep;
 pub mod options;
 mod request;
 mod terminal;
@@ -23,6 +25,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 use serde::Serialize;
 
+use self::journals::kept_flight;
 use self::options::ReplayArgs;
 use self::request::ReplayedRequest;
 use self::terminal::{PlayerKey, ReplayKeys, ReplayScreen};
@@ -42,7 +45,7 @@ enum WakeKey {
     Other,
 }
 
-/// `ril replay FILE`, and with `--verify` or `--keep` what is in `verify`.
+/// `ril replay FILE`, and with `--verify` or `--keep` what is in their files.
 ///
 /// # Errors
 ///
@@ -56,7 +59,14 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
         return verify::verify(args);
     }
     if let Some(folder) = &args.keep {
-        return verify::keep(args, folder);
+        return keep::keep(args, folder);
+    }
+    if kept_flight(&args.file)?.is_some() {
+        let text = format!(
+            "{} is a kept flight: it has inputs, and no samples to play",
+            args.file.display()
+        );
+        return Err(Failure::usage(text).with_next_step("drive the code with it: `--verify`"));
     }
     let flight = Arc::new(open(&args.file)?);
     let robot = args.common.robot.map_or(flight.robot(), RobotId::from);

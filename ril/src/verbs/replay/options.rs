@@ -56,7 +56,7 @@ pub struct ReplayArgs {
     #[arg(long, value_name = "CONFIG", conflicts_with_all = PLAYING)]
     pub against_status: Option<PathBuf>,
 
-    /// Play nothing: write what --verify needs, as a file of the same name in this folder
+    /// Play nothing: write the inputs of the flight, which are a test of every later version, as NAME.kept in this folder
     #[arg(long, value_name = "FOLDER", conflicts_with_all = PLAYING, conflicts_with_all = ["verify", "against", "against_status"])]
     pub keep: Option<PathBuf>,
 

@@ -1,31 +1,26 @@
-//! `ril replay FILE --verify`, `--against` and `--keep`: no shared memory, no clock but for the time that it took.
+//! `ril replay FILE --verify` and `--against`: no shared memory, no clock but for the time that it took.
 
 #[cfg(test)]
 mod tests;
 
 use std::fmt;
-use std::fs;
 use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
-use ipc_types::schema::CDR_HEADER;
-use ipc_types::{MonotonicNs, RobotId};
+use ipc_types::MonotonicNs;
 use recording::play::{anchor_of, key_of};
-use recording::read::{ReadError, RecordFile, RecordedMessage, extract, messages};
+use recording::read::{RecordFile, messages};
 use replay::{Comparison, Difference, JournalVerdict, Verifier};
 use runtime::duration::Shown;
-use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
+use super::journals::{first_robot, kept_flight, open, piece, refuse_kept};
 use super::options::ReplayArgs;
-use crate::recorded::new_file;
 use crate::render::fields::Meaning;
 use crate::render::json_line;
-use crate::render::words::{count, shell_word};
-
-/// Topics of which verification needs every message.
-const JOURNALS: [&str; 2] = ["bridge/journal", "status/journal"];
+use crate::render::words::count;
 
 /// `ril replay FILE --verify`
 ///
@@ -34,7 +29,6 @@ const JOURNALS: [&str; 2] = ["bridge/journal", "status/journal"];
 /// Code 2 when the file cannot be read, is no recording or has no journal; 8 when something differs or could not be verified; 78 when
 /// a configuration is wrong.
 pub(super) fn verify(args: &ReplayArgs) -> Result<(), Failure> {
-    let record = open(&args.file)?;
     let mut verifier = Verifier::new();
     if let Some(config) = &args.against {
         let config = runtime::config::load::<bridge::BridgeConfig>(Some(config), config)?;
@@ -45,13 +39,20 @@ pub(super) fn verify(args: &ReplayArgs) -> Result<(), Failure> {
         verifier = verifier.against_status(config.value);
     }
     let began = MonotonicNs::now();
-    let driven = drive(&record, &args.file, &mut verifier)?;
+    let driven = match kept_flight(&args.file)? {
+        Some(kept) => {
+            let taken = verifier.take_kept(&kept);
+            taken.map_err(|error| refuse_kept(&args.file, &error))?;
+            Driven::default()
+        }
+        None => drive(&open(&args.file)?, &args.file, &mut verifier)?,
+    };
     let verdict = verifier.finish();
     let name = args.file.display().to_string();
     let of = Of {
         file: &name,
         against: args.against.is_some() || args.against_status.is_some(),
-        start: driven.start,
+        start: driven.start.unwrap_or_else(|| beginning(&verdict)),
         recorded: driven.recorded,
         took: MonotonicNs::now().since(began),
     };
@@ -70,54 +71,18 @@ pub(super) fn verify(args: &ReplayArgs) -> Result<(), Failure> {
     }
 }
 
-/// `ril replay FILE --keep FOLDER`: the journals alone, and what the file says of the flight, as a file of the same name there.
-///
-/// # Errors
-///
-/// Code 2 when the file cannot be read, is no recording or has no journal, or the new one is there already or cannot be written.
-pub(super) fn keep(args: &ReplayArgs, folder: &Path) -> Result<(), Failure> {
-    let record = open(&args.file)?;
-    let robot = first_robot(&record, &args.file)?;
-    let path = place(&args.file, folder)?;
-    fs::create_dir_all(folder).or_fail_with(
-        ExitCode::Internal,
-        format!("{} cannot be made", folder.display()),
-    )?;
-    let next_step = "remove it, or name another folder with --keep";
-    new_file(&path, next_step, |to| {
-        extract(&record, to, |message| journal(message, robot).is_some())
-    })?;
-    let kept = fs::metadata(&path).or_fail(ExitCode::Internal)?.len();
-    if args.common.quiet == 0 {
-        let _ = writeln!(
-            io::stderr(),
-            "{} has the journals of the flight, {} kB; `ril replay {} --verify` verifies them",
-            path.display(),
-            kept.div_ceil(1000),
-            shell_word(&path.to_string_lossy())
-        );
-    }
-    Ok(())
+/// When the cores were driven first, by the clock of then.
+fn beginning(verdict: &Comparison) -> MonotonicNs {
+    let journals = [&verdict.bridge, &verdict.status];
+    let spans = journals.into_iter().flat_map(|journal| &journal.spans);
+    spans.map(|span| span.from).min().unwrap_or_default()
 }
 
-fn place(file: &Path, folder: &Path) -> Result<PathBuf, Failure> {
-    let name = file
-        .file_name()
-        .ok_or_else(|| Failure::usage(format!("{} is no file", file.display())))?;
-    Ok(folder.join(name))
-}
-
-fn open(file: &Path) -> Result<RecordFile, Failure> {
-    RecordFile::open(file).or_fail_with(
-        ExitCode::Usage,
-        format!("{} cannot be read", file.display()),
-    )
-}
-
-/// What was found on the way.
+/// What was found on the way; nothing of it is in a kept flight.
+#[derive(Default)]
 struct Driven {
     /// When the recording begins, by the clock of then.
-    start: MonotonicNs,
+    start: Option<MonotonicNs>,
     /// Samples of bridge and status in the file.
     recorded: [u64; 2],
 }
@@ -132,7 +97,7 @@ fn drive(record: &RecordFile, file: &Path, verifier: &mut Verifier) -> Result<Dr
         match message {
             Ok(message) => {
                 first_ns.get_or_insert(message.log_time_ns);
-                if let Some((key, sample)) = journal(&message, robot) {
+                if let Some((key, sample)) = piece(&message, robot) {
                     verifier.take(key, sample);
                 }
                 let of = key_of(message.topic()).filter(|(of, _)| *of == robot);
@@ -153,41 +118,8 @@ fn drive(record: &RecordFile, file: &Path, verifier: &mut Verifier) -> Result<Dr
             .saturating_add(after_ns)
             .saturating_sub(before_ns)
     });
-    let start = MonotonicNs(ahead_ns.unwrap_or_default());
+    let start = Some(MonotonicNs(ahead_ns.unwrap_or_default()));
     Ok(Driven { start, recorded })
-}
-
-/// The robot of the first piece of a journal.
-fn first_robot(record: &RecordFile, file: &Path) -> Result<RobotId, Failure> {
-    for message in messages(record) {
-        match message {
-            Ok(message) => {
-                if let Some((robot, key)) = key_of(message.topic())
-                    && JOURNALS.contains(&key)
-                {
-                    return Ok(robot);
-                }
-            }
-            Err(ReadError::NotMcap) => {
-                let text = format!("{}: {}", file.display(), ReadError::NotMcap);
-                return Err(Failure::usage(text));
-            }
-            Err(_) => {}
-        }
-    }
-    let text = format!(
-        "{} has no journal, so nothing can be verified",
-        file.display()
-    );
-    Err(Failure::usage(text)
-        .with_next_step("record with `ril record`: bridge and status then publish their journals"))
-}
-
-/// Key and sample of a message that is a piece of this robot's journals.
-fn journal(message: &RecordedMessage, robot: RobotId) -> Option<(&str, &[u8])> {
-    let (of, key) = key_of(message.topic())?;
-    let sample = message.data().strip_prefix(&CDR_HEADER)?;
-    (of == robot && JOURNALS.contains(&key)).then_some((key, sample))
 }
 
 /// Name of the JSON object's layout.

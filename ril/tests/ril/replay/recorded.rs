@@ -1,24 +1,37 @@
-//! What `ril record` has recorded of the real processes is verified, and played.
+//! What `ril record` has recorded of the real processes is verified, played, and kept.
 
 use std::fs;
+use std::sync::LazyLock;
 
+use ril_tests::Sandbox;
 use ril_tests::process::Signal;
 use ril_tests::sandbox::records_in;
 
 use super::made::record;
 use crate::common::{end, json, sandbox};
 
-#[test]
-fn what_was_recorded_is_verified_bit_for_bit_and_played() {
-    let rig = sandbox();
+/// A flight of the real processes.
+pub struct RecordedFlight {
+    /// The file.
+    pub file: Vec<u8>,
+    /// The configuration of its bridge.
+    pub config: String,
+}
+
+/// One that was recorded from the start of the processes, for all tests of what follows from a recording.
+pub static RECORDED: LazyLock<RecordedFlight> = LazyLock::new(|| fly_and_record(&sandbox()));
+
+fn fly_and_record(rig: &Sandbox) -> RecordedFlight {
     let mut recorder = rig.start("record --output rec --min-free 0");
     recorder.wait_for_text("recording file=");
-    let sim = rig.sim(1, "--speed 5");
     let status = rig.status(1);
     let bridge = rig.bridge(1);
+    // Until the DSP speaks, the journals wait for the recorder with the start of the processes.
+    for journal in ["bridge/journal", "status/journal"] {
+        recorder.wait_for_text(&format!("recorded topic=\"/robot1/{journal}\""));
+    }
+    let sim = rig.sim(1, "--speed 5");
     rig.watch(1).until_ready();
-    // What was ordered before is not in the record.
-    recorder.wait_for_text("recorded topic=\"/robot1/bridge/journal\"");
     for order in ["start", "takeoff --altitude 3", "land", "stop"] {
         rig.run(order, 0);
     }
@@ -27,10 +40,23 @@ fn what_was_recorded_is_verified_bit_for_bit_and_played() {
     }
     let files = records_in(&rig.folder().join("rec"));
     assert_eq!(files.len(), 1, "{files:?}");
-    fs::rename(&files[0], rig.folder().join("flight.mcap")).unwrap();
+    RecordedFlight {
+        file: fs::read(&files[0]).unwrap(),
+        config: fs::read_to_string(rig.path("patient.toml")).unwrap(),
+    }
+}
 
+#[test]
+fn what_was_recorded_is_verified_bit_for_bit_and_played() {
+    let rig = sandbox();
+    fs::write(rig.path("flight.mcap"), &RECORDED.file).unwrap();
+    rig.run("replay flight.mcap --verify", 0)
+        .out_says("the same, bit for bit")
+        .out_says("times as fast");
     let object = json(&rig.run("replay flight.mcap --verify --json", 0).stdout[0]);
+    assert_eq!(object["schema"], "ril.Verification.v1");
     assert_eq!(object["verified"], true, "{object:#}");
+    assert!(object["first_difference"].is_null(), "{object:#}");
     for journal in ["bridge", "status"] {
         assert!(
             object[journal]["samples"].as_u64().unwrap() > 100,
