@@ -214,7 +214,7 @@ fn a_station_that_is_still_connecting_says_so_whatever_it_is_asked() {
     assert!(next_step.contains("on the robot's machine"), "{next_step}");
     let trouble = report["trouble"].as_str().unwrap();
     assert!(trouble.contains("connecting"), "{trouble}");
-    let report = json(&rig.start("doctor --json").wait_exit().stdout[0]);
+    let report = json(&look(&rig, "doctor --json", 8).stdout[0]);
     let findings = report["findings"].as_array().unwrap().iter();
     let mut texts = findings.map(|one| one["text"].to_string());
     assert!(
