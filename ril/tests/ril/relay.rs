@@ -141,7 +141,7 @@ fn the_link_of_a_station_is_shown_and_its_state_is_the_exit_code() {
         shown.out_says(expected);
     }
     let report = json(&look(&rig, "relay status --json", 0).stdout[0]);
-    assert_eq!(report["schema"], "ril.Relay.v2");
+    assert_eq!(report["schema"], "ril.Relay.v3");
     assert_eq!(report["link"]["station"], "ground-1");
     let stations = &report["stations"]["stations"];
     assert_eq!(stations.as_array().map(Vec::len), Some(0), "{report}");
@@ -214,7 +214,7 @@ fn a_station_that_is_still_connecting_says_so_whatever_it_is_asked() {
     assert!(next_step.contains("on the robot's machine"), "{next_step}");
     let trouble = report["trouble"].as_str().unwrap();
     assert!(trouble.contains("connecting"), "{trouble}");
-    let report = json(&rig.start("doctor --json").wait_exit().stdout[0]);
+    let report = json(&look(&rig, "doctor --json", 8).stdout[0]);
     let findings = report["findings"].as_array().unwrap().iter();
     let mut texts = findings.map(|one| one["text"].to_string());
     assert!(

@@ -49,15 +49,25 @@ const LONGEST_RETRY_MS: u64 = 2000;
 /// lost a link together do not all come back together.
 const RETRY_GROWTH: [f64; 2] = [1.5, 2.0];
 
-/// Zenoh's thread stands still until a link that it closes has sent everything, for ten seconds unless another time was in the
-/// environment when it was compiled. One station that is out of reach would hold up all others for so long, and its own way back.
+/// What `.cargo/config.toml` sets for Zenoh, which reads it when it is compiled; the reasons stand there.
 const _: () = assert!(
-    is_zero(option_env!("TCP_LINGER_TIMEOUT")) && is_zero(option_env!("TLS_LINGER_TIMEOUT")),
-    "build the relay in its repository, where .cargo/config.toml sets TCP_LINGER_TIMEOUT=0 and TLS_LINGER_TIMEOUT=0, or set them"
+    is(option_env!("TCP_LINGER_TIMEOUT"), "0")
+        && is(option_env!("TLS_LINGER_TIMEOUT"), "0")
+        && is(option_env!("TLS_ACCEPT_THROTTLE_TIME"), "1000")
+        && is(option_env!("QUIC_ACCEPT_THROTTLE_TIME"), "1000"),
+    "build the relay in its repository, or with the variables of its .cargo/config.toml"
 );
 
-const fn is_zero(text: Option<&str>) -> bool {
-    matches!(text, Some(text) if matches!(text.as_bytes(), b"0"))
+const fn is(value: Option<&str>, expected: &str) -> bool {
+    let (Some(value), expected) = (value, expected.as_bytes()) else {
+        return false;
+    };
+    let value = value.as_bytes();
+    let mut index = 0;
+    while index < value.len() && index < expected.len() && value[index] == expected[index] {
+        index += 1;
+    }
+    index == value.len() && index == expected.len()
 }
 
 /// What Zenoh reads about its threads when the first one of them is started.

@@ -95,11 +95,11 @@ class Echo:
             yield f"sequence {attachment.sequence_id}, time {attachment.timestamp_ns} ns"
 
 
-def publisher_tokens(session, domain_id, topic):
+def publisher_tokens(session, domain_id, topic, timeout_s):
     """The liveliness tokens of the publishers of a topic."""
     mangled = topic.replace("/", "%")
     pattern = f"@ros2_lv/{domain_id}/*/*/*/MP/*/*/*/{mangled}/**"
-    replies = session.liveliness.get(pattern, timeout=2.0)
+    replies = session.liveliness.get(pattern, timeout=timeout_s)
     return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
 
@@ -144,12 +144,12 @@ def check(arguments, expected, definitions, host, port):
         if listed.get(name) != [topic["type"]]:
             wrong.append(f"{name}: listed with the types {listed.get(name)}, not {topic['type']}")
             continue
-        info = get_topic_info(name, arguments.domain, host, port, timeout=2.0, verbose=True)
+        info = get_topic_info(name, arguments.domain, host, port, timeout=arguments.timeout, verbose=True)
         hashes = [publisher.type_hash for publisher in info.publishers]
         if hashes != [topic["hash"]]:
             wrong.append(f"{name}: published with the hashes {hashes}, not {topic['hash']}")
             continue
-        tokens = publisher_tokens(session, arguments.domain, name)
+        tokens = publisher_tokens(session, arguments.domain, name, arguments.timeout)
         echo = Echo(topic, arguments.domain, host, port, session)
         problems = list(echo.check(tokens, arguments.timeout))
         wrong += [f"{name}: {problem}" for problem in problems]

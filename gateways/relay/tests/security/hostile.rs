@@ -8,7 +8,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::payload::{MovementData, SharedStruct};
 use relay::message::{Ask, MAX_BYTES, Ping, Reply, decode, encode};
 use relay::orders::message::Order;
-use serde_json::json;
+use serde_json::{Value, json};
 use zenoh::Wait;
 use zenoh::qos::CongestionControl;
 
@@ -53,39 +53,37 @@ impl Stranger {
 
     /// With the certificate `name` of the folder `pki`. It takes any robot for the right one.
     pub fn certified(endpoint: &str, folder: &Path, pki: &str, name: &str) -> Stranger {
-        let file = |name: String| json!(folder.join(pki).join(name));
-        Stranger::open(
-            endpoint,
-            &[
-                ("root_ca_certificate", json!(folder.join("pki/ca.pem"))),
-                ("connect_certificate", file(format!("{name}.pem"))),
-                ("connect_private_key", file(format!("{name}-key.pem"))),
-                ("enable_mtls", json!(true)),
-            ],
-        )
+        Stranger::open(endpoint, &certificate(folder, pki, name))
+    }
+
+    /// The same, and tries to connect fifty times a second for as long as it is refused.
+    pub fn persistent(endpoint: &str, folder: &Path, name: &str) -> Stranger {
+        let mut settings = certificate(folder, "pki", name);
+        let retry =
+            json!({ "period_init_ms": 20, "period_max_ms": 20, "period_increase_factor": 1.0 });
+        settings.extend([("connect/timeout_ms", json!(-1)), ("connect/retry", retry)]);
+        Stranger::open(endpoint, &settings)
     }
 
     /// One who knows the authority, and shows no certificate.
     pub fn half_certified(endpoint: &str, folder: &Path) -> Stranger {
-        let authority = json!(folder.join("pki/ca.pem"));
-        Stranger::open(endpoint, &[("root_ca_certificate", authority)])
+        Stranger::open(endpoint, &[authority(folder)])
     }
 
-    fn open(endpoint: &str, tls: &[(&str, serde_json::Value)]) -> Stranger {
+    fn open(endpoint: &str, settings: &[(&str, Value)]) -> Stranger {
+        let usual = [
+            ("mode", json!("peer")),
+            ("connect/endpoints", json!([endpoint])),
+            ("connect/timeout_ms", json!(2000)),
+            ("connect/exit_on_failure", json!(false)),
+            ("scouting/multicast/enabled", json!(false)),
+            ("scouting/gossip/enabled", json!(false)),
+        ];
         let mut config = zenoh::Config::default();
-        let mut set = |key: &str, value: serde_json::Value| {
+        for (key, value) in usual.iter().chain(settings) {
             config
                 .insert_json5(key, &value.to_string())
                 .expect("a key of Zenoh");
-        };
-        set("mode", json!("peer"));
-        set("connect/endpoints", json!([endpoint]));
-        set("connect/timeout_ms", json!(2000));
-        set("connect/exit_on_failure", json!(false));
-        set("scouting/multicast/enabled", json!(false));
-        set("scouting/gossip/enabled", json!(false));
-        for (key, value) in tls {
-            set(&format!("transport/link/tls/{key}"), value.clone());
         }
         let session = zenoh::open(config).wait().expect("a session");
         Stranger { session }
@@ -138,6 +136,29 @@ impl Stranger {
             self.put(&format!("hero/1/order/{name}"), &encode(&order));
         }
     }
+}
+
+/// The setting of the authority that a stranger trusts.
+fn authority(folder: &Path) -> (&'static str, Value) {
+    let key = "transport/link/tls/root_ca_certificate";
+    (key, json!(folder.join("pki/ca.pem")))
+}
+
+/// The settings of the certificate `name` of the folder `pki`.
+fn certificate(folder: &Path, pki: &str, name: &str) -> Vec<(&'static str, Value)> {
+    let file = |name: String| json!(folder.join(pki).join(name));
+    vec![
+        authority(folder),
+        (
+            "transport/link/tls/connect_certificate",
+            file(format!("{name}.pem")),
+        ),
+        (
+            "transport/link/tls/connect_private_key",
+            file(format!("{name}-key.pem")),
+        ),
+        ("transport/link/tls/enable_mtls", json!(true)),
+    ]
 }
 
 /// What movements are called in orders.

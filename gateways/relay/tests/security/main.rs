@@ -1,8 +1,8 @@
 //! Strangers on the network: what they can read and order with certificates and without, and what their floods cost.
 
 mod as_root;
+mod handshakes;
 mod hostile;
-
 mod rig;
 
 use std::collections::BTreeSet;

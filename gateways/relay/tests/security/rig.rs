@@ -7,7 +7,7 @@ use std::time::Duration;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, MovementData, RequestReport};
 use ipc_types::{Client, Ipc, Subscriber};
-use ril_tests::process::{Process, WAIT_LIMIT};
+use ril_tests::process::{Process, Signal, WAIT_LIMIT};
 use ril_tests::sandbox::Holdings;
 use ril_tests::sandbox::place;
 use ril_tests::{Received, Script, StandInBridge, StandInStatus, TestDomain};
@@ -28,6 +28,17 @@ fn relay(domain: &TestDomain, folder: &Path, side: &str) -> Process {
     Process::spawn(domain, command)
 }
 
+/// The station's relay, when the robot's services are there.
+fn station(domain: &TestDomain, folder: &Path) -> Process {
+    let mut station = relay(domain, folder, "station");
+    for key in ["movement", "hero_telemetry"] {
+        station.wait_for_line(|line| {
+            line.text.contains("provided here") && line.text.contains(&format!("{key:?}"))
+        });
+    }
+    station
+}
+
 /// What a test plays with. The domains are dropped last.
 pub struct Rig {
     pub station: Process,
@@ -46,7 +57,7 @@ pub struct Rig {
     next_id: u64,
     _ground: Ipc,
     pub folder: tempfile::TempDir,
-    _domains: [TestDomain; 2],
+    domains: [TestDomain; 2],
 }
 
 impl Rig {
@@ -58,12 +69,7 @@ impl Rig {
         let has_router = folder.path().join("router.toml").is_file();
         let router = has_router.then(|| relay(&robot_domain, folder.path(), "router"));
         let robot = relay(&robot_domain, folder.path(), "robot");
-        let mut station = relay(&station_domain, folder.path(), "station");
-        for key in ["movement", "hero_telemetry"] {
-            station.wait_for_line(|line| {
-                line.text.contains("provided here") && line.text.contains(&format!("{key:?}"))
-            });
-        }
+        let station = station(&station_domain, folder.path());
         let ground = station_domain.join("ground");
         let client = ground.client().expect("a client");
         let telemetry = ground.subscriber().expect("a subscriber");
@@ -84,8 +90,15 @@ impl Rig {
             next_id: 1,
             _ground: ground,
             folder,
-            _domains: [station_domain, robot_domain],
+            domains: [station_domain, robot_domain],
         }
+    }
+
+    /// Kills the station's relay and starts another one. Returns when the robot's services are there again.
+    pub fn restart_station(&mut self) {
+        self.station.signal(Signal::KILL);
+        self.station.wait_exit();
+        self.station = station(&self.domains[0], self.folder.path());
     }
 
     /// Publishes a sample on the robot, and takes what comes at the station within the pause between two.
