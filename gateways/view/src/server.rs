@@ -393,9 +393,9 @@ impl Server {
         self.pages.has_viewers() || self.foxglove.has_viewers()
     }
 
-    /// Whether a Foxglove client is here.
-    pub fn has_foxglove_clients(&self) -> bool {
-        self.foxglove.has_viewers()
+    /// Whether a Foxglove client that is here has asked for parameters.
+    pub fn wants_parameters(&self) -> bool {
+        self.foxglove.wants_parameters()
     }
 
     /// Whether a page commands this robot: then nothing else that viewers order is to be sent, but hold and land.

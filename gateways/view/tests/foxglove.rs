@@ -433,10 +433,12 @@ fn parameters_are_answered_from_what_is_known() {
         json!({"name": "/a", "value": 3.0, "type": "float64"}),
         json!({"name": "/b", "value": "text"}),
     );
+    assert!(!world.server.wants_parameters());
     world.say(
         &one,
         &json!({"op": "getParameters", "parameterNames": [], "id": "r"}),
     );
+    assert!(world.server.wants_parameters());
     world.say(
         &one,
         &json!({"op": "getParameters", "parameterNames": ["/b", "/none"]}),

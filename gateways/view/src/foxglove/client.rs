@@ -82,6 +82,8 @@ pub(crate) struct Client {
     pub peer: Peer,
     pub permit: Permit,
     pub orders: Pace,
+    /// Whether it has asked for parameters.
+    pub wants_parameters: bool,
     answers: VecDeque<Frame>,
     answer_bytes: usize,
     /// Channels that it knows, of this version of them.
@@ -110,6 +112,7 @@ impl Client {
             peer,
             permit,
             orders: Pace::new(ORDERS_PER_S),
+            wants_parameters: false,
             answers: VecDeque::new(),
             answer_bytes: 0,
             channels: BTreeSet::new(),

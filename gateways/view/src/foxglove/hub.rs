@@ -116,6 +116,11 @@ impl Hub {
         !self.clients.is_empty()
     }
 
+    /// Whether a client has asked for parameters.
+    pub fn wants_parameters(&self) -> bool {
+        self.clients.values().any(|client| client.wants_parameters)
+    }
+
     /// Takes a message of a client. An error ends its connection.
     pub fn take(
         &mut self,
@@ -172,6 +177,7 @@ impl Hub {
                 parameter_names,
                 id,
             } => {
+                client.wants_parameters = true;
                 let parameters = self.parameters.find(&parameter_names);
                 let message = Outgoing::ParameterValues {
                     parameters,
@@ -183,6 +189,7 @@ impl Hub {
                 self.set(viewer, parameters, id.as_deref(), now, events)
             }
             Incoming::SubscribeParameterUpdates { parameter_names } => {
+                client.wants_parameters = true;
                 client.follow(&parameter_names, &self.parameters)
             }
             Incoming::UnsubscribeParameterUpdates { parameter_names } => {

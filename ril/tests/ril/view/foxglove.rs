@@ -239,22 +239,7 @@ fn foxglove_has_a_place_in_space_on_the_map_alarms_and_events() {
     let robot = rig.start_robot(1, 1);
     let view = View::start(&rig);
     let mut client = Client::connect(&view, "foxglove.sdk.v1", None);
-    let topics = [
-        "/tf",
-        "/diagnostics",
-        "/robot1/fix",
-        "/robot1/hero/telemetry",
-        "/robot1/chart",
-        "/robot1/track",
-    ];
-    for topic in topics {
-        client.subscribe(topic);
-    }
-    assert_eq!(
-        client.channels["/robot1/chart"]["schemaName"],
-        "foxglove_msgs/msg/GeoJSON"
-    );
-
+    client.subscribe("/tf");
     let (_, bytes) = client.sample("/tf");
     let mut reader = Reader::new(&bytes).expect("CDR");
     assert_eq!(reader.u32(), Some(1));
@@ -262,9 +247,11 @@ fn foxglove_has_a_place_in_space_on_the_map_alarms_and_events() {
     assert_eq!(reader.string(), Some("robot1/base_link"));
 
     // The fix is that of a sample of telemetry.
+    client.subscribe("/robot1/fix");
     let (_, bytes) = client.sample("/robot1/fix");
     let mut reader = Reader::new(&bytes).expect("CDR");
     assert_eq!(header(&mut reader), "robot1/base_link");
+    client.subscribe("/robot1/hero/telemetry");
     let (_, sample) = client.sample("/robot1/hero/telemetry");
     let sample = HeroTelemetry::from_bytes(&sample[4..]).expect("telemetry");
     // Status and services of the fix lie before it.
@@ -277,6 +264,11 @@ fn foxglove_has_a_place_in_space_on_the_map_alarms_and_events() {
         "{latitude_deg}"
     );
 
+    client.subscribe("/robot1/chart");
+    assert_eq!(
+        client.channels["/robot1/chart"]["schemaName"],
+        "foxglove_msgs/msg/GeoJSON"
+    );
     let (_, bytes) = client.sample("/robot1/chart");
     let text = Reader::new(&bytes)
         .and_then(|mut reader| reader.string())
@@ -292,13 +284,14 @@ fn foxglove_has_a_place_in_space_on_the_map_alarms_and_events() {
     }
     assert_eq!(chart["features"][0]["geometry"]["type"], "Polygon");
 
-    // The first event, which comes once, then that the bridge is gone.
+    // The first event, then that the bridge is gone.
     client.subscribe("/robot1/log");
     let (_, bytes) = client.sample("/robot1/log");
     let line = ros_messages::Log::read(&bytes).expect("a line");
     assert_eq!(line.process, "flight");
     let [bridge, sim, status] = [robot.bridge, robot.sim, robot.status];
     rig.kill(bridge);
+    client.subscribe("/diagnostics");
     loop {
         let (_, bytes) = client.sample("/diagnostics");
         let mut reader = Reader::new(&bytes).expect("CDR");
@@ -322,8 +315,8 @@ fn foxglove_has_a_place_in_space_on_the_map_alarms_and_events() {
 fn foxglove_orders_with_the_token_where_it_may_and_is_answered_by_the_bridge() {
     let rig = sandbox();
     rig.write("view.toml", COMMANDS);
-    // It has said nothing of itself, so that it is not asked for parameters.
     let bridge = StandInBridge::start(&rig.domain);
+    bridge.publish_state(&StandInBridge::idle_state());
     let view = View::start(&rig);
     let stranger = Client::connect(&view, "foxglove.sdk.v1", None);
     assert!(!stranger.can("services") && stranger.can("parameters"));

@@ -72,10 +72,9 @@ type Messages = BTreeMap<String, Vec<BTreeMap<String, String>>>;
 fn judge_in_javascript(packages: &Path, view: &View) -> Messages {
     let mut command = Command::new("node");
     command.arg(file("judge.mjs")).arg(packages);
-    command
-        .arg(format!("ws://127.0.0.1:{}/", view.port))
-        .arg(COUNT.to_string());
-    command.args(TOPICS.map(|(_, topic)| topic));
+    command.arg(format!("ws://127.0.0.1:{}/", view.port));
+    command.args(TOPICS.map(|(_, topic)| format!("{topic}={COUNT}")));
+    command.args(DERIVED.map(|topic| format!("{topic}=1")));
     let mut messages = Messages::new();
     for line in output(command).lines() {
         let mut parts = line.split('\t');

@@ -62,7 +62,7 @@ impl Foxglove {
         }
         if let Some(commands) = &mut self.commands {
             commands.services.offer(fleet.ids(), server);
-            if server.has_foxglove_clients() {
+            if server.wants_parameters() {
                 commands
                     .parameters
                     .drain(fleet, server, &self.requests, clock.now);
