@@ -23,3 +23,4 @@ pub mod records;
 pub mod site;
 pub mod starts;
 pub mod subscribers;
+pub mod views;

@@ -78,6 +78,8 @@ enum What {
     Joiners,
     /// Process numbers (of 600 consumers), clocks and mounts of containers
     Namespaces,
+    /// Pages and clients of Foxglove, slow ones and hostile ones among them (60 s each)
+    Views,
     /// Relays: the operator's verbs at the station, through loss
     Mission,
     /// Relays: many requests (1000), through loss, outages and restarts of everything
@@ -160,6 +162,7 @@ fn measure(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool, mut show: impl F
             outcomes.into_iter().flatten().for_each(show);
         }
         What::Narrow => measure_narrow(args, ril, goes_on, show),
+        What::Views => views::run(&site(), plan, goes_on, &mut show),
         What::Mission | What::Requests | What::Outages => {
             match measure_relays(args, ril, goes_on) {
                 Ok(outcome) => show(outcome),
