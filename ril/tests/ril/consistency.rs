@@ -25,12 +25,14 @@ use runtime::exit::ExitCode;
 const COLUMNS: usize = 80;
 
 /// Verbs that run until they are ended, so that they are not run here.
-const RUNS_ON: [&str; 9] = [
+const RUNS_ON: [&str; 11] = [
     "run bridge",
     "run status",
     "run sim",
     "run view",
+    "run mavlink",
     "bridge",
+    "mavlink",
     "sim",
     "demo",
     "record",

@@ -8,7 +8,7 @@ os.environ["MAVLINK20"] = "1"
 os.environ["MAVLINK_DIALECT"] = "development"
 from pymavlink import mavutil  # noqa: E402
 
-LIMIT_S = 60
+LIMIT_S = 90
 NAN = float("nan")
 vehicle = mavutil.mavlink_connection(f"udpin:127.0.0.1:{sys.argv[1]}", source_system=255, source_component=190)
 last_beat = 0.0

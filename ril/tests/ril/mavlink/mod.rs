@@ -4,7 +4,7 @@ mod station;
 
 use std::net::UdpSocket;
 
-use ril_tests::process::Signal;
+use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Process, Sandbox, languages};
 
 use crate::common::{end, sandbox};
@@ -32,7 +32,7 @@ fn a_station_arms_takes_off_flies_there_holds_and_lands() {
     let mut station = Station::new();
     let gateway = gateway(&rig, station.port(), 60.0);
     station.connect();
-    // A command before the first heartbeat is refused, and so is one that nothing is done for.
+    // What nothing is done for is not supported.
     assert_eq!(station.command(2000, [0.0; 7]), 3);
     let on_ground = |message: &station::Received| message.is(245) && message.u8(1) == 1;
     station.until("on the ground", on_ground);
@@ -79,8 +79,7 @@ fn a_helicopter_that_is_not_heard_is_silent_and_its_orders_are_refused() {
     station.connect();
     end(robot.status, Signal::TERM);
     // Samples of before may still be new.
-    let arm = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    station.until_refused(400, arm);
+    station.until_not_heard();
     let between = station.between_command(193, [0.0; 7]);
     assert!(
         between
@@ -129,8 +128,10 @@ fn pymavlink_flies_the_helicopter() {
         "/tests/ril/mavlink/judge.py"
     ));
     judge.arg(port.to_string());
-    let judged = rig.spawn(rig.place(judge)).exits(0);
-    judged.out_says("all is well");
+    let mut judge = rig.spawn(rig.place(judge));
+    // It waits for each step of the flight as long as every test does for one.
+    judge.wait_for_line_within(4 * WAIT_LIMIT, |line| line.text == "all is well");
+    judge.exits(0);
     end(gateway, Signal::TERM);
     robot.end();
 }

@@ -3,6 +3,7 @@
 use std::net::{SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
+use ipc_types::code::Reason;
 use mavlink_gateway::message::{COMMAND_INT, COMMAND_LONG, HEARTBEAT};
 use mavlink_gateway::wire::{Message, frames};
 use ril_tests::process::WAIT_LIMIT;
@@ -119,15 +120,14 @@ impl Station {
         });
     }
 
-    /// The result of the command that was sent.
+    /// The answer to the command that was sent.
     #[track_caller]
-    fn result(&mut self, command: u16) -> u8 {
+    fn answer(&mut self, command: u16) -> Received {
         let what = format!("the answer to {command}");
-        let answer = self.until(&what, |message| {
+        self.until(&what, |message| {
             let is_answer = message.is(77) && message.i32(0) as u16 == command;
             is_answer && message.u8(2) != 5
-        });
-        answer.u8(2)
+        })
     }
 
     fn send_command(&self, command: u16, params: [f32; 7]) {
@@ -143,15 +143,20 @@ impl Station {
     #[track_caller]
     pub fn command(&mut self, command: u16, params: [f32; 7]) -> u8 {
         self.send_command(command, params);
-        self.result(command)
+        self.answer(command).u8(2)
     }
 
-    /// Commands again and again, until that is refused because the helicopter is not heard.
+    /// Commands a return again and again, until that is refused because the helicopter is not heard: before, because it is on the ground.
     #[track_caller]
-    pub fn until_refused(&mut self, command: u16, params: [f32; 7]) {
+    pub fn until_not_heard(&mut self) {
         let give_up = Instant::now() + WAIT_LIMIT;
-        while self.command(command, params) != 1 {
-            assert!(Instant::now() < give_up, "{command} is not refused");
+        let mut reason = None;
+        while reason != Some(Reason::LinkDown) {
+            assert!(Instant::now() < give_up, "it is heard: {reason:?}");
+            self.send_command(20, [0.0; 7]);
+            let answer = self.answer(20);
+            assert_eq!(answer.u8(2), 1, "{answer:?}");
+            reason = Reason::from_code(answer.i32(4) as u32);
         }
     }
 
@@ -177,6 +182,6 @@ impl Station {
             .f32(f32::NAN);
         let message = message.i32(x).i32(y).f32(z).u16(192).u8(1).u8(1);
         self.send(&message.u8(frame).u8(0).u8(0));
-        self.result(192)
+        self.answer(192).u8(2)
     }
 }
