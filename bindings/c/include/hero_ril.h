@@ -81,6 +81,13 @@ typedef struct hero_ril_waypoint {
     double altitude_m;
 } hero_ril_waypoint;
 
+/* A place by its distances from another one. */
+typedef struct hero_ril_offset {
+    double north_m;
+    double east_m;
+    double up_m;
+} hero_ril_offset;
+
 /* What a subscriber got and missed. */
 typedef struct hero_ril_losses {
     uint64_t received;
@@ -154,6 +161,23 @@ int hero_ril_publish(hero_ril_publisher *publisher, const void *sample, size_t s
  * seconds pass between two samples. */
 int hero_ril_tend(hero_ril_publisher *publisher);
 void hero_ril_withdraw(hero_ril_publisher *publisher);
+
+/* ---- Places and moments ---- */
+
+/* A moment of the host's monotonic clock, such as `received_ns`, as nanoseconds since 1970 (UTC) by the host's clock now; 0 of 0, which
+ * is "never". */
+uint64_t hero_ril_utc_ns(uint64_t monotonic_ns);
+double hero_ril_degrees(double radians);
+
+/* Where a sample is, in degrees and as a place to fly to. */
+int hero_ril_place_of(const HeroTelemetry *sample, hero_ril_waypoint *place);
+
+/* Metres north, east and up of `origin`, along the ellipsoid WGS 84. Up to 60 degrees of latitude they differ from the plane that touches
+ * the ellipsoid at the origin by at most 0.15 m in a distance of 1 km, and by 15 m in 10 km. */
+int hero_ril_offset_of(const hero_ril_waypoint *origin, const hero_ril_waypoint *place, hero_ril_offset *offset);
+
+/* The place that is so far from `origin`. */
+int hero_ril_place_at(const hero_ril_waypoint *origin, const hero_ril_offset *offset, hero_ril_waypoint *place);
 
 /* ---- Requests ---- */
 

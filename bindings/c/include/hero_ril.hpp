@@ -52,6 +52,7 @@ class RequestFailed : public std::runtime_error {
 using Milliseconds = std::chrono::milliseconds;
 using Waypoint = hero_ril_waypoint;
 using Losses = hero_ril_losses;
+using Offset = hero_ril_offset;
 
 /* Waits without a limit. A negative time does not wait. */
 inline constexpr Milliseconds FOREVER = Milliseconds::max();
@@ -123,6 +124,46 @@ template <auto close> struct Closer {
 template <class T, auto close> using Handle = std::unique_ptr<T, Closer<close>>;
 
 } // namespace detail
+
+/* A moment of the host's monotonic clock, such as `received_ns`, by the system's clock now; nothing of 0, which is "never". */
+inline std::optional<std::chrono::system_clock::time_point> utc(std::uint64_t monotonic_ns) {
+    if (monotonic_ns == 0) {
+        return std::nullopt;
+    }
+    std::chrono::nanoseconds since(hero_ril_utc_ns(monotonic_ns));
+    return std::chrono::system_clock::time_point(std::chrono::duration_cast<std::chrono::system_clock::duration>(since));
+}
+
+inline double degrees(double radians) { return hero_ril_degrees(radians); }
+
+/* Where a sample is, in degrees and as a place to fly to. */
+inline Waypoint place_of(const HeroTelemetry &sample) {
+    Waypoint place{};
+    detail::check(hero_ril_place_of(&sample, &place));
+    return place;
+}
+
+/* Metres north, east and up of an origin; see hero_ril_offset_of. */
+class LocalFrame {
+  public:
+    explicit LocalFrame(const Waypoint &origin) : origin_(origin) {}
+
+    Offset offset(const Waypoint &place) const {
+        Offset offset{};
+        detail::check(hero_ril_offset_of(&origin_, &place, &offset));
+        return offset;
+    }
+
+    Waypoint place(double north_m, double east_m, double up_m = 0.0) const {
+        Offset offset{north_m, east_m, up_m};
+        Waypoint place{};
+        detail::check(hero_ril_place_at(&origin_, &offset, &place));
+        return place;
+    }
+
+  private:
+    Waypoint origin_;
+};
 
 /* The reading end of a topic. */
 template <class T> class Subscriber {

@@ -9,12 +9,14 @@
 //! * [`requests`]: [`Requests`](requests::Requests), one client of all of a robot's request services;
 //! * [`serving`]: [`Serving`](serving::Serving), the server of one request service;
 //! * [`module`]: [`OwnModule`](module::OwnModule), a module by the rules of [`module_kit`];
+//! * [`place`]: places in a local frame, moments in UTC;
 //! * [`error`]: what can go wrong, as a text and a code.
 
 pub mod capi;
 pub mod error;
 pub mod joining;
 pub mod module;
+pub mod place;
 pub mod requests;
 pub mod service;
 pub mod serving;

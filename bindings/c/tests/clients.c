@@ -161,6 +161,49 @@ static void samples(void) {
     hero_ril_withdraw(publisher);
 }
 
+static int is_near(double value, double expected, double margin) {
+    return value > expected - margin && value < expected + margin;
+}
+
+/* Degrees, metres and UTC. */
+static void places(void) {
+    puts("places");
+    HeroTelemetry sample;
+    memset(&sample, 0, sizeof sample);
+    sample.geodetic.latitude_rad = 0.65275;
+    sample.geodetic.altitude_m = 25.0;
+    hero_ril_waypoint here, there;
+    hero_ril_offset offset = {300.0, 400.0, 5.0}, back;
+    EXPECT(hero_ril_place_of(&sample, &here), HERO_RIL_OK);
+    EXPECT(hero_ril_place_at(&here, &offset, &there), HERO_RIL_OK);
+    EXPECT(hero_ril_offset_of(&here, &there, &back), HERO_RIL_OK);
+    EXPECT(hero_ril_offset_of(&here, NULL, &back), HERO_RIL_INVALID);
+    EXPECT(hero_ril_place_of(NULL, &here), HERO_RIL_INVALID);
+    struct timespec mono, unix_time;
+    clock_gettime(CLOCK_MONOTONIC, &mono);
+    double utc_s = (double)hero_ril_utc_ns((uint64_t)mono.tv_sec * 1000000000u + (uint64_t)mono.tv_nsec) / 1e9;
+    clock_gettime(CLOCK_REALTIME, &unix_time);
+    if (!is_near(hero_ril_degrees(3.14159265358979), 180.0, 1e-6) || !is_near(here.latitude_deg, 37.3998, 1e-3) ||
+        here.altitude_m != 25.0 || !is_near(back.north_m, 300.0, 1e-3) || !is_near(back.east_m, 400.0, 1e-3) ||
+        hero_ril_utc_ns(0) != 0 || !is_near(utc_s, (double)unix_time.tv_sec, 60.0)) {
+        fputs("another place or moment\n", stderr);
+        exit(1);
+    }
+    /* An array is a path; the one waypoint is sent without an answer. */
+    hero_ril_waypoint path[1] = {there};
+    uint64_t id;
+    EXPECT(hero_ril_go_to(client, path, sizeof path / sizeof *path, 0, &id), HERO_RIL_OK);
+    MovementData request;
+    uint64_t ticket;
+    EXPECT(hero_ril_take(server, &request, sizeof request, &ticket, WATCHDOG_MS), HERO_RIL_OK);
+    if (request.latitude_deg != there.latitude_deg || request.longitude_deg != there.longitude_deg ||
+        request.altitude_m != there.altitude_m || request.first != 1 || request.last != 1 || request.request_id != id) {
+        fputs("another waypoint came\n", stderr);
+        exit(1);
+    }
+    EXPECT(hero_ril_answer(server, ticket, HERO_STAGE_DONE, HERO_REASON_NONE), HERO_RIL_OK);
+}
+
 /* Closes what is open: in a child that was forked as well, when it ends. */
 static void leave(void) {
     hero_ril_client_close(client);
@@ -245,6 +288,7 @@ int main(void) {
     idle();
     wrong();
     samples();
+    places();
     if (is_forked()) {
         return 0;
     }

@@ -64,6 +64,25 @@ int main() {
     expect(error_of([&] { given_up.finish(); }) == HERO_RIL_INVALID, "no report can come");
     expect(error_of([&] { client.go_to({}); }) == HERO_RIL_INVALID, "no waypoint");
 
+    std::cout << "places" << std::endl;
+    hero_ril::LocalFrame frame({37.4, -6.0, 10.0});
+    auto there = frame.place(300.0, 400.0, 5.0);
+    auto back = frame.offset(there);
+    expect(back.north_m > 299.999 && back.north_m < 300.001 && back.east_m > 399.999 && back.east_m < 400.001, "metres");
+    HeroTelemetry sample{};
+    sample.geodetic.altitude_m = 25.0;
+    expect(hero_ril::place_of(sample).altitude_m == 25.0 && hero_ril::degrees(0.0) == 0.0, "a place");
+    auto moment = hero_ril::utc(1);
+    expect(!hero_ril::utc(0) && moment && *moment < std::chrono::system_clock::now(), "a moment");
+    const std::array<hero_ril::Waypoint, 1> row{there};
+    const hero_ril::Waypoint plain[1] = {there};
+    auto by_array = client.go_to(row);
+    serve_one();
+    expect(by_array.finish().stage == HERO_STAGE_DONE, "an array is a path");
+    auto by_plain_array = client.go_to(plain);
+    serve_one();
+    expect(by_plain_array.finish().stage == HERO_STAGE_DONE, "an array of C is a path");
+
     std::cout << "times" << std::endl;
     auto telemetry = robot.subscribe<HeroTelemetry>();
     expect(!telemetry.receive(-1ms) && !telemetry.receive(hero_ril::Milliseconds::min()), "nothing");

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 /// Types of the C ABI as the header writes them.
-const TYPES: [(&str, &str); 30] = [
+const TYPES: [(&str, &str); 34] = [
     ("*const c_char", "const char *"),
     ("*const c_void", "const void *"),
     ("*mut c_void", "void *"),
@@ -25,6 +25,10 @@ const TYPES: [(&str, &str); 30] = [
     ("*const Topic", "const hero_ril_topic *"),
     ("*const Service", "const hero_ril_service *"),
     ("*const Waypoint", "const hero_ril_waypoint *"),
+    ("*mut Waypoint", "hero_ril_waypoint *"),
+    ("*const Offset", "const hero_ril_offset *"),
+    ("*mut Offset", "hero_ril_offset *"),
+    ("*const HeroTelemetry", "const HeroTelemetry *"),
     ("*const AnySource", "const hero_ril_source *"),
     ("*mut Counts", "hero_ril_losses *"),
     ("*mut RequestReport", "RequestReport *"),
@@ -63,7 +67,7 @@ fn words(text: &str) -> String {
 /// By name: the prototype, with single spaces.
 fn of_rust() -> BTreeMap<String, String> {
     let files = [
-        "mod", "robot", "topics", "requests", "serving", "module", "waiting",
+        "mod", "robot", "topics", "requests", "serving", "module", "waiting", "places",
     ];
     let source: String = files
         .iter()

@@ -8,13 +8,15 @@
 //! * [`requests`]: sending requests and following them;
 //! * [`serving`]: serving requests;
 //! * [`module`]: being a module;
-//! * [`waiting`]: several at once.
+//! * [`waiting`]: several at once;
+//! * [`places`]: degrees, metres north and east, UTC.
 
 #![allow(unsafe_code)]
 // The header says what callers must keep; Rust programs use ipc-types and not these functions.
 #![allow(clippy::missing_safety_doc)]
 
 pub mod module;
+pub mod places;
 pub mod requests;
 pub mod robot;
 pub mod serving;

@@ -24,6 +24,26 @@ pub struct Waypoint {
     altitude_m: f64,
 }
 
+impl From<Waypoint> for WaypointPosition {
+    fn from(waypoint: Waypoint) -> WaypointPosition {
+        WaypointPosition {
+            latitude_deg: waypoint.latitude_deg,
+            longitude_deg: waypoint.longitude_deg,
+            altitude_m: waypoint.altitude_m,
+        }
+    }
+}
+
+impl From<WaypointPosition> for Waypoint {
+    fn from(place: WaypointPosition) -> Waypoint {
+        Waypoint {
+            latitude_deg: place.latitude_deg,
+            longitude_deg: place.longitude_deg,
+            altitude_m: place.altitude_m,
+        }
+    }
+}
+
 /// See the header.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_client_open(robot: *mut Robot, out: *mut *mut Requests) -> c_int {
@@ -140,11 +160,7 @@ pub unsafe extern "C" fn hero_ril_go_to(
             // SAFETY: the caller has `count` waypoints there.
             let path: Vec<_> = std::slice::from_raw_parts(waypoints, count)
                 .iter()
-                .map(|waypoint| WaypointPosition {
-                    latitude_deg: waypoint.latitude_deg,
-                    longitude_deg: waypoint.longitude_deg,
-                    altitude_m: waypoint.altitude_m,
-                })
+                .map(|waypoint| WaypointPosition::from(*waypoint))
                 .collect();
             client.go_to(&path, preempt != 0)
         })
