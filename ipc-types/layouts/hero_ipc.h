@@ -27,8 +27,8 @@
 #define HERO_PARAMETERS_LAYOUT_HASH "76e7bccf46c20e2f"
 #define HERO_RELAY_LINK_LAYOUT "hero.RelayLink.v3"
 #define HERO_RELAY_LINK_LAYOUT_HASH "59df1188187319fb"
-#define HERO_RELAY_STATIONS_LAYOUT "hero.RelayStations.v3"
-#define HERO_RELAY_STATIONS_LAYOUT_HASH "e8399ddf75562eb7"
+#define HERO_RELAY_STATIONS_LAYOUT "hero.RelayStations.v4"
+#define HERO_RELAY_STATIONS_LAYOUT_HASH "4f5b96e435f46e26"
 #define HERO_BRIDGE_OUTLINE_LAYOUT "hero.BridgeOutline.v1"
 #define HERO_BRIDGE_OUTLINE_LAYOUT_HASH "ddd0ecd9990358d4"
 #define HERO_BRIDGE_JOURNAL_LAYOUT "hero.BridgeJournal.v1"
@@ -1030,14 +1030,14 @@ HERO_ASSERT(offsetof(RelayStation, refusal) == 92);
 HERO_ASSERT(offsetof(RelayStation, origin) == 96);
 HERO_ASSERT(offsetof(RelayStation, reserved) == 100);
 
-#define HERO_RELAY_STATIONS_TYPE_NAME "hero.RelayStations.v3"
+#define HERO_RELAY_STATIONS_TYPE_NAME "hero.RelayStations.v4"
 typedef struct RelayStations {
     uint64_t sequence;
     uint64_t epoch_ns;
     uint64_t published_ns;
     RelayStation stations[16];
     uint32_t count;
-    uint32_t reserved;
+    uint32_t samples_bytes_per_s;
 } RelayStations;
 HERO_ASSERT(sizeof(RelayStations) == 1696);
 HERO_ASSERT(offsetof(RelayStations, sequence) == 0);
@@ -1045,7 +1045,7 @@ HERO_ASSERT(offsetof(RelayStations, epoch_ns) == 8);
 HERO_ASSERT(offsetof(RelayStations, published_ns) == 16);
 HERO_ASSERT(offsetof(RelayStations, stations) == 24);
 HERO_ASSERT(offsetof(RelayStations, count) == 1688);
-HERO_ASSERT(offsetof(RelayStations, reserved) == 1692);
+HERO_ASSERT(offsetof(RelayStations, samples_bytes_per_s) == 1692);
 
 #define HERO_OUTLINE_POINT_TYPE_NAME "hero.OutlinePoint.v1"
 typedef struct OutlinePoint {

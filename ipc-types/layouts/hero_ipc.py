@@ -15,7 +15,7 @@ LAYOUTS = {
     "movement": ("hero.MovementData.v3/hero.RequestReport.v2", "2af2c004c0511e69"),
     "parameters": ("hero.ParameterRequest.v2/hero.RequestReport.v2", "76e7bccf46c20e2f"),
     "relay/link": ("hero.RelayLink.v3", "59df1188187319fb"),
-    "relay/stations": ("hero.RelayStations.v3", "e8399ddf75562eb7"),
+    "relay/stations": ("hero.RelayStations.v4", "4f5b96e435f46e26"),
     "bridge/outline": ("hero.BridgeOutline.v1", "ddd0ecd9990358d4"),
     "bridge/journal": ("hero.BridgeJournal.v1", "a0a172067737e627"),
     "status/journal": ("hero.StatusJournal.v1", "394f9e703707f1ff"),
@@ -1289,12 +1289,12 @@ class RelayStations(ctypes.Structure):
         ("published_ns", ctypes.c_uint64),
         ("stations", RelayStation * 16),
         ("count", ctypes.c_uint32),
-        ("reserved", ctypes.c_uint32),
+        ("samples_bytes_per_s", ctypes.c_uint32),
     ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.RelayStations.v3"
+        return "hero.RelayStations.v4"
 
 
 assert ctypes.sizeof(RelayStations) == 1696
@@ -1303,7 +1303,7 @@ assert RelayStations.epoch_ns.offset == 8
 assert RelayStations.published_ns.offset == 16
 assert RelayStations.stations.offset == 24
 assert RelayStations.count.offset == 1688
-assert RelayStations.reserved.offset == 1692
+assert RelayStations.samples_bytes_per_s.offset == 1692
 
 
 class OutlinePoint(ctypes.Structure):

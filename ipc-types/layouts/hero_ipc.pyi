@@ -14,7 +14,7 @@ LAYOUTS = {
     "movement": ("hero.MovementData.v3/hero.RequestReport.v2", "2af2c004c0511e69"),
     "parameters": ("hero.ParameterRequest.v2/hero.RequestReport.v2", "76e7bccf46c20e2f"),
     "relay/link": ("hero.RelayLink.v3", "59df1188187319fb"),
-    "relay/stations": ("hero.RelayStations.v3", "e8399ddf75562eb7"),
+    "relay/stations": ("hero.RelayStations.v4", "4f5b96e435f46e26"),
     "bridge/outline": ("hero.BridgeOutline.v1", "ddd0ecd9990358d4"),
     "bridge/journal": ("hero.BridgeJournal.v1", "a0a172067737e627"),
     "status/journal": ("hero.StatusJournal.v1", "394f9e703707f1ff"),
@@ -1038,9 +1038,10 @@ class RelayStations(_Struct):
     """The stations, the first `count` of which mean something; the others are all zero."""
     count: int
     """How many stations there are, 0 … 16."""
-    reserved: int
-    """Always zero; keeps the size a multiple of eight."""
-    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., stations: Any = ..., count: int = ..., reserved: int = ...) -> None: ...
+    samples_bytes_per_s: int
+    """Bytes of samples a second that go out at most, because the links to the stations carry no more or it is not known yet what
+    they carry; 0 when all go out. [s]"""
+    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., stations: Any = ..., count: int = ..., samples_bytes_per_s: int = ...) -> None: ...
 
 class OutlinePoint(_Struct):
     """A place of an outline."""

@@ -6,7 +6,8 @@
 //! * [`replay`]: a recorded flight (MCAP) with all its topics, played as far as a test says;
 //! * [`garbage`]: payloads of any bit pattern; [`stranger`]: a struct that no program knows;
 //! * [`process`]: child processes in that domain, their lines, signals and exits;
-//! * [`sandbox`]: `ril` in a domain and a folder of its own, and what its processes hold; [`relayed`]: two of them with relays between;
+//! * [`sandbox`]: `ril` in a domain and a folder of its own, and what its processes hold; [`relayed`]: two of them with relays between, and
+//!   [`air`]: a bad radio between those;
 //! * [`pty`]: a folder for links to pseudo-terminals;
 //! * [`languages`]: programs in C, C++ and Python with the RIL's library; [`readers`]: programs of others that read recordings;
 //! * [`watchdog`]: ends a test that hangs.
@@ -106,6 +107,7 @@
 //!
 //! `examples/consumer` and `examples/module` are projects of their own that use this library as a stranger would.
 
+pub mod air;
 pub mod domain;
 pub mod garbage;
 pub mod languages;

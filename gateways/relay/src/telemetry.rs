@@ -320,6 +320,7 @@ mod tests {
         let mut times = 0;
         while let Some(due) = sender.deadline(&pace) {
             now = due;
+            pace.hear(1, 1000, now);
             sender.send(now, 0, &mut pace, |_, sample| sent.push(sample[0]));
             times += 1;
         }

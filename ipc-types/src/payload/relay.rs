@@ -87,7 +87,7 @@ shared_struct! {
     /// change and at least once a second. It is relayed: every station shows who commands.
     ///
     /// Times are host monotonic nanoseconds; 0 stands for "never".
-    pub struct RelayStations("hero.RelayStations.v3") = 1696 {
+    pub struct RelayStations("hero.RelayStations.v4") = 1696 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publishing process began.
@@ -98,8 +98,9 @@ shared_struct! {
         pub stations: [RelayStation; MAX_STATIONS],
         /// How many stations there are, 0 … 16.
         pub count: u32,
-        /// Always zero; keeps the size a multiple of eight.
-        pub reserved: u32,
+        /// Bytes of samples a second that go out at most, because the links to the stations carry no more or it is not known yet what
+        /// they carry; 0 when all go out.
+        pub samples_bytes_per_s: u32,
     }
 }
 
@@ -216,6 +217,11 @@ impl RelayStations {
         let ordered = self.stations().iter();
         let ordered = ordered.filter(|station| station.last_order_ns != 0);
         ordered.max_by_key(|station| station.last_order_ns)
+    }
+
+    /// Bytes of samples a second that go out at most; `None` when all go out.
+    pub fn samples_rate(&self) -> Option<u32> {
+        (self.samples_bytes_per_s != 0).then_some(self.samples_bytes_per_s)
     }
 
     /// When it was published.

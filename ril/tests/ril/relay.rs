@@ -141,7 +141,7 @@ fn the_link_of_a_station_is_shown_and_its_state_is_the_exit_code() {
         shown.out_says(expected);
     }
     let report = json(&look(&rig, "relay status --json", 0).stdout[0]);
-    assert_eq!(report["schema"], "ril.Relay.v2");
+    assert_eq!(report["schema"], "ril.Relay.v3");
     assert_eq!(report["link"]["station"], "ground-1");
     let stations = &report["stations"]["stations"];
     assert_eq!(stations.as_array().map(Vec::len), Some(0), "{report}");

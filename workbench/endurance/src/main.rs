@@ -19,6 +19,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::{Parser, ValueEnum};
+use endurance::field::narrow::{self, Narrow};
 use endurance::outcome::Outcome;
 use endurance::plan::{Kind, Plan};
 use endurance::site::Site;
@@ -38,7 +39,7 @@ struct Args {
     what: What,
     #[command(flatten)]
     plan: Plan,
-    /// Packets that are lost, percent [default: mission 10, requests 20, outages 0]
+    /// Packets that are lost, percent [default: mission 10, requests 20, outages and narrow 0]
     #[arg(long, value_parser = clap::value_parser!(u8).range(0..=90))]
     loss: Option<u8>,
     /// How long an outage lasts, s
@@ -83,6 +84,8 @@ enum What {
     Requests,
     /// Relays: what comes after outages (20), and how old it is said to be
     Outages,
+    /// Relays: how soon orders (40) end over narrow links, and what comes of telemetry, over TCP and QUIC
+    Narrow,
 }
 
 fn main() -> ExitCode {
@@ -156,11 +159,40 @@ fn measure(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool, mut show: impl F
             let outcomes = [numbers, clocks, mounts];
             outcomes.into_iter().flatten().for_each(show);
         }
+        What::Narrow => measure_narrow(args, ril, goes_on, show),
         What::Mission | What::Requests | What::Outages => {
             match measure_relays(args, ril, goes_on) {
                 Ok(outcome) => show(outcome),
                 Err(reason) => eprintln!("SKIPPED: {reason}"),
             }
+        }
+    }
+}
+
+/// Measures relays on narrow links, one after the other.
+fn measure_narrow(
+    args: &Args,
+    ril: &Path,
+    goes_on: &dyn Fn() -> bool,
+    mut show: impl FnMut(Outcome),
+) {
+    let links = narrow::LINKS.into_iter();
+    let cases = links.flat_map(|link| narrow::PROTOCOLS.map(|protocol| (link, protocol)));
+    for ((kbit_per_s, delay), protocol) in cases {
+        if goes_on() {
+            let narrow = Narrow {
+                ril,
+                protocol,
+                kbit_per_s,
+                delay,
+                lost_of: args
+                    .loss
+                    .filter(|loss| *loss > 0)
+                    .map(|loss| 100 / usize::from(loss)),
+                orders: args.plan.count.unwrap_or(40),
+                limit: TIME_LIMIT,
+            };
+            show(narrow::run(&narrow, goes_on));
         }
     }
 }

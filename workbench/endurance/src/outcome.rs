@@ -82,6 +82,15 @@ impl Times {
     pub fn count(&self) -> usize {
         self.0.len()
     }
+
+    /// What this share of them does not exceed, 0 … 1; zero if there are none.
+    pub fn quantile(&self, share: f64) -> Duration {
+        let mut sorted = self.0.clone();
+        sorted.sort_unstable();
+        let last = sorted.len().saturating_sub(1);
+        let index = (last as f64 * share).ceil() as usize;
+        sorted.get(index).copied().unwrap_or_default()
+    }
 }
 
 impl Display for Times {
@@ -89,15 +98,7 @@ impl Display for Times {
         if self.0.is_empty() {
             return f.write_str("–");
         }
-        let mut sorted = self.0.clone();
-        sorted.sort_unstable();
-        let last = sorted.len().saturating_sub(1);
-        let ms = |share: f64| {
-            let index = (last as f64 * share).ceil() as usize;
-            sorted
-                .get(index)
-                .map_or(0.0, |time| time.as_secs_f64() * 1e3)
-        };
+        let ms = |share| self.quantile(share).as_secs_f64() * 1e3;
         let (median, most, worst) = (ms(0.5), ms(0.99), ms(1.0));
         let count = self.count();
         write!(

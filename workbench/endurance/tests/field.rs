@@ -1,8 +1,10 @@
-//! The short form of the measurements of relays on bad links: a mission typed at the station flies over two networks with 10 % loss.
+//! The short form of the measurements of relays on bad links: a mission typed at the station flies over two networks with 10 % loss, and orders
+//! end over narrow links.
 
 use std::path::Path;
 use std::time::Duration;
 
+use endurance::field::narrow::{self, Narrow};
 use endurance::field::site::Plan;
 use endurance::field::{mission, outages};
 use endurance::outcome::Outcome;
@@ -38,4 +40,34 @@ fn after_an_outage_fresh_samples_come_and_their_ages_are_true_with_a_clock_that_
     measure("outage", 0.0, |plan| {
         outages::run(plan, 1, Duration::from_secs(4), &|| true)
     });
+}
+
+fn orders_end_over_a_narrow_link(protocol: &str, (kbit_per_s, delay): (u32, Duration)) {
+    let Some(ril) = beside_or_skip(Path::new(env!("CARGO_BIN_EXE_endurance"))) else {
+        return;
+    };
+    let outcome = narrow::run(
+        &Narrow {
+            ril: &ril,
+            protocol,
+            kbit_per_s,
+            delay,
+            lost_of: None,
+            orders: 4,
+            limit: Duration::from_secs(300),
+        },
+        &|| true,
+    );
+    assert!(outcome.is_good(), "{outcome}");
+    assert!(outcome.count("left out") > 0, "the link is wide: {outcome}");
+}
+
+#[test]
+fn over_64_kbit_per_s_orders_end_and_new_telemetry_comes_over_tcp() {
+    orders_end_over_a_narrow_link("tcp", narrow::LINKS[0]);
+}
+
+#[test]
+fn over_256_kbit_per_s_orders_end_and_new_telemetry_comes_over_quic() {
+    orders_end_over_a_narrow_link("quic", narrow::LINKS[1]);
 }

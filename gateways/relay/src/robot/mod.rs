@@ -278,9 +278,11 @@ impl RobotSide {
             .stations
             .rows(self.samples_sent, |instance| orders.counts_of(instance));
         let is_any_up = self.stations.is_any_up();
+        let samples_bytes_per_s = self.services.pace.shown(now);
         self.own_topics.publish(is_any_up, now, |sample| {
             sample.published_ns = now.0;
             sample.count = rows.len() as u32;
+            sample.samples_bytes_per_s = samples_bytes_per_s;
             for (slot, row) in sample.stations.iter_mut().zip(rows) {
                 *slot = row;
             }

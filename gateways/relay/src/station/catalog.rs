@@ -10,17 +10,39 @@ use ipc_types::schema::MAX_TEXT_LEN;
 
 use crate::message::{MAX_SERVICES, Part, Service};
 
-/// How long a part of a description may take, before it is asked for again.
+/// How long a part of a description may take at first, before it is asked for again.
 const PART_TIMEOUT: Duration = Duration::from_millis(500);
 
+/// The same at most: each part that was asked for twice and comes twice doubles the time, and each new one takes an eighth off. Over
+/// 64 kbit/s a part takes half a second and waits behind others; over a link that loses parts none comes twice.
+const LONGEST_PART_TIMEOUT: Duration = Duration::from_secs(4);
+
 /// The services that a robot says it has.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct Catalog {
     /// Whether each is described.
     described: Vec<bool>,
     /// What has come of the first one that is not.
     assembly: Option<Assembly>,
     next_question: MonotonicNs,
+    /// What was asked last, unless it has come.
+    asked: Option<Question>,
+    /// What was asked twice last.
+    repeated: Option<Question>,
+    timeout: Duration,
+}
+
+impl Default for Catalog {
+    fn default() -> Catalog {
+        Catalog {
+            described: Vec::new(),
+            assembly: None,
+            next_question: MonotonicNs(0),
+            asked: None,
+            repeated: None,
+            timeout: PART_TIMEOUT,
+        }
+    }
 }
 
 /// A part that a station needs.
@@ -42,17 +64,30 @@ impl Catalog {
     /// The part to ask for now.
     pub fn question(&mut self, now: MonotonicNs) -> Option<Question> {
         let index = self.missing().filter(|_| now >= self.next_question)?;
-        self.next_question = now + PART_TIMEOUT;
         let begun = self.assembly.as_ref();
         let begun = begun.filter(|assembly| assembly.head.index == index);
-        Some(Question {
+        let question = Question {
             index,
             from: begun.map_or(0, Assembly::missing_from),
-        })
+        };
+        if self.asked.replace(question) == Some(question) {
+            self.repeated = Some(question);
+        }
+        self.next_question = now + self.timeout;
+        Some(question)
     }
 
     /// A part has come. Says which service is described by now that was not before.
     pub fn take(&mut self, part: &Part) -> Option<Service> {
+        let answered = Some(Question {
+            index: part.index,
+            from: part.from,
+        });
+        if answered == self.repeated && answered != self.asked {
+            // It was under way when it was asked for again.
+            self.timeout = (self.timeout * 2).min(LONGEST_PART_TIMEOUT);
+            self.repeated = None;
+        }
         if self.missing() != Some(part.index) {
             return None;
         }
@@ -75,6 +110,8 @@ impl Catalog {
         if assembly.take(part) {
             // The next one at once.
             self.next_question = MonotonicNs(0);
+            self.asked = None;
+            self.timeout = (self.timeout - self.timeout / 8).max(PART_TIMEOUT);
         }
         let service = assembly.service();
         match service {
@@ -169,6 +206,8 @@ impl Assembly {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::VecDeque;
+
     use fastrand::Rng;
 
     use super::*;
@@ -197,7 +236,7 @@ mod tests {
         let (mut learned, mut random, mut ms) = (Vec::new(), Rng::with_seed(1), 0);
         let mut arrives = |lost_percent| random.u64(..100) >= lost_percent;
         while !catalog.is_complete() && ms < 10_000_000 {
-            ms = ms.max(catalog.deadline().unwrap().0 / 1_000_000);
+            ms = ms.max(catalog.deadline().unwrap().0.div_ceil(1_000_000));
             let Question { index, from } = catalog.question(at(ms)).unwrap();
             let ask = encode(&Ask::Describe {
                 robot_instance: INSTANCE,
@@ -221,6 +260,35 @@ mod tests {
             }
         }
         (learned, ms)
+    }
+
+    #[test]
+    fn over_a_narrow_link_most_parts_are_asked_for_once_or_twice() {
+        let parts = MAX_TEXT_LEN / PART_BYTES;
+        let service = service("a/b", parts * PART_BYTES);
+        let mut catalog = Catalog::default();
+        catalog.expect(1);
+        // Each part comes 1.2 s after its question.
+        let (mut now, mut under_way, mut questions) = (at(0), VecDeque::new(), 0);
+        while let Some(due) = catalog.deadline() {
+            let due = due.max(now);
+            let arrived = under_way.front().copied().filter(|(at, _)| *at <= due);
+            if let Some((arrives, from)) = arrived {
+                under_way.pop_front();
+                now = arrives;
+                let part = service.part(INSTANCE, 0, from);
+                catalog.take(&part.expect("a part"));
+            } else {
+                now = due;
+                questions += 1;
+                let question = catalog.question(now).expect("it is due");
+                under_way.push_back((now + Duration::from_millis(1200), question.from));
+            }
+        }
+        assert!(catalog.is_complete());
+        // With a fixed time-out it is three questions for each part.
+        let most = parts * 2;
+        assert!(questions < most, "{questions} for {parts}");
     }
 
     #[test]

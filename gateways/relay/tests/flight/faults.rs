@@ -11,6 +11,7 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, RelayLinkState};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations};
+use ril_tests::air::{Air, Weather};
 use ril_tests::process::{Finished, Signal};
 use ril_tests::relayed::{
     BridgeLog, SPEED, STATION, await_link, free_endpoint, machine, start_robot_relay,
@@ -18,7 +19,6 @@ use ril_tests::relayed::{
 };
 use ril_tests::{Process, Rig};
 
-use super::air::Air;
 use super::{rig, ril};
 
 /// Exit code of a verb whose outcome is not known.
@@ -289,6 +289,13 @@ fn a_path_that_was_ordered_before_a_hold_is_not_flown_after_it_when_the_link_com
     processes.end();
 }
 
+/// 0.6 s round trip, and each fifth packet is late: TCP repeats it after two to three round trips.
+const WEATHER: Weather = Weather {
+    lost_of: Some(5),
+    repetition: Duration::from_millis(1500),
+    ..Weather::far(Duration::from_millis(300))
+};
+
 #[test]
 fn a_link_of_six_hundred_ms_round_trip_that_loses_every_fifth_packet_connects_and_carries_orders() {
     let Some(ril) = ril() else {
@@ -298,7 +305,7 @@ fn a_link_of_six_hundred_ms_round_trip_that_loses_every_fifth_packet_connects_an
     let processes = robot.start_robot(1, SPEED);
     let endpoint = free_endpoint();
     let robot_relay = start_robot_relay(&robot, &endpoint);
-    let air = Air::to(&endpoint);
+    let air = Air::to(&endpoint, WEATHER);
     // The air is what is tried here, and not when it counts as silent.
     station.write("relay.toml", "[network]\nsilent_after_ms = 10000\n");
     let station_relay = start_station_relay(&station, &air.endpoint);

@@ -2,7 +2,6 @@
 //!
 //! `ril` is found beside the relay's program, where `cargo test --workspace` builds it, or by `RIL_BINARY`.
 
-mod air;
 mod faults;
 mod mission;
 

@@ -17,7 +17,7 @@ use crate::robot::relay_link::{
 use crate::robot::sample_age::SampleAge;
 
 /// Name of the JSON object's layout.
-pub const SCHEMA: &str = "ril.Relay.v2";
+pub const SCHEMA: &str = "ril.Relay.v3";
 
 /// Everything that `ril relay status` shows.
 #[derive(Clone, Debug)]
@@ -109,6 +109,7 @@ impl fmt::Display for RelayReport {
                 format!("{name}, last order {last}")
             });
             writeln!(f, "commands    {text}")?;
+            write_pace(f, stations)?;
         } else if let Some(stations) = &self.stations {
             if stations.stations().is_empty() {
                 writeln!(f, "station     none")?;
@@ -116,6 +117,7 @@ impl fmt::Display for RelayReport {
             for one in stations.stations() {
                 write_station(f, one, self.now)?;
             }
+            write_pace(f, stations)?;
             writeln!(f, "relay       {}", self.sample_of(stations))?;
         }
         Ok(())
@@ -129,6 +131,7 @@ impl Serialize for RelayReport {
             let all = all.map(|one| station(one, self.now)).collect();
             Tree::nested([
                 ("stations", Tree::List(all)),
+                ("samples_bytes_per_s", stations.samples_rate().into()),
                 ("sample", self.sample_of(stations).tree()),
             ])
         });
@@ -169,6 +172,19 @@ fn station(station: &RelayStation, now: MonotonicNs) -> Tree {
         ("orders_open", station.orders_open.into()),
         ("samples_sent", station.samples_sent.into()),
     ])
+}
+
+fn write_pace(f: &mut fmt::Formatter<'_>, stations: &RelayStations) -> fmt::Result {
+    match stations.samples_rate() {
+        Some(rate) => {
+            let kilobytes = f64::from(rate) / 1000.0;
+            writeln!(
+                f,
+                "pace        at most {kilobytes:.1} kB of samples a second go out, the newest of each topic"
+            )
+        }
+        None => writeln!(f, "pace        all samples go out"),
+    }
 }
 
 fn write_station(

@@ -51,6 +51,7 @@ fn stations() -> RelayStations {
         sequence: 5,
         published_ns: ago(200),
         count: 3,
+        samples_bytes_per_s: 5940,
         ..RelayStations::default()
     };
     stations.stations[0] = RelayStation {
@@ -193,6 +194,7 @@ station     watcher: down, may not command, last message never, last order never
             0 samples sent; 0 orders executed, 0 refused, 0 open
 station     ninth: up for 1s, may command and is refused (relay-too-many-stations), last message 50 ms ago, last order never
             0 samples sent; 0 orders executed, 0 refused, 0 open
+pace        at most 5.9 kB of samples a second go out, the newest of each topic
 relay       sample 5, 200 ms old
 ";
     assert_eq!(report.to_string(), expected);
@@ -219,13 +221,14 @@ fn a_station_shows_which_station_commands_and_its_link_alone_decides() {
     assert_eq!(report.exit_code(), ExitCode::LinkDown);
     let text = report.to_string();
     assert!(
-        text.ends_with("commands    ground-1, last order 450 ms ago\n"),
+        text.contains("commands    ground-1, last order 450 ms ago\npace        at most 5.9 kB"),
         "{text}"
     );
     let nobody = of(&up(), &RelayStations::default());
     assert_eq!(nobody.exit_code(), ExitCode::Ok);
     let text = nobody.to_string();
-    assert!(text.ends_with("commands    no station has yet\n"), "{text}");
+    let expected = "commands    no station has yet\npace        all samples go out\n";
+    assert!(text.ends_with(expected), "{text}");
 }
 
 #[test]
@@ -233,7 +236,7 @@ fn programs_get_numbers_and_nothing_for_what_is_not_known() {
     let json_of = |report: RelayReport| serde_json::to_value(report).unwrap();
     let report = json_of(of_link(&up()));
     for (pointer, expected) in [
-        ("/schema", json!("ril.Relay.v2")),
+        ("/schema", json!("ril.Relay.v3")),
         ("/robot", 1.into()),
         ("/up", true.into()),
         ("/trouble", Value::Null),
@@ -283,7 +286,11 @@ fn programs_get_numbers_and_nothing_for_what_is_not_known() {
     assert_eq!(shown[1]["last_order_age_ms"], Value::Null);
     assert_eq!(shown[0]["refusal"], Value::Null);
     assert_eq!(shown[2]["refusal"], "relay-too-many-stations");
+    assert_eq!(report["stations"]["samples_bytes_per_s"], 5940);
     assert_eq!(report["link"], Value::Null);
+    let all = RelayStations::default();
+    let report = json_of(RelayReport::new(RobotId::DEFAULT, None, Some(&all), NOW));
+    assert_eq!(report["stations"]["samples_bytes_per_s"], Value::Null);
 }
 
 #[test]

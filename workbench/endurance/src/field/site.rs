@@ -33,7 +33,7 @@ const OPEN: &str = "[security]\ninsecure = true\n";
 const ROBOT: &str = "robot-1";
 
 /// The configuration of a machine with certificates in this folder.
-fn certificates(folder: &Path, name: &str) -> String {
+pub(super) fn certificates(folder: &Path, name: &str) -> String {
     let folder = folder.display();
     format!(
         "[security]\nauthority = \"{folder}/ca.pem\"\ncertificate = \"{folder}/{name}.pem\"\nkey = \"{folder}/{name}-key.pem\"\n\
