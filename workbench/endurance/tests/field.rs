@@ -1,4 +1,5 @@
-//! The short form of the measurements of relays on bad links: a mission typed at the station flies over two networks with 10 % loss.
+//! The short form of the measurements of relays on bad links: a mission typed at the station flies over two networks with 10 % loss, and orders
+//! end over narrow links.
 
 use std::path::Path;
 use std::time::Duration;
@@ -41,11 +42,10 @@ fn after_an_outage_fresh_samples_come_and_their_ages_are_true_with_a_clock_that_
     });
 }
 
-fn orders_end_over_a_narrow_link(protocol: &str) {
+fn orders_end_over_a_narrow_link(protocol: &str, (kbit_per_s, delay): (u32, Duration)) {
     let Some(ril) = beside_or_skip(Path::new(env!("CARGO_BIN_EXE_endurance"))) else {
         return;
     };
-    let (kbit_per_s, delay) = narrow::LINKS[0];
     let outcome = narrow::run(
         &Narrow {
             ril: &ril,
@@ -64,10 +64,10 @@ fn orders_end_over_a_narrow_link(protocol: &str) {
 
 #[test]
 fn over_64_kbit_per_s_orders_end_and_new_telemetry_comes_over_tcp() {
-    orders_end_over_a_narrow_link("tcp");
+    orders_end_over_a_narrow_link("tcp", narrow::LINKS[0]);
 }
 
 #[test]
-fn over_64_kbit_per_s_orders_end_and_new_telemetry_comes_over_quic() {
-    orders_end_over_a_narrow_link("quic");
+fn over_256_kbit_per_s_orders_end_and_new_telemetry_comes_over_quic() {
+    orders_end_over_a_narrow_link("quic", narrow::LINKS[1]);
 }
