@@ -417,6 +417,11 @@ impl Pages {
         self.pages.values().any(|page| page.permit.is_some())
     }
 
+    /// Whether a page commands `robot`.
+    pub fn is_commanded(&self, robot: u32) -> bool {
+        self.leases.contains_key(&robot)
+    }
+
     /// The robots that pages look at.
     pub fn watched(&self) -> BTreeSet<u32> {
         self.pages.values().filter_map(|page| page.robot).collect()

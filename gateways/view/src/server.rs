@@ -117,6 +117,13 @@ impl Server {
         Some(id)
     }
 
+    /// Takes note that the bytes of a connection are those of TLS, before the first of them is given.
+    pub fn encrypted(&mut self, id: ConnectionId) {
+        if let Some(entry) = self.connections.get_mut(&id) {
+            entry.connection.peer.is_encrypted = true;
+        }
+    }
+
     /// Takes bytes that have come.
     pub fn receive(&mut self, id: ConnectionId, bytes: &[u8], now: MonotonicNs) {
         self.clock = now;
@@ -391,6 +398,11 @@ impl Server {
     /// The robots that pages look at.
     pub fn watched(&self) -> impl Iterator<Item = u32> + use<> {
         self.pages.watched().into_iter()
+    }
+
+    /// Whether a page commands `robot`.
+    pub fn is_commanded(&self, robot: u32) -> bool {
+        self.pages.is_commanded(robot)
     }
 
     /// The robots that are shown from now on.
