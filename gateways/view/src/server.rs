@@ -118,9 +118,10 @@ impl Server {
     }
 
     /// Takes note that the bytes of a connection are those of TLS, before the first of them is given.
-    pub fn encrypted(&mut self, id: ConnectionId) {
+    pub fn encrypted(&mut self, id: ConnectionId, now: MonotonicNs) {
+        self.clock = now;
         if let Some(entry) = self.connections.get_mut(&id) {
-            entry.connection.peer.is_encrypted = true;
+            entry.connection.encrypted(now);
         }
     }
 

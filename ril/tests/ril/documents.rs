@@ -34,7 +34,7 @@ use crate::common::sandbox;
 use crate::watch::screen::Screen;
 
 /// Pages with something to run, each of which has a test below.
-const PAGES: [&str; 9] = [
+const PAGES: [&str; 10] = [
     "README.md",
     "docs/install.md",
     "docs/json.md",
@@ -44,6 +44,7 @@ const PAGES: [&str; 9] = [
     "docs/plans.md",
     "docs/reference.md",
     "docs/safety.md",
+    "docs/view.md",
 ];
 
 /// Blocks that another test takes from the page: page, language, file and words in it.
@@ -613,6 +614,9 @@ impl Reader {
         let command = match file {
             "bridge.toml" => "run bridge",
             "ril.toml" => "start",
+            // Its table [tls] wants a build with TLS.
+            "view.toml" if text.contains("[tls]") && !cfg!(feature = "tls") => return,
+            "view.toml" => "run view",
             "relay.toml" if text.contains("[station]") => "relay station",
             "relay.toml" => "relay robot",
             "Cargo.toml" => {
@@ -737,4 +741,9 @@ fn the_examples_of_the_reference_run() {
 #[test]
 fn the_examples_of_the_page_about_safety_are_right() {
     Reader::new("docs/safety.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_the_view_are_right() {
+    Reader::new("docs/view.md").reads();
 }

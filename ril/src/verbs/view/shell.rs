@@ -16,12 +16,15 @@ use super::checks::Checks;
 use super::fleet::Fleet;
 use super::messages;
 use super::orders::Orders;
-use super::peer::is_own_user;
+use super::page_lost::PageLost;
 use super::sockets::{Arrived, Key, Sockets};
 use super::speaker::Speaker;
 use crate::config::RequestConfig;
+use crate::request::order::RobotOrder;
 use crate::robot::changes::Weight;
 use crate::robot::clock::{Clocks, WallClock};
+use crate::view_setup::config::ViewConfig;
+use crate::view_setup::peer::is_own_user;
 
 /// Time between two looks at the robots while a page looks.
 const WATCHED_PERIOD: Duration = Duration::from_millis(50);
@@ -58,6 +61,7 @@ pub(super) struct ViewShell {
     channels: Channels,
     orders: Orders,
     checks: Checks,
+    page_lost: PageLost,
     requests: RequestConfig,
     /// When the robots are looked at next.
     next_look: MonotonicNs,
@@ -66,12 +70,7 @@ pub(super) struct ViewShell {
 }
 
 impl ViewShell {
-    pub fn new(
-        sockets: Sockets,
-        server: Server,
-        fleet: Fleet,
-        requests: RequestConfig,
-    ) -> ViewShell {
+    pub fn new(sockets: Sockets, server: Server, fleet: Fleet, config: &ViewConfig) -> ViewShell {
         ViewShell {
             sockets,
             connections: BTreeMap::new(),
@@ -81,7 +80,8 @@ impl ViewShell {
             channels: Channels::default(),
             orders: Orders::default(),
             checks: Checks::default(),
-            requests,
+            page_lost: PageLost::new(config.page_lost()),
+            requests: config.request.clone(),
             next_look: MonotonicNs(0),
             wall_clock: WallClock::default(),
             buffer: Vec::new(),
@@ -97,7 +97,15 @@ impl ViewShell {
             };
             match self.sockets.read(key, &mut self.buffer) {
                 None => {}
-                Some(Arrived::Bytes(bytes)) => self.server.receive(id, bytes, now),
+                Some(Arrived::Bytes {
+                    bytes,
+                    is_encrypted,
+                }) => {
+                    if is_encrypted {
+                        self.server.encrypted(id, now);
+                    }
+                    self.server.receive(id, bytes, now);
+                }
                 Some(Arrived::End) => self.close(key, now),
             }
         }
@@ -105,6 +113,7 @@ impl ViewShell {
             while let Some(connection) = self.sockets.accept() {
                 let peer = Peer {
                     address: connection.peer,
+                    at: connection.own.ip(),
                     is_own_user: is_own_user(connection.peer, connection.own),
                     is_encrypted: false,
                 };
@@ -142,6 +151,7 @@ impl ViewShell {
                 self.server.set_robots(self.fleet.ids());
             }
             self.fleet.drain(now);
+            self.hold_deserted(now);
             let clock = self.clock(now);
             self.speaker.speak(&mut self.fleet, &mut self.server, clock);
             for shown in self.fleet.iter() {
@@ -150,6 +160,50 @@ impl ViewShell {
             }
         }
         self.report(now);
+    }
+
+    /// Ends the movements of pages that no page commands any more, where the configuration wants that.
+    fn hold_deserted(&mut self, now: MonotonicNs) {
+        let (orders, server) = (&self.orders, &self.server);
+        let is_deserted = |robot| orders.moves(robot) && !server.is_commanded(robot);
+        let robots = self.fleet.ids().into_iter();
+        let due = self
+            .page_lost
+            .due(robots.map(|id| (id, is_deserted(id))), now);
+        for robot in due {
+            let text = "no page commands any more and a movement of one goes on: hold";
+            tracing::warn!(robot, "{text}");
+            if let Some(shown) = self.fleet.get_mut(robot) {
+                shown.robot.journal.add(now, Weight::Alarm, text.to_owned());
+            }
+            self.send_own(robot, RobotOrder::Hold, now);
+        }
+    }
+
+    /// Takes the bridge's control for the page that commands, or gives it back, where control is exclusive.
+    fn pass_control(&mut self, robot: u32, now: MonotonicNs) {
+        let is_commanded = self.server.is_commanded(robot);
+        let state = self.fleet.get_mut(robot).and_then(|one| one.robot.state);
+        if state.is_some_and(|state| state.control.exclusive != 0 && !state.is_replayed()) {
+            let order = match is_commanded {
+                true => RobotOrder::TakeControl,
+                false => RobotOrder::ReleaseControl,
+            };
+            self.send_own(robot, order, now);
+        }
+    }
+
+    /// Orders something that no page has ordered. What becomes of it is in the robot's journal.
+    fn send_own(&mut self, robot: u32, order: RobotOrder, now: MonotonicNs) {
+        let Some(shown) = self.fleet.get_mut(robot) else {
+            return;
+        };
+        let sent = shown
+            .ports
+            .send(order, &self.requests, &mut shown.robot, now);
+        if let Err(failure) = sent {
+            tracing::warn!(robot, chain = ?failure.chain(), "an order of the view itself could not be sent");
+        }
     }
 
     /// Says what became of orders and checks.
@@ -203,6 +257,7 @@ impl ViewShell {
                     if let Some(shown) = self.fleet.get_mut(robot) {
                         shown.robot.journal.add(now, Weight::Order, text);
                     }
+                    self.pass_control(robot, now);
                 }
                 Event::Rejected { from, why, count } => {
                     tracing::warn!(from, count, "{why}");
@@ -239,7 +294,9 @@ impl ViewShell {
             let waits = loop {
                 let output = self.server.output(id);
                 if output.is_empty() {
-                    break false;
+                    let is_flushed = self.sockets.flush(key);
+                    is_gone = is_flushed.is_none();
+                    break is_flushed == Some(false);
                 }
                 match self.sockets.write(key, output) {
                     Some(0) => break true,

@@ -17,6 +17,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 use serde::Serialize;
 
+use super::invitation;
 use super::options::{ServerArgs, ViewArgs};
 use super::run_file::{self, Running};
 use super::server;
@@ -40,7 +41,11 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
         return print_configuration("view", &server::check_config(&args.server)?);
     }
     runtime::logging::init(common.verbosity())?;
-    let port = server::load(&args.server)?.value.port;
+    let config = server::load(&args.server)?.value;
+    if let Some(name) = &args.invite {
+        return invitation::print(&config, name);
+    }
+    let port = config.port;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     let running = run_file::find(port)?;
     if args.stop {

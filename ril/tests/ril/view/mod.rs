@@ -1,6 +1,7 @@
 //! `ril run view` and `ril view` beside real robots and stand-ins, as a browser sees them.
 
 mod page;
+mod places;
 
 use std::fs;
 use std::net::{TcpListener, TcpStream};
@@ -48,8 +49,13 @@ fn token(rig: &Sandbox, port: u16) -> String {
 
 impl View {
     fn start(rig: &Sandbox) -> View {
+        View::start_with(rig, "")
+    }
+
+    /// The same with further options.
+    fn start_with(rig: &Sandbox, options: &str) -> View {
         let port = free_port();
-        let mut process = ril(rig, &format!("run view --port {port}"));
+        let mut process = ril(rig, &format!("run view --port {port} {options}"));
         process.wait_for_text("ready");
         let token = token(rig, port);
         View {
