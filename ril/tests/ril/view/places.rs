@@ -174,8 +174,8 @@ mod tls {
         let made = certificate(&rig);
         rig.write(
             "view.toml",
-            &format!("token_key = \"view.key\"\nlisten = [\"0.0.0.0\"]\nnames = [\"field.local\"]\n\
-                [tls]\ncertificate = \"field.pem\"\nkey = \"field-key.pem\"\n[tokens]\npad = \"command\"\n"),
+            "token_key = \"view.key\"\nlisten = [\"0.0.0.0\"]\nnames = [\"field.local\"]\n\
+                [tls]\ncertificate = \"field.pem\"\nkey = \"field-key.pem\"\n[tokens]\npad = \"command\"\n",
         );
         let finished = ril(&rig, "view --invite pad").exits(0);
         let token = finished.stdout[0]
