@@ -10,11 +10,23 @@ use std::path::Path;
 
 use ipc_types::{RobotId, ServiceId};
 use recording::read::{ReadError, Recovered};
+use ros_messages::Level;
 use ros_messages::cdr::{Reader, Writer};
 use runtime::exit::Failure;
 
+use crate::robot::changes::Weight;
+
 /// In the place of a process: a line of the log that is made of what the robot publishes.
 pub const FLIGHT: &str = "flight";
+
+/// The level of ROS 2 that a weight has.
+pub fn level(weight: Weight) -> Level {
+    match weight {
+        Weight::Note | Weight::Order => Level::Info,
+        Weight::Warning => Level::Warn,
+        Weight::Alarm => Level::Error,
+    }
+}
 
 /// The topic in a file of the service `key` of `robot`: `/robot1/dsp/telemetry`, `/robot1/battery_watch/cell_voltages`.
 pub fn topic_of(robot: RobotId, key: &str) -> String {

@@ -2,6 +2,7 @@
 
 use ipc_types::{MonotonicNs, RobotId};
 use ros_messages::cdr::{Reader, Writer};
+use ros_messages::{OFFERED_QOS_PROFILES, Qos};
 
 use crate::event::{Event, EventKind};
 use crate::settings::Channel;
@@ -42,7 +43,11 @@ pub(crate) fn channel(robot: RobotId) -> Channel {
         topic: format!("/robot{robot}{TOPIC_END}"),
         schema_name: TYPE_NAME.to_owned(),
         schema_text: DEFINITION.to_owned(),
-        metadata: [].into(),
+        metadata: [(
+            OFFERED_QOS_PROFILES.to_owned(),
+            Qos::STATE.offered_profiles(),
+        )]
+        .into(),
     }
 }
 

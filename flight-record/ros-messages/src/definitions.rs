@@ -1,22 +1,30 @@
 //! Definitions of message types of ROS 2, as an MCAP file with the encoding `ros2msg` has them: the type, and behind it each
 //! type that it contains.
 
+use crate::diagnostics::DIAGNOSTIC_ARRAY;
+use crate::geojson::GEO_JSON;
 use crate::log::Log;
+use crate::path::PATH;
 use crate::pose::POSE_STAMPED;
 use crate::standard::StandardMessage;
+use crate::transform::TF_MESSAGE;
 
 /// Stands before each type that another one contains.
 const SEPARATOR: &str =
     "================================================================================";
 
 /// Names of the types that messages of this crate have.
-pub const TYPES: [&str; 6] = [
+pub const TYPES: [&str; 10] = [
     StandardMessage::NavSatFix.type_name(),
     StandardMessage::Imu.type_name(),
     StandardMessage::BatteryState.type_name(),
     StandardMessage::TwistStamped.type_name(),
     POSE_STAMPED,
+    PATH,
     Log::TYPE_NAME,
+    TF_MESSAGE,
+    DIAGNOSTIC_ARRAY,
+    GEO_JSON,
 ];
 
 /// The definition of one of [`TYPES`], with all that it contains; `None` for other names.
@@ -78,7 +86,39 @@ fn own(type_name: &str) -> Option<(&'static str, &'static [&'static str])> {
                 "geometry_msgs/msg/Quaternion",
             ],
         ),
+        "nav_msgs/msg/Path" => (
+            "std_msgs/Header header\ngeometry_msgs/PoseStamped[] poses\n",
+            &[
+                "std_msgs/msg/Header",
+                "builtin_interfaces/msg/Time",
+                "geometry_msgs/msg/PoseStamped",
+                "geometry_msgs/msg/Pose",
+                "geometry_msgs/msg/Point",
+                "geometry_msgs/msg/Quaternion",
+            ],
+        ),
         "rcl_interfaces/msg/Log" => (LOG, &["builtin_interfaces/msg/Time"]),
+        "tf2_msgs/msg/TFMessage" => (
+            "geometry_msgs/TransformStamped[] transforms\n",
+            &[
+                "geometry_msgs/msg/TransformStamped",
+                "std_msgs/msg/Header",
+                "builtin_interfaces/msg/Time",
+                "geometry_msgs/msg/Transform",
+                "geometry_msgs/msg/Vector3",
+                "geometry_msgs/msg/Quaternion",
+            ],
+        ),
+        "diagnostic_msgs/msg/DiagnosticArray" => (
+            "std_msgs/Header header\ndiagnostic_msgs/DiagnosticStatus[] status\n",
+            &[
+                "std_msgs/msg/Header",
+                "builtin_interfaces/msg/Time",
+                "diagnostic_msgs/msg/DiagnosticStatus",
+                "diagnostic_msgs/msg/KeyValue",
+            ],
+        ),
+        "foxglove_msgs/msg/GeoJSON" => ("string geojson\n", &[]),
         "std_msgs/msg/Header" => ("builtin_interfaces/Time stamp\nstring frame_id\n", &[]),
         "builtin_interfaces/msg/Time" => ("int32 sec\nuint32 nanosec\n", &[]),
         "sensor_msgs/msg/NavSatStatus" => (NAV_SAT_STATUS, &[]),
@@ -86,6 +126,13 @@ fn own(type_name: &str) -> Option<(&'static str, &'static [&'static str])> {
         "geometry_msgs/msg/Vector3" | "geometry_msgs/msg/Point" => {
             ("float64 x\nfloat64 y\nfloat64 z\n", &[])
         }
+        "geometry_msgs/msg/TransformStamped" => (TRANSFORM_STAMPED, &[]),
+        "geometry_msgs/msg/Transform" => (
+            "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n",
+            &[],
+        ),
+        "diagnostic_msgs/msg/DiagnosticStatus" => (DIAGNOSTIC_STATUS, &[]),
+        "diagnostic_msgs/msg/KeyValue" => ("string key\nstring value\n", &[]),
         "geometry_msgs/msg/Twist" => (
             "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n",
             &[],
@@ -186,6 +233,24 @@ string function
 uint32 line
 ";
 
+const TRANSFORM_STAMPED: &str = "\
+std_msgs/Header header
+string child_frame_id
+geometry_msgs/Transform transform
+";
+
+const DIAGNOSTIC_STATUS: &str = "\
+byte OK=0
+byte WARN=1
+byte ERROR=2
+byte STALE=3
+byte level
+string name
+string message
+string hardware_id
+diagnostic_msgs/KeyValue[] values
+";
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
@@ -193,8 +258,8 @@ mod tests {
     use super::*;
 
     /// Types of fields that are not messages.
-    const PLAIN: [&str; 11] = [
-        "bool", "int8", "uint8", "int16", "uint16", "int32", "uint32", "uint64", "float32",
+    const PLAIN: [&str; 12] = [
+        "bool", "byte", "int8", "uint8", "int16", "uint16", "int32", "uint32", "uint64", "float32",
         "float64", "string",
     ];
 

@@ -9,7 +9,7 @@ pub(crate) const MAP: &str = "map";
 
 /// Frame of the robot's body.
 pub(crate) fn body_frame(robot: RobotId) -> String {
-    format!("hero{robot}/base_link")
+    format!("robot{robot}/base_link")
 }
 
 /// Appends a header: the time and the frame.

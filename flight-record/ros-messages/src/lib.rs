@@ -3,6 +3,10 @@
 //! * [`message`]: a sample of ours as a message;
 //! * [`StandardMessage`]: what drivers in ROS 2 publish of a robot, made of its telemetry;
 //! * [`pose_stamped`]: position and attitude, for viewers that draw the robot;
+//! * [`tf_message`]: the same as a transform; [`ViewerMessage`]: all that is made of telemetry for viewers;
+//! * [`path_message`]: a plan, or the track that was flown; [`Qos`]: how surely a topic's samples arrive;
+//! * [`diagnostic_array`]: what is wrong; [`geojson_message`]: what lies on a map;
+//! * [`layout`]: the panels of Foxglove and Lichtblick that show all this;
 //! * [`Log`]: a line of a process's log;
 //! * [`definition`]: the definition of each of these types, with all that it contains.
 //!
@@ -29,15 +33,29 @@
 mod attitude;
 pub mod cdr;
 mod definitions;
+mod diagnostics;
+mod geojson;
 mod header;
+mod layout;
 mod log;
+mod path;
 mod pose;
+mod qos;
 mod standard;
 mod time;
+mod transform;
+mod viewer;
 
 pub use cdr::message;
 pub use definitions::{TYPES, definition};
+pub use diagnostics::{DIAGNOSTIC_ARRAY, Diagnostic, DiagnosticLevel, diagnostic_array};
+pub use geojson::{GEO_JSON, geojson_message};
+pub use layout::layout;
 pub use log::{Level, Log};
-pub use pose::{POSE_STAMPED, pose_stamped};
+pub use path::{PATH, PathPoint, path_message};
+pub use pose::{POSE_STAMPED, pose_stamped, position};
+pub use qos::{Durability, OFFERED_QOS_PROFILES, Qos, Reliability};
 pub use standard::StandardMessage;
 pub use time::UnixOffset;
+pub use transform::{TF_MESSAGE, tf_message};
+pub use viewer::ViewerMessage;

@@ -3,7 +3,7 @@
 use ipc_types::TelemetryGroup;
 use ipc_types::payload::HeroTelemetry;
 
-use crate::attitude::orientation;
+use crate::attitude::{Quaternion, orientation};
 use crate::cdr::Writer;
 use crate::header::{MAP, header};
 use crate::time::UnixOffset;
@@ -16,10 +16,25 @@ const LEN: usize = 4 + 8 + 8 + 7 * 8;
 
 /// The pose in CDR, in the frame `map` (east, north, up), stamped with the time at which the bridge received the telemetry.
 /// Nothing without the groups `xy` and `attitude`.
+pub fn pose_stamped(telemetry: &HeroTelemetry, offset: UnixOffset) -> Option<Vec<u8>> {
+    let pose = pose(telemetry)?;
+    let mut writer = Writer::with_capacity(LEN);
+    header(&mut writer, offset.unix_ns(telemetry.received()), MAP);
+    writer.f64s(&pose);
+    Some(writer.finish())
+}
+
+/// East, north, up in metres, and the quaternion, all in the frame `map`.
+pub(crate) fn pose(telemetry: &HeroTelemetry) -> Option<[f64; 7]> {
+    let Quaternion([x, y, z, w]) = orientation(telemetry)?;
+    let [east_m, north_m, up_m] = position(telemetry)?;
+    Some([east_m, north_m, up_m, x, y, z, w])
+}
+
+/// East, north, up in metres in the frame `map`; `None` without the group `xy`.
 ///
 /// The height is the altitude of the group `geographic`, 0 when that is not valid.
-pub fn pose_stamped(telemetry: &HeroTelemetry, offset: UnixOffset) -> Option<Vec<u8>> {
-    let orientation = orientation(telemetry)?;
+pub fn position(telemetry: &HeroTelemetry) -> Option<[f64; 3]> {
     if !telemetry.valid(TelemetryGroup::Xy) {
         return None;
     }
@@ -29,11 +44,8 @@ pub fn pose_stamped(telemetry: &HeroTelemetry, offset: UnixOffset) -> Option<Vec
     } else {
         0.0
     };
-    let mut writer = Writer::with_capacity(LEN);
-    header(&mut writer, offset.unix_ns(telemetry.received()), MAP);
-    writer.f64s(&[telemetry.local.east_m, telemetry.local.north_m, up_m]);
-    writer.f64s(&orientation.0);
-    Some(writer.finish())
+    let local = &telemetry.local;
+    Some([local.east_m, local.north_m, up_m])
 }
 
 #[cfg(test)]

@@ -2,14 +2,14 @@
 //!
 //! | here | in ROS 2 |
 //! |---|---|
-//! | body: forward, right, down | `hero1/base_link`: forward, left, up |
+//! | body: forward, right, down | `robot1/base_link`: forward, left, up |
 //! | world: north, east, down | `map`: east, north, up |
 //! | yaw from north, clockwise | yaw from east, counter-clockwise |
 //!
 //! `map` names the directions of the axes; each robot's local plane has its origin at its own first GPS fix.
 //!
-//! No covariance is known: matrices are zero, which the messages define as *unknown*. The first element is −1 where there is
-//! no value at all.
+//! Telemetry has no covariances: matrices are zero, which the messages define as *unknown*, but for the position, whose typical error
+//! follows from the kind of the fix. The first element is −1 where there is no value at all.
 
 use ipc_types::payload::{HeroAngularRate, HeroTelemetry};
 use ipc_types::{RobotId, TelemetryGroup};
@@ -21,6 +21,11 @@ use crate::time::UnixOffset;
 
 /// Elements of a matrix with unknown covariances.
 const UNKNOWN: [f64; 9] = [0.0; 9];
+
+/// `sensor_msgs/msg/NavSatFix`: nothing is known about the covariance.
+const COVARIANCE_TYPE_UNKNOWN: u8 = 0;
+/// It is an estimate, as from a dilution of precision.
+const COVARIANCE_TYPE_APPROXIMATED: u8 = 1;
 
 /// Elements of the matrix of a value that there is not.
 const NO_VALUE: [f64; 9] = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
@@ -158,9 +163,34 @@ fn nav_sat_fix(writer: &mut Writer, telemetry: &HeroTelemetry) {
     writer.f64(telemetry.geodetic.latitude_rad.to_degrees());
     writer.f64(telemetry.geodetic.longitude_rad.to_degrees());
     writer.f64(telemetry.geodetic.altitude_m);
-    writer.f64s(&UNKNOWN);
-    // COVARIANCE_TYPE_UNKNOWN
-    writer.u8(0);
+    match quality.and_then(typical_error_m) {
+        Some(error_m) => {
+            writer.f64s(&position_covariance(error_m));
+            writer.u8(COVARIANCE_TYPE_APPROXIMATED);
+        }
+        None => {
+            writer.f64s(&UNKNOWN);
+            writer.u8(COVARIANCE_TYPE_UNKNOWN);
+        }
+    }
+}
+
+/// The horizontal error (one sigma, m) that a fix of this NMEA quality typically has under an open sky; `None` if the position does not
+/// come from satellites.
+fn typical_error_m(quality: u32) -> Option<f64> {
+    match quality {
+        1 | 3 => Some(3.0),
+        2 => Some(1.0),
+        4 => Some(0.02),
+        5 => Some(0.5),
+        _ => None,
+    }
+}
+
+/// The matrix of a horizontal error: east, north, up. Satellites are all above, so that the height is twice as uncertain.
+fn position_covariance(error_m: f64) -> [f64; 9] {
+    let [horizontal, vertical] = [error_m.powi(2), (2.0 * error_m).powi(2)];
+    [horizontal, 0., 0., 0., horizontal, 0., 0., 0., vertical]
 }
 
 /// The status of a fix by its NMEA quality. Estimated, typed in and simulated positions (6, 7, 8) do not come from satellites.

@@ -394,6 +394,14 @@ impl Pages {
         }
     }
 
+    /// All pages are to get the past and all states anew.
+    pub fn begin_anew(&mut self) {
+        for page in self.pages.values_mut().filter(|page| !page.is_hidden) {
+            page.has_joined = page.robot.is_some();
+            page.outbox.drop_now();
+        }
+    }
+
     /// A page that is to get the past and all states.
     pub fn poll_joined(&mut self) -> Option<Event> {
         self.pages.iter_mut().find_map(|(viewer, page)| {
@@ -415,11 +423,6 @@ impl Pages {
     /// Whether a page is here that has opened.
     pub fn has_viewers(&self) -> bool {
         self.pages.values().any(|page| page.permit.is_some())
-    }
-
-    /// Whether a page commands `robot`.
-    pub fn is_commanded(&self, robot: u32) -> bool {
-        self.leases.contains_key(&robot)
     }
 
     /// The robots that pages look at.
@@ -482,6 +485,12 @@ impl Pages {
         if let Some(page) = page.filter(|page| page.robot == Some(robot)) {
             page.send(message);
         }
+    }
+
+    /// Whether a page has the lease of this robot.
+    pub fn is_commanded(&self, robot: u32) -> bool {
+        let lease = self.leases.get(&robot);
+        lease.is_some_and(|lease| lease.holder().is_some())
     }
 
     /// Puts the newest values before all pages that look at the robot.

@@ -396,14 +396,19 @@ impl Server {
         self.pages.has_viewers() || self.foxglove.has_viewers()
     }
 
+    /// Whether a Foxglove client is here.
+    pub fn has_foxglove_clients(&self) -> bool {
+        self.foxglove.has_viewers()
+    }
+
+    /// Whether a page commands this robot: then nothing else that viewers order is to be sent, but hold and land.
+    pub fn is_commanded(&self, robot: u32) -> bool {
+        self.pages.is_commanded(robot)
+    }
+
     /// The robots that pages look at.
     pub fn watched(&self) -> impl Iterator<Item = u32> + use<> {
         self.pages.watched().into_iter()
-    }
-
-    /// Whether a page commands `robot`.
-    pub fn is_commanded(&self, robot: u32) -> bool {
-        self.pages.is_commanded(robot)
     }
 
     /// The robots that are shown from now on.
@@ -456,6 +461,11 @@ impl Server {
     /// Says where the recording is to all pages.
     pub fn replay(&mut self, replay: &page::Replay) {
         self.pages.say(None, &Outgoing::Replay(replay));
+    }
+
+    /// All that pages know is of another moment: they are to get the past and all states anew, by an [`Event::Joined`] each.
+    pub fn begin_anew(&mut self) {
+        self.pages.begin_anew();
     }
 
     /// Offers a channel to Foxglove clients; `None` if there are too many. The number stays the same as long as topic and layout do.

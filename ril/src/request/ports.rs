@@ -54,6 +54,8 @@ pub(crate) enum Wakers {
 pub(crate) struct OrderNews {
     /// As [`RobotPorts::send`] has given it.
     pub number: u64,
+    /// As the bridge calls its request.
+    pub request_id: u64,
     /// How far it is, and why; `None` if that cannot be known, because the bridge did not answer.
     pub stage: Option<(Stage, Reason)>,
     /// The same in words.
@@ -87,6 +89,7 @@ pub(crate) struct RobotPorts {
 /// An order that has no final report yet.
 struct OpenOrder {
     number: u64,
+    request_id: u64,
     verb: Verb,
     exchange: Exchange,
 }
@@ -261,6 +264,7 @@ impl RobotPorts {
                 self.sent += 1;
                 self.orders.push(OpenOrder {
                     number: self.sent,
+                    request_id,
                     verb,
                     exchange,
                 });
@@ -327,6 +331,7 @@ impl RobotPorts {
                         &mut self.news,
                         OrderNews {
                             number: order.number,
+                            request_id: order.request_id,
                             stage: report.stage().zip(report.reason()),
                             text: line.clone(),
                             is_final: FinalReport::of(report).is_some(),
@@ -341,15 +346,14 @@ impl RobotPorts {
             Next::Over(outcome) => {
                 if let Some((stage, text)) = end_of(order.verb, &outcome) {
                     robot.journal.add(now, Weight::Alarm, text.clone());
-                    let number = order.number;
-                    let is_final = true;
                     note(
                         &mut self.news,
                         OrderNews {
-                            number,
+                            number: order.number,
+                            request_id: order.request_id,
                             stage,
                             text,
-                            is_final,
+                            is_final: true,
                         },
                     );
                 }

@@ -1,6 +1,6 @@
 //! Places on the Earth and the metres between them: the one Earth of this tool, a sphere with the mean radius; and where a robot was.
 //!
-//! Where metres become a place that is flown to ([`moved`], [`origin`]), the Earth is the ellipsoid of WGS 84.
+//! Where metres become a place or a place metres ([`moved`], [`origin`], [`plane_m`]), the Earth is the ellipsoid of WGS 84.
 //!
 //! Distances are those on a flat map around the first place, good to 0.6 % over some kilometres. What the bridge judges with are its
 //! own: `bridge::geodesy` and the geofence.
@@ -30,10 +30,9 @@ impl Place {
 
 /// How far `to` lies from `from`: metres east, metres north, the shorter way round the Earth.
 pub fn offset_m(from: Place, to: Place) -> (f64, f64) {
-    let east_deg = (to.longitude_deg - from.longitude_deg + 540.0).rem_euclid(360.0) - 180.0;
     let scale = from.latitude_deg.to_radians().cos();
     (
-        east_deg * METRES_PER_DEGREE * scale,
+        east_deg(from, to) * METRES_PER_DEGREE * scale,
         (to.latitude_deg - from.latitude_deg) * METRES_PER_DEGREE,
     )
 }
@@ -55,17 +54,38 @@ pub fn origin(place: Place, east_m: f64, north_m: f64) -> Option<Place> {
     moved_at(near.latitude_deg, place, -east_m, -north_m)
 }
 
+/// Where `place` lies in the plane that touches the Earth at `origin`: metres east, metres north, as [`moved`] has them.
+pub fn plane_m(origin: Place, place: Place) -> (f64, f64) {
+    let (east_radius_m, north_radius_m) = radii_m(origin.latitude_deg);
+    let north_deg = place.latitude_deg - origin.latitude_deg;
+    (
+        east_deg(origin, place).to_radians() * east_radius_m,
+        north_deg.to_radians() * north_radius_m,
+    )
+}
+
 /// The same as [`moved`] with the curvature at a latitude.
 fn moved_at(latitude_deg: f64, from: Place, east_m: f64, north_m: f64) -> Option<Place> {
-    let (sin, cos) = latitude_deg.to_radians().sin_cos();
-    let flattened = 1.0 - ECCENTRICITY_SQUARED * sin * sin;
-    let east_radius_m = SEMI_MAJOR_AXIS_M / flattened.sqrt();
-    let north_radius_m = east_radius_m * (1.0 - ECCENTRICITY_SQUARED) / flattened;
-    let longitude_deg = from.longitude_deg + (east_m / (east_radius_m * cos)).to_degrees();
+    let (east_radius_m, north_radius_m) = radii_m(latitude_deg);
+    let longitude_deg = from.longitude_deg + (east_m / east_radius_m).to_degrees();
     Place::new(
         from.latitude_deg + (north_m / north_radius_m).to_degrees(),
         (longitude_deg + 540.0).rem_euclid(360.0) - 180.0,
     )
+}
+
+/// Metres of one radian of longitude and of latitude at a latitude.
+fn radii_m(latitude_deg: f64) -> (f64, f64) {
+    let (sin, cos) = latitude_deg.to_radians().sin_cos();
+    let flattened = 1.0 - ECCENTRICITY_SQUARED * sin * sin;
+    let east_radius_m = SEMI_MAJOR_AXIS_M / flattened.sqrt();
+    let north_radius_m = east_radius_m * (1.0 - ECCENTRICITY_SQUARED) / flattened;
+    (east_radius_m * cos, north_radius_m)
+}
+
+/// From one longitude to the other, the shorter way round the Earth, degrees.
+fn east_deg(from: Place, to: Place) -> f64 {
+    (to.longitude_deg - from.longitude_deg + 540.0).rem_euclid(360.0) - 180.0
 }
 
 /// Distance along the ground, m.
@@ -83,10 +103,22 @@ const FIRST_SPACING_M: f64 = 0.5;
 /// A jump farther than this begins another track, m: it is no flight, but another fix or another robot.
 const MAX_JUMP_M: f64 = 10_000.0;
 
+/// A point that has a distance to others.
+pub trait Spaced: Copy {
+    /// The distance to another point, m.
+    fn distance_m(self, to: Self) -> f64;
+}
+
+impl Spaced for Place {
+    fn distance_m(self, to: Place) -> f64 {
+        distance_m(self, to)
+    }
+}
+
 /// Where the robot was, bounded: when it is full, every other point goes and the points lie twice as far apart.
 #[derive(Clone, Debug)]
-pub struct Track {
-    points: Vec<Place>,
+pub struct Track<P = Place> {
+    points: Vec<P>,
     most: usize,
     spacing_m: f64,
 }
@@ -97,9 +129,9 @@ impl Default for Track {
     }
 }
 
-impl Track {
-    /// A track of at most `most` points, for more than a terminal shows.
-    pub fn with_room(most: usize) -> Track {
+impl<P: Spaced> Track<P> {
+    /// A track of at most `most` points, for more or less than a terminal shows.
+    pub fn with_room(most: usize) -> Track<P> {
         Track {
             points: Vec::new(),
             most: most.max(2),
@@ -108,9 +140,9 @@ impl Track {
     }
 
     /// Takes the present place.
-    pub fn push(&mut self, place: Place) {
+    pub fn push(&mut self, place: P) {
         if let Some(last) = self.points.last() {
-            let distance_m = distance_m(*last, place);
+            let distance_m = last.distance_m(place);
             if distance_m > MAX_JUMP_M {
                 *self = Track::with_room(self.most);
             } else if distance_m < self.spacing_m {
@@ -129,7 +161,7 @@ impl Track {
     }
 
     /// The points, oldest first.
-    pub fn points(&self) -> &[Place] {
+    pub fn points(&self) -> &[P] {
         &self.points
     }
 }
@@ -155,6 +187,8 @@ mod tests {
         let far = moved(from, 5_000.0, -7_000.0).unwrap();
         let back = origin(far, 5_000.0, -7_000.0).unwrap();
         assert!(distance_m(from, back) < 0.05, "{back:?}");
+        let (east_m, north_m) = plane_m(from, far);
+        assert!((east_m - 5_000.0).abs() < 1e-6 && (north_m + 7_000.0).abs() < 1e-6);
         assert_eq!(moved(Place::new(90.0, 0.0).unwrap(), 0.0, 50.0), None);
     }
 

@@ -3,7 +3,7 @@
 //! it comes.
 //!
 //! `model` is all that a screen or a page knows of one robot: `freshness` says how old that is, `alarms` what is wrong now, `history` what
-//! happened and how values went, `past` the same for plots.
+//! happened and how values went, `past` the same for plots. `played` feeds it from a recording.
 
 pub(crate) mod absence;
 pub mod alarms;
@@ -20,6 +20,7 @@ pub mod history;
 pub mod model;
 pub mod past;
 pub mod pilot;
+pub mod played;
 pub(crate) mod position;
 pub mod relay_link;
 pub mod running;

@@ -23,6 +23,8 @@ pub struct Line {
 pub struct Read {
     /// By topic, in order.
     pub messages: BTreeMap<String, Vec<Line>>,
+    /// By topic: reliability, durability and depth of each publisher, where the reader gives them.
+    pub profiles: BTreeMap<String, Vec<[u64; 3]>>,
     /// `None` if the reader has no complaint.
     pub error: Option<String>,
 }

@@ -3,6 +3,7 @@
 READER is `mcap` (with `mcap-ros2-support`), `rosbags`, or `hero_ril`, the package of this workspace. Lines, divided by tabs:
 
     file <path>
+    profile <topic> <reliability> <durability> <depth>    from `rosbags`: the numbers of ROS 2
     message <topic> <log time> <publish time> <sequence> <name=value> ...
     error <text>                                    what the reader complained of behind the last message
 
@@ -75,6 +76,9 @@ def read_rosbags(path):
         # Constants are members of its classes, too.
         fields = reader.typestore.fielddefs
         members = lambda value: [(name, getattr(value, name)) for name, _ in fields[value.__msgtype__][1]]
+        for connection in reader.connections:
+            for qos in connection.ext.offered_qos_profiles:
+                print("profile", connection.topic, qos.reliability.value, qos.durability.value, qos.depth, sep="\t")
         for connection, time, data in reader.messages():
             message(connection.topic, time, "-", "-", reader.deserialize(data, connection.msgtype), members)
 

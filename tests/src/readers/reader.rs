@@ -164,6 +164,11 @@ fn parse(output: &str) -> Vec<Read> {
                 };
                 read.messages.entry(topic).or_default().push(line);
             }
+            Some("profile") => {
+                let topic = word().to_owned();
+                let numbers = [word(), word(), word()].map(|word| number(word).expect("a number"));
+                read.profiles.entry(topic).or_default().push(numbers);
+            }
             Some("error") => read.error = Some(word().to_owned()),
             _ => panic!("{line}"),
         }

@@ -329,7 +329,7 @@ impl Reader {
 }
 
 /// The latest of the moments in a sample that is not after `bound`; `None` if there is none.
-fn latest(sample: &[u8], moments: &[usize], bound: u64) -> Option<u64> {
+pub(super) fn latest(sample: &[u8], moments: &[usize], bound: u64) -> Option<u64> {
     let words = moments.iter().filter_map(|offset| {
         let word = sample.get(*offset..)?.first_chunk()?;
         Some(u64::from_le_bytes(*word))
@@ -340,7 +340,7 @@ fn latest(sample: &[u8], moments: &[usize], bound: u64) -> Option<u64> {
 }
 
 /// A Unix time of the file by the monotonic clock of then.
-fn flight_ns(anchor: Anchor, unix_ns: u64) -> FlightNs {
+pub(super) fn flight_ns(anchor: Anchor, unix_ns: u64) -> FlightNs {
     let ahead_ns = i128::from(unix_ns) - i128::from(anchor.unix_ns);
     let at_ns = i128::from(anchor.monotonic.0) + ahead_ns;
     FlightNs(u64::try_from(at_ns.max(0)).unwrap_or(u64::MAX))

@@ -21,4 +21,4 @@ pub use message::{ReadError, RecordedMessage};
 pub use recover::{RECOVERED_METADATA, Recovered, extract, recover};
 pub use store::{RecordFile, Source};
 pub use summary::{Summary, summary_of};
-pub use walk::{Messages, messages};
+pub use walk::{Mark, Messages, messages};

@@ -41,6 +41,18 @@ impl Messages<'_> {
     }
 }
 
+impl Messages<'_> {
+    /// Where the next message lies.
+    pub fn mark(&self) -> Mark {
+        self.0.mark()
+    }
+
+    /// Goes on at a place of this file where it was before. The messages from there on are the same.
+    pub fn go_to(&mut self, mark: Mark) {
+        self.0.go_to(mark);
+    }
+}
+
 impl Messages<'static> {
     /// Goes on with what a recorder has written to the file since. Call it when all was read.
     ///
@@ -61,6 +73,14 @@ impl Iterator for Messages<'_> {
             Item::Chunk | Item::Metadata(..) | Item::Attachment(_) => None,
         })
     }
+}
+
+/// A place between two messages of a file: in the file, and in the records of a chunk that lies there. It keeps none of them in memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Mark {
+    position: u64,
+    in_chunk: Option<usize>,
+    sound: u64,
 }
 
 /// What a file has at a place.
@@ -91,6 +111,8 @@ pub(super) struct Walk<'a> {
     /// Where the next record of the file lies.
     position: u64,
     chunk: Option<Chunk>,
+    /// Where in the next chunk to go on, after [`Walk::go_to`].
+    skip: Option<usize>,
     schemas: HashMap<u16, Arc<SchemaFacts>>,
     /// The present meaning of a channel's id.
     numbers: HashMap<u16, usize>,
@@ -114,6 +136,7 @@ impl<'a> Walk<'a> {
             window: CachedSource::new(source),
             position: mcap::MAGIC.len() as u64,
             chunk: None,
+            skip: None,
             schemas: HashMap::new(),
             numbers: HashMap::new(),
             channels: Vec::new(),
@@ -123,6 +146,32 @@ impl<'a> Walk<'a> {
             is_done: false,
             is_finished: false,
         }
+    }
+
+    fn mark(&self) -> Mark {
+        let sound = self.sound;
+        match &self.chunk {
+            Some(chunk) => Mark {
+                position: chunk.at,
+                in_chunk: Some(chunk.next),
+                sound,
+            },
+            None => Mark {
+                position: self.position,
+                in_chunk: None,
+                sound,
+            },
+        }
+    }
+
+    fn go_to(&mut self, mark: Mark) {
+        self.position = mark.position;
+        self.skip = mark.in_chunk;
+        self.sound = mark.sound;
+        self.chunk = None;
+        // What was searched before is searched again.
+        self.budget = self.window.len().saturating_mul(MAX_SUMS);
+        self.is_done = false;
     }
 
     /// Whether the file was finished. Known when all was read.
@@ -320,9 +369,11 @@ impl<'a> Walk<'a> {
             return Ok(Item::Error(ReadError::damaged(at, reason)));
         }
         self.sound = self.position;
+        // A place between two records, as long as the file is the same.
+        let next = self.skip.take().unwrap_or(0).min(records.len());
         self.chunk = Some(Chunk {
             records: Arc::new(records),
-            next: 0,
+            next,
             at,
         });
         Ok(Item::Chunk)

@@ -58,8 +58,11 @@ fn doubles(message: &[u8], offset: usize, count: usize) -> Vec<f64> {
     doubles.map(|bytes| f64::from_le_bytes(*bytes)).collect()
 }
 
-/// Length of the header of a message in the frame of the body: time, length, `hero1/base_link` and its zero.
-const BODY_HEADER: usize = 4 + 4 + 4 + 16;
+/// Length of the header of a message in the frame of the body: time, length, `robot1/base_link` and its zero.
+const BODY_HEADER: usize = 4 + 4 + 4 + 17;
+
+/// Where numbers begin behind it that are aligned to 4 or 8.
+const BODY: usize = BODY_HEADER + 3;
 
 #[test]
 fn a_header_has_unix_time_and_the_robots_frame() {
@@ -67,8 +70,8 @@ fn a_header_has_unix_time_and_the_robots_frame() {
     let mut expected = vec![0, 1, 0, 0];
     expected.extend(1_700_000_003_i32.to_le_bytes());
     expected.extend(250_000_001_u32.to_le_bytes());
-    expected.extend(16_u32.to_le_bytes());
-    expected.extend(b"hero1/base_link\0");
+    expected.extend(17_u32.to_le_bytes());
+    expected.extend(b"robot1/base_link\0");
     assert_eq!(message[..4 + BODY_HEADER], expected);
 }
 
@@ -104,13 +107,46 @@ fn no_message_is_made_of_groups_that_are_not_valid() {
 fn a_fix_is_in_degrees_with_the_status_of_its_quality() {
     let groups = [TelemetryGroup::Geographic, TelemetryGroup::GpsQuality];
     let message = write(StandardMessage::NavSatFix, &groups);
-    let status = &message[4 + BODY_HEADER..][..4];
-    assert_eq!(status, [2, 0, 1, 0]);
-    let values = doubles(&message, BODY_HEADER + 4, 12);
+    let status = &message[4 + BODY_HEADER..][..3];
+    assert_eq!(status, [2, 1, 0]);
+    let values = doubles(&message, BODY, 12);
     assert!((values[0] + 30.0).abs() < 1e-12 && (values[1] - 45.0).abs() < 1e-12);
-    assert_eq!(values[2..], [120.5, 0., 0., 0., 0., 0., 0., 0., 0., 0.]);
-    // Type of covariance: unknown.
-    assert_eq!(message[4 + BODY_HEADER + 4 + 12 * 8..], [0]);
+    assert_eq!(values[2], 120.5);
+}
+
+#[test]
+fn the_covariance_of_a_position_is_that_of_the_kind_of_its_fix() {
+    let covariance = |quality: Option<u32>| {
+        let mut groups = vec![TelemetryGroup::Geographic];
+        groups.extend(quality.map(|_| TelemetryGroup::GpsQuality));
+        let telemetry = HeroTelemetry {
+            gps_quality: quality.unwrap_or_default(),
+            ..telemetry(&groups)
+        };
+        let fix = StandardMessage::NavSatFix;
+        let message = fix.write(&telemetry, RobotId::DEFAULT, OFFSET).unwrap();
+        let matrix = doubles(&message, BODY + 3 * 8, 9);
+        assert!([1, 2, 3, 5, 6, 7].iter().all(|index| matrix[*index] == 0.0));
+        let kind = message[4 + BODY + 12 * 8];
+        (kind, [0, 4, 8].map(|index| matrix[index].sqrt()))
+    };
+    for (quality, kind, error_m) in [
+        (None, 0, 0.0),
+        (Some(0), 0, 0.0),
+        (Some(1), 1, 3.0),
+        (Some(2), 1, 1.0),
+        (Some(3), 1, 3.0),
+        (Some(4), 1, 0.02),
+        (Some(5), 1, 0.5),
+        (Some(6), 0, 0.0),
+        (Some(8), 0, 0.0),
+    ] {
+        let (found, errors) = covariance(quality);
+        assert_eq!(found, kind, "{quality:?}");
+        for (found, expected) in errors.into_iter().zip([error_m, error_m, 2.0 * error_m]) {
+            assert!((found - expected).abs() < 1e-12, "{quality:?}: {found}");
+        }
+    }
 }
 
 #[test]
@@ -123,12 +159,12 @@ fn the_status_of_a_fix_follows_nmea() {
 #[test]
 fn an_imu_without_attitude_marks_the_orientation_as_absent() {
     let message = write(StandardMessage::Imu, StandardMessage::Imu.needs());
-    let values = doubles(&message, BODY_HEADER + 4, 37);
+    let values = doubles(&message, BODY, 37);
     assert_eq!(values[..5], [0.0, 0.0, 0.0, 1.0, -1.0]);
     // At rest the specific force points up.
     assert_eq!(values[13..16], [0.5, -0.25, -0.125]);
     assert_eq!(values[25..28], [0.5, -0.25, 9.75]);
-    assert_eq!(message.len(), 4 + BODY_HEADER + 4 + 37 * 8);
+    assert_eq!(message.len(), 4 + BODY + 37 * 8);
 }
 
 #[test]
@@ -143,7 +179,7 @@ fn the_longest_message_has_the_capacity() {
 #[test]
 fn a_battery_has_its_voltage_and_nothing_else_that_is_measured() {
     let message = write(StandardMessage::BatteryState, &[TelemetryGroup::Supply]);
-    let body = &message[4 + BODY_HEADER..];
+    let body = &message[4 + BODY..];
     assert_eq!(body[..4], 12.5_f32.to_le_bytes());
     let (unmeasured, _) = body[4..28].as_chunks::<4>();
     assert!(

@@ -3,6 +3,7 @@
 //! Zenoh waits for a peer that reads nothing when something is declared, for seconds. So both are declared in the background, and
 //! samples go out as soon as that is done.
 
+use ros_messages::Reliability;
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
@@ -11,7 +12,6 @@ use zenoh::qos::{CongestionControl, Priority as ZenohPriority, Reliability as Ze
 use crate::background::{Background, Made};
 use crate::config::Priority;
 use crate::failure::NetworkError;
-use crate::ros2::Reliability;
 
 /// What a way out is to be.
 #[derive(Clone, Debug, PartialEq, Eq)]

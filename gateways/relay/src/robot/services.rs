@@ -14,7 +14,7 @@ use ipc_types::{
     DynamicClient, DynamicError, DynamicSubscriber, Ipc, MonotonicNs, PortSet, SendError,
     Topic as _,
 };
-use ros_messages::message as cdr_message;
+use ros_messages::{Reliability, message as cdr_message};
 
 use super::ros2_publisher::Ros2Publisher;
 use crate::config::{TopicPlan, TopicsConfig};
@@ -25,7 +25,6 @@ use crate::network::{Declaration, Network, Outbox};
 use crate::orders::robot::NotSent;
 use crate::pace::Pace;
 use crate::request::RequestFields;
-use crate::ros2::Reliability;
 use crate::telemetry::SampleSender;
 
 /// How often the robot is looked at for services that are new.

@@ -2,7 +2,7 @@
 
 use ipc_types::RobotId;
 use ipc_types::schema::Schema;
-use ros_messages::StandardMessage;
+use ros_messages::{Qos, Reliability, StandardMessage};
 use twox_hash::XxHash3_128;
 
 use super::type_hash::type_hash;
@@ -27,63 +27,22 @@ pub const ATTACHMENT_LEN: usize = 8 + 8 + 1 + size_of::<Gid>();
 /// A ROS 2 node computes it from the token, and finds by it which publisher a sample came from.
 pub type Gid = [u8; 16];
 
-/// How surely samples arrive.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Reliability {
-    /// Samples may be lost.
-    BestEffort,
-    /// Zenoh sends again what the network lost; a full queue still drops samples.
-    Reliable,
-}
-
-/// Quality of service of a publication, as ROS 2 shows it. In `rmw_zenoh` any subscriber matches any publisher.
+/// The last part of a token: reliability, durability, history and depth, deadline, lifespan, liveliness. Whatever is the default of
+/// `rmw_zenoh` stays empty: a receiver writes the token anew that way, and hashes it.
 ///
-/// The durability is always *volatile*: a late subscriber waits for the next sample. *Transient local* would need a cache that
+/// In `rmw_zenoh` any subscriber matches any publisher. The durability is always *volatile*: a late subscriber waits for the next sample. *Transient local* would need a cache that
 /// answers queries beside each publisher. It would bring little here: telemetry comes many times a second, and a state at least
 /// once a second.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Qos {
-    /// How surely samples arrive.
-    pub reliability: Reliability,
-    /// How many samples are kept for a subscriber that is slow.
-    pub depth: u32,
-}
-
-impl Qos {
-    /// For measurements: a lost sample is replaced by the next one. ROS 2 calls this profile *sensor data*.
-    pub const SENSOR_DATA: Qos = Qos {
-        reliability: Reliability::BestEffort,
-        depth: 5,
+fn encode(qos: Qos) -> String {
+    let reliability = match qos.reliability {
+        Reliability::Reliable => "",
+        Reliability::BestEffort => "2",
     };
-
-    /// For states, which change seldom, so that each change counts. ROS 2's default profile.
-    pub const STATE: Qos = Qos {
-        reliability: Reliability::Reliable,
-        depth: 10,
+    let depth = match qos.depth {
+        DEFAULT_DEPTH => String::new(),
+        depth => depth.to_string(),
     };
-
-    /// The profile of the topic with this key: [`STATE`](Qos::STATE) for `module_state` and for `<module>/state`, which every
-    /// module has, else [`SENSOR_DATA`](Qos::SENSOR_DATA).
-    pub fn of_key(key: &str) -> Qos {
-        match key == "module_state" || key.ends_with("/state") {
-            true => Qos::STATE,
-            false => Qos::SENSOR_DATA,
-        }
-    }
-
-    /// The last part of a token: reliability, durability, history and depth, deadline, lifespan, liveliness. Whatever is the
-    /// default of `rmw_zenoh` stays empty: a receiver writes the token anew that way, and hashes it.
-    fn encode(self) -> String {
-        let reliability = match self.reliability {
-            Reliability::Reliable => "",
-            Reliability::BestEffort => "2",
-        };
-        let depth = match self.depth {
-            DEFAULT_DEPTH => String::new(),
-            depth => depth.to_string(),
-        };
-        format!("{reliability}::,{depth}:,:,:,,")
-    }
+    format!("{reliability}::,{depth}:,:,:,,")
 }
 
 /// A Zenoh session as part of the ROS graph. It hands out the ids of nodes and publications, which are unique in a session.
@@ -155,7 +114,7 @@ impl Session {
             node.prefix,
             node.names(),
             mangled(&topic),
-            qos.encode()
+            encode(qos)
         );
         Publication {
             key_expression: format!("{}{topic}/{zenoh_type}/{type_hash}", self.domain_id),
@@ -331,23 +290,13 @@ mod tests {
 
     #[test]
     fn quality_of_service_is_written_without_defaults() {
-        assert_eq!(Qos::SENSOR_DATA.encode(), "2::,5:,:,:,,");
-        assert_eq!(Qos::STATE.encode(), "::,10:,:,:,,");
+        assert_eq!(encode(Qos::SENSOR_DATA), "2::,5:,:,:,,");
+        assert_eq!(encode(Qos::STATE), "::,10:,:,:,,");
         let default = Qos {
-            reliability: Reliability::Reliable,
             depth: DEFAULT_DEPTH,
+            ..Qos::STATE
         };
-        assert_eq!(default.encode(), "::,:,:,:,,");
-    }
-
-    #[test]
-    fn states_are_reliable_and_measurements_are_not() {
-        for key in ["module_state", "status/state", "battery_watch/state"] {
-            assert_eq!(Qos::of_key(key), Qos::STATE, "{key}");
-        }
-        for key in ["hero_telemetry", "battery_watch/cell_voltages"] {
-            assert_eq!(Qos::of_key(key), Qos::SENSOR_DATA, "{key}");
-        }
+        assert_eq!(encode(default), "::,:,:,:,,");
     }
 
     #[test]

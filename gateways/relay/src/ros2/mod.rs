@@ -27,15 +27,15 @@
 //! * Declare the node's token before those of its publications, and keep all of them as long as samples are published.
 //! * Put each sample with its [`attachment`]: subscribers drop a sample without one. An encoding is not needed.
 //! * Congestion control is *drop*; reliability is that of [`Publication::qos`].
-//! * Plain publishers serve: only subscribers that ask for old samples (*transient local*) want a cache, which [`Qos`] explains.
+//! * Plain publishers serve: only subscribers that ask for old samples (*transient local*) want a cache, and no publication here offers them.
 
 mod graph;
 mod packages;
 mod topics;
 mod type_hash;
 
-pub use graph::{ATTACHMENT_LEN, Gid, Node, Publication, Qos, Reliability, Session, attachment};
+pub use graph::{ATTACHMENT_LEN, Gid, Node, Publication, Session, attachment};
 pub use packages::{ConflictingTypes, add_packages, own_schemas, write_packages};
-pub use ros_messages::{StandardMessage, UnixOffset, message};
+pub use ros_messages::{Qos, StandardMessage, UnixOffset, message};
 pub use topics::{Publications, Way};
 pub use type_hash::type_hash;

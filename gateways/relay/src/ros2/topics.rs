@@ -7,9 +7,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use ipc_types::payload::{HeroTelemetry, Number, SharedStruct};
 use ipc_types::{MonotonicNs, RobotId, Schema, Topic as _};
-use ros_messages::{StandardMessage, UnixOffset, message};
+use ros_messages::{Qos, StandardMessage, UnixOffset, message};
 
-use super::graph::{ATTACHMENT_LEN, Gid, Node, Publication, Qos, Session, attachment};
+use super::graph::{ATTACHMENT_LEN, Gid, Node, Publication, Session, attachment};
 use crate::request::word;
 
 /// A way out for the samples of one publication.

@@ -135,16 +135,15 @@ fn standard_values(message: StandardMessage) -> Value {
     let unknown = [0.0; 9];
     match message {
         StandardMessage::NavSatFix => json!({
-            "header": header("hero1/base_link"),
+            "header": header("robot1/base_link"),
             "status": { "status": 2, "service": 1 },
             "latitude": 0.75_f64.to_degrees(),
             "longitude": (-0.1_f64).to_degrees(),
             "altitude": 120.5,
-            "position_covariance": unknown,
-            "position_covariance_type": 0,
+            "position_covariance_type": 1,
         }),
         StandardMessage::Imu => json!({
-            "header": header("hero1/base_link"),
+            "header": header("robot1/base_link"),
             "orientation": { "x": 0.0, "y": 0.0 },
             "orientation_covariance": unknown,
             "angular_velocity": { "x": 0.5, "y": -0.25, "z": -0.125 },
@@ -153,7 +152,7 @@ fn standard_values(message: StandardMessage) -> Value {
             "linear_acceleration_covariance": unknown,
         }),
         StandardMessage::BatteryState => json!({
-            "header": header("hero1/base_link"),
+            "header": header("robot1/base_link"),
             "voltage": 12.3,
             "temperature": null,
             "current": null,

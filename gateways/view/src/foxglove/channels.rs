@@ -90,6 +90,13 @@ impl Channels {
         is_offered
     }
 
+    /// Keeps no sample of a channel any more.
+    pub fn forget(&mut self, id: ChannelId) {
+        if let Some(offered) = self.offered.get_mut(&id) {
+            offered.latest = None;
+        }
+    }
+
     /// A channel that is offered.
     pub fn get(&self, id: ChannelId) -> Option<&Offered> {
         self.offered.get(&id)

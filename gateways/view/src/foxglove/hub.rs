@@ -83,8 +83,10 @@ impl Hub {
         }
     }
 
-    fn say_lost(&self, channel: ChannelId, events: &mut Events) {
+    /// What a channel without subscribers had is old when the next one comes.
+    fn say_lost(&mut self, channel: ChannelId, events: &mut Events) {
         if !self.is_subscribed(channel) {
+            self.channels.forget(channel);
             events.push_back(Event::Unsubscribed(channel));
         }
     }

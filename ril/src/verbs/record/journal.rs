@@ -14,10 +14,10 @@ use ipc_types::payload::{
 use ipc_types::{MonotonicNs, RobotId};
 use module_kit::journal::{Entry, Reader};
 use recording::Recorder;
-use ros_messages::Level;
+use ros_messages::{Level, Qos};
 
 use super::log::{LogTopic, RecorderTopic, configuration_of};
-use crate::recorded::{REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent};
+use crate::recorded::{REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent, topic};
 use crate::render::messages::{self, Verb};
 
 /// Open requests whose command is remembered for their reports: many times as many as the bridge's clients can have open. Of older
@@ -38,10 +38,11 @@ impl JournalTopics {
     /// Of `robot`.
     pub fn new(robot: RobotId) -> JournalTopics {
         let text = REQUEST_EVENT_TEXT.to_owned();
+        let requests = topic(robot, "requests");
         JournalTopics {
             reader: Reader::new(),
             made: Made {
-                requests: RecorderTopic::with_text(robot, "requests", REQUEST_EVENT, text),
+                requests: RecorderTopic::with_text(requests, REQUEST_EVENT, text, Qos::STATE),
                 open: BTreeMap::new(),
                 stations: VecDeque::new(),
             },

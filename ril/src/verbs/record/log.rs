@@ -6,10 +6,10 @@ use ipc_types::payload::{ModuleState, SharedStruct, StatusJournal};
 use ipc_types::{MonotonicNs, RobotId};
 use module_kit::journal::{Entry, LogLine, Reader};
 use recording::{Anchor, Channel, ChannelId, Recorder};
-use ros_messages::{Level, Log, UnixOffset, definition};
+use ros_messages::{Level, Log, OFFERED_QOS_PROFILES, Qos, UnixOffset, definition};
 
-use crate::recorded::{FLIGHT, topic};
-use crate::robot::changes::{self, Weight};
+use crate::recorded::{FLIGHT, level, topic};
+use crate::robot::changes;
 
 /// Makes lines of a log.
 #[derive(Debug)]
@@ -25,7 +25,7 @@ impl LogTopic {
     pub fn new(robot: RobotId, anchor: Anchor) -> LogTopic {
         LogTopic {
             offset: offset_of(anchor),
-            outlet: RecorderTopic::new(robot, "log", Log::TYPE_NAME),
+            outlet: RecorderTopic::new(topic(robot, "log"), Log::TYPE_NAME, Qos::STATE),
             last: None,
             status: Reader::new(),
         }
@@ -156,15 +156,6 @@ fn lines(last: Option<&ModuleState>, state: &ModuleState) -> Vec<(Level, String)
     lines
 }
 
-/// The level of ROS 2 that a weight has.
-fn level(weight: Weight) -> Level {
-    match weight {
-        Weight::Note | Weight::Order => Level::Info,
-        Weight::Warning => Level::Warn,
-        Weight::Alarm => Level::Error,
-    }
-}
-
 /// What turns monotonic times into those of `anchor`.
 pub fn offset_of(anchor: Anchor) -> UnixOffset {
     let offset_ns = i128::from(anchor.unix_ns) - i128::from(anchor.monotonic.0);
@@ -181,30 +172,29 @@ pub struct RecorderTopic {
 }
 
 impl RecorderTopic {
-    /// The topic `name` of `robot`, whose messages have the type `type_name` of the crate `ros-messages`. It is in the file
-    /// once it has a message.
-    pub fn new(robot: RobotId, name: &str, type_name: &str) -> RecorderTopic {
-        RecorderTopic::with_text(
-            robot,
-            name,
-            type_name,
-            definition(type_name).unwrap_or_default(),
-        )
+    /// The topic whose messages have the type `type_name` of the crate `ros-messages`. It is in the file once it has a message.
+    pub fn new(topic: String, type_name: &str, qos: Qos) -> RecorderTopic {
+        let text = definition(type_name).unwrap_or_default();
+        RecorderTopic::with_text(topic, type_name, text, qos)
     }
 
     /// The same with messages of a type that `schema_text` defines.
     pub fn with_text(
-        robot: RobotId,
-        name: &str,
+        topic: String,
         type_name: &str,
         schema_text: String,
+        qos: Qos,
     ) -> RecorderTopic {
+        let metadata = [
+            ("made_by", "recorder".to_owned()),
+            (OFFERED_QOS_PROFILES, qos.offered_profiles()),
+        ];
         RecorderTopic {
             channel: Channel {
-                topic: topic(robot, name),
+                topic,
                 schema_name: type_name.to_owned(),
                 schema_text,
-                metadata: [("made_by".to_owned(), "recorder".to_owned())].into(),
+                metadata: metadata.map(|(key, value)| (key.to_owned(), value)).into(),
             },
             id: None,
             sequence: 0,

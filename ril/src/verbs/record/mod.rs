@@ -10,6 +10,7 @@ mod journal;
 mod log;
 mod loss_events;
 pub mod options;
+mod paths;
 mod report;
 mod shell;
 mod sinks;

@@ -143,6 +143,7 @@ impl RecorderShell {
         // What was before the first file has a snapshot already.
         if has_begun && self.recorder.totals().files > 1 {
             self.topics.ask_for_snapshots();
+            self.sinks.begin_file();
         }
         Ok(())
     }
@@ -178,9 +179,7 @@ impl Process for RecorderShell {
             self.take_samples(now);
         }
         self.take_outcome(now)?;
-        if let Some(flights) = &mut self.sinks.flights
-            && flights.is_over(now)
-        {
+        if self.sinks.is_flight_over(&mut self.recorder, now) {
             self.recorder.split(now, anchor());
         }
         if self.recorder.deadline().is_some_and(|due| due <= now) {
@@ -191,7 +190,6 @@ impl Process for RecorderShell {
     }
 
     fn deadline(&self) -> Option<MonotonicNs> {
-        let flights = self.sinks.flights.as_ref();
         // While the disk is busy, its answer comes first.
         let recorder = match self.disk.is_busy() {
             true => None,
@@ -201,7 +199,7 @@ impl Process for RecorderShell {
             self.gather.deadline().filter(|_| self.end.is_none()),
             self.topics.deadline(),
             recorder,
-            flights.and_then(|flights| flights.deadline()),
+            self.sinks.deadline(),
             self.reporter.deadline(),
             self.last.filter(|_| self.end.is_none()),
             self.end,
@@ -221,6 +219,7 @@ impl Process for RecorderShell {
             self.gather = Gather::default();
             self.take_samples(now);
             self.topics.finish(&mut self.recorder, &mut self.sinks, now);
+            self.sinks.end(&mut self.recorder, now);
             self.recorder.end(now);
             self.end = Some(now + END_TIMEOUT);
             return false;

@@ -3,21 +3,25 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayStations, SharedStruct};
+use ipc_types::payload::{
+    BridgeOutline, DspTelemetry, HeroTelemetry, ModuleState, RelayStations, SharedStruct,
+};
 use ipc_types::{MonotonicNs, RobotId};
 use module_kit::journal::LogLine;
 use recording::{Anchor, Recorder};
-use ros_messages::{POSE_STAMPED, StandardMessage, UnixOffset, pose_stamped};
+use ros_messages::{StandardMessage, UnixOffset, ViewerMessage};
 use runtime::logging::LogLines;
 
 use super::journal::JournalTopics;
 use super::log::{LogTopic, RecorderTopic, offset_of};
+use super::paths::Paths;
 
 /// Takes the samples of the topics that more is made of.
 pub(super) struct Sinks {
     /// Where flights end; `None` if a file may have several.
-    pub flights: Option<Flights>,
+    flights: Option<Flights>,
     viewers: Viewers,
+    paths: Paths,
     log: LogTopic,
     journal: JournalTopics,
     /// The recorder's own lines.
@@ -41,7 +45,8 @@ impl Sinks {
             has_news: false,
             lines,
             flights: has_flights.then(Flights::default),
-            viewers: Viewers::new(robot, anchor),
+            viewers: Viewers::new(robot, offset_of(anchor)),
+            paths: Paths::new(robot, offset_of(anchor)),
             log: LogTopic::new(robot, anchor),
             journal: JournalTopics::new(robot),
         }
@@ -59,7 +64,43 @@ impl Sinks {
     pub fn hero(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
         if let Some(sample) = HeroTelemetry::from_bytes(sample) {
             self.viewers.take(recorder, &sample, now);
+            self.paths.telemetry(recorder, &sample, now);
         }
+    }
+
+    /// A piece of what the bridge holds.
+    pub fn outline(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
+        if let Some(piece) = BridgeOutline::from_bytes(sample) {
+            self.paths.outline(recorder, &piece, now);
+        }
+    }
+
+    /// A file has begun, and its readers may have no other one.
+    pub fn begin_file(&mut self) {
+        self.paths.begin_file();
+    }
+
+    /// When a flight is over unless telemetry says otherwise.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        self.flights.as_ref().and_then(Flights::deadline)
+    }
+
+    /// Whether a flight is over at `now` that has a file of its own; once for each.
+    pub fn is_flight_over(&mut self, recorder: &mut Recorder, now: MonotonicNs) -> bool {
+        let is_over = self
+            .flights
+            .as_mut()
+            .is_some_and(|flights| flights.is_over(now));
+        if is_over {
+            self.paths.end(recorder, now);
+            self.paths.forget_track();
+        }
+        is_over
+    }
+
+    /// What is left to be said at the end.
+    pub fn end(&mut self, recorder: &mut Recorder, now: MonotonicNs) {
+        self.paths.end(recorder, now);
     }
 
     /// A state of the bridge.
@@ -117,46 +158,56 @@ impl Sinks {
     }
 }
 
+/// How far apart messages about the battery are: it changes slowly.
+const BATTERY_PERIOD: Duration = Duration::from_secs(1);
+
 /// Makes messages for viewers out of the robot's telemetry.
 #[derive(Debug)]
-pub struct Viewers {
+struct Viewers {
     robot: RobotId,
     offset: UnixOffset,
-    fix: RecorderTopic,
-    pose: RecorderTopic,
+    topics: [(ViewerMessage, RecorderTopic); ViewerMessage::ALL.len()],
+    /// When the battery was last said.
+    battery: Option<MonotonicNs>,
 }
 
 impl Viewers {
-    /// Of `robot`, with times that count from `anchor`.
-    pub fn new(robot: RobotId, anchor: Anchor) -> Viewers {
-        let fix = StandardMessage::NavSatFix;
+    fn new(robot: RobotId, offset: UnixOffset) -> Viewers {
+        let outlet =
+            |one: ViewerMessage| RecorderTopic::new(one.topic(robot), one.type_name(), one.qos());
         Viewers {
             robot,
-            offset: offset_of(anchor),
-            fix: RecorderTopic::new(robot, fix.key(), fix.type_name()),
-            pose: RecorderTopic::new(robot, "pose", POSE_STAMPED),
+            offset,
+            topics: ViewerMessage::ALL.map(|one| (one, outlet(one))),
+            battery: None,
         }
     }
 
     /// Makes of a sample what its valid groups allow.
-    pub fn take(&mut self, recorder: &mut Recorder, sample: &HeroTelemetry, now: MonotonicNs) {
+    fn take(&mut self, recorder: &mut Recorder, sample: &HeroTelemetry, now: MonotonicNs) {
         let at = sample.received();
-        if let Some(fix) = StandardMessage::NavSatFix.write(sample, self.robot, self.offset) {
-            self.fix.add(recorder, now, at, &fix);
-        }
-        if let Some(pose) = pose_stamped(sample, self.offset) {
-            self.pose.add(recorder, now, at, &pose);
+        for (message, outlet) in &mut self.topics {
+            let is_battery = *message == ViewerMessage::Standard(StandardMessage::BatteryState);
+            if is_battery && self.battery.is_some_and(|last| at < last + BATTERY_PERIOD) {
+                continue;
+            }
+            if let Some(bytes) = message.write(sample, self.robot, self.offset) {
+                outlet.add(recorder, now, at, &bytes);
+                if is_battery {
+                    self.battery = Some(at);
+                }
+            }
         }
     }
 }
 
 /// How long the helicopter must have stood on the ground after a flight: a touchdown that bounces ends none, and what the
 /// processes say about the landing still belongs to it.
-pub const ON_GROUND_FOR: Duration = Duration::from_secs(5);
+const ON_GROUND_FOR: Duration = Duration::from_secs(5);
 
 /// Watches the helicopter.
 #[derive(Debug, Default)]
-pub struct Flights {
+struct Flights {
     /// Whether it has been in the air since the last end of a flight.
     has_flown: bool,
     /// Since when it is on the ground again.
@@ -165,7 +216,7 @@ pub struct Flights {
 
 impl Flights {
     /// Takes what telemetry says of the moment `at`.
-    pub fn take(&mut self, is_flying: bool, at: MonotonicNs) {
+    fn take(&mut self, is_flying: bool, at: MonotonicNs) {
         self.has_flown |= is_flying;
         self.landed = match is_flying {
             true => None,
@@ -174,12 +225,12 @@ impl Flights {
     }
 
     /// When the flight is over unless telemetry says otherwise.
-    pub fn deadline(&self) -> Option<MonotonicNs> {
+    fn deadline(&self) -> Option<MonotonicNs> {
         self.landed.map(|landed| landed + ON_GROUND_FOR)
     }
 
     /// Whether a flight is over at `now`; once for each.
-    pub fn is_over(&mut self, now: MonotonicNs) -> bool {
+    fn is_over(&mut self, now: MonotonicNs) -> bool {
         let is_over = self.deadline().is_some_and(|end| end <= now);
         if is_over {
             *self = Flights::default();

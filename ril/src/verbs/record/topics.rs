@@ -6,8 +6,8 @@ use std::time::Duration;
 use ipc_types::discovery::Discovery;
 use ipc_types::dynamic::ServiceFacts;
 use ipc_types::payload::{
-    BridgeJournal, DspTelemetry, HeroTelemetry, ModuleState, RelayStations, SharedStruct,
-    StatusJournal,
+    BridgeJournal, BridgeOutline, DspTelemetry, HeroTelemetry, ModuleState, RelayStations,
+    SharedStruct, StatusJournal,
 };
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::service::Pattern;
@@ -15,6 +15,7 @@ use ipc_types::{
     DynamicSubscriber, Ipc, JournalPiece, Losses, MonotonicNs, PortSet, Schema, Topic as _,
 };
 use recording::{Channel, ChannelId, EventKind, Recorder};
+use ros_messages::{OFFERED_QOS_PROFILES, Qos};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::loss_events::LossEvents;
@@ -97,6 +98,7 @@ enum Conversion {
     BridgeJournal,
     StatusJournal,
     Stations,
+    Outline,
     Other,
 }
 
@@ -339,6 +341,10 @@ impl Intake {
             ("service", facts.key.clone()),
             ("layout", schema.type_name().to_owned()),
             ("layout_hash", format!("{:016x}", schema.layout_hash())),
+            (
+                OFFERED_QOS_PROFILES,
+                Qos::of_key(&facts.key).offered_profiles(),
+            ),
         ];
         let content = match (schema.type_name(), facts.key.as_str()) {
             (DspTelemetry::TYPE_NAME, "dsp_telemetry") => Conversion::Dsp,
@@ -347,6 +353,7 @@ impl Intake {
             (BridgeJournal::TYPE_NAME, BridgeJournal::KEY) => Conversion::BridgeJournal,
             (StatusJournal::TYPE_NAME, StatusJournal::KEY) => Conversion::StatusJournal,
             (RelayStations::TYPE_NAME, RelayStations::KEY) => Conversion::Stations,
+            (BridgeOutline::TYPE_NAME, BridgeOutline::KEY) => Conversion::Outline,
             _ => Conversion::Other,
         };
         Intake {
@@ -426,6 +433,7 @@ impl Intake {
                 sinks.status_journal(recorder, sample, now);
             }
             Conversion::Stations => sinks.stations(sample),
+            Conversion::Outline => sinks.outline(recorder, sample, now),
             Conversion::Other => {}
         }
     }

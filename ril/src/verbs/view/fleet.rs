@@ -7,6 +7,7 @@ use ipc_types::{Domain, MonotonicNs, RobotId, Source};
 use runtime::exit::Failure;
 
 use super::held;
+use super::speaker::Seen;
 use crate::request::ports::{RobotPorts, Wakers};
 use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::past::Past;
@@ -25,10 +26,8 @@ pub(super) struct Shown {
     pub past: Past,
     /// The fence that the bridge holds, and the number of its outline; none in the place of one that cannot be judged by.
     fence: Option<(u64, Option<Fence>)>,
-    /// Whether something of it came since it was last said.
-    pub has_news: bool,
-    /// Lines of its journal that were said.
-    pub said_lines: u64,
+    /// Whether something of it came at the last look.
+    has_news: bool,
 }
 
 impl Shown {
@@ -91,6 +90,16 @@ impl Fleet {
         Ok(fleet)
     }
 
+    /// No robots, and none that come later: a recording is shown.
+    pub fn none(domain: Domain) -> Fleet {
+        Fleet {
+            domain,
+            shown: Vec::new(),
+            next_look: None,
+            has_refused: false,
+        }
+    }
+
     /// Joins robots that have come, when it is time to look for some; says whether one has.
     pub fn look(&mut self, now: MonotonicNs) -> bool {
         if self.next_look.is_none_or(|next| now < next) {
@@ -137,7 +146,6 @@ impl Fleet {
             past: Past::default(),
             fence: None,
             has_news: true,
-            said_lines: 0,
         });
         self.shown.sort_by_key(|one| one.robot.id);
         Ok(())
@@ -146,7 +154,7 @@ impl Fleet {
     /// Takes all that is there of all robots.
     pub fn drain(&mut self, now: MonotonicNs) {
         for one in &mut self.shown {
-            one.has_news |= one.ports.drain(&mut one.robot, now);
+            one.has_news = one.ports.drain(&mut one.robot, now);
             one.has_news |= one.ports.look(&mut one.robot, now);
             one.take_fence();
             one.robot.judge(now);
@@ -174,8 +182,13 @@ impl Fleet {
         self.shown.iter().map(|one| one.robot.id.get()).collect()
     }
 
-    pub fn iter(&self) -> impl Iterator<Item = &Shown> {
-        self.shown.iter()
+    /// The robots as pages get them.
+    pub fn seen(&self) -> impl Iterator<Item = Seen<'_>> {
+        self.shown.iter().map(|one| Seen {
+            robot: &one.robot,
+            outline: one.ports.outline(),
+            has_news: one.has_news,
+        })
     }
 
     pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Shown> {

@@ -161,8 +161,13 @@ fn movement(robot: &WatchedRobot, state: &ModuleState) -> Option<page::Movement>
     })
 }
 
-/// What changes all the time.
-pub(super) fn now(robot: &WatchedRobot, number: u64, now: MonotonicNs) -> page::Now {
+/// What changes all the time, as it is at `now`, which is another moment than that of sending, `sent`, in a replay.
+pub(super) fn now(
+    robot: &WatchedRobot,
+    number: u64,
+    now: MonotonicNs,
+    sent: MonotonicNs,
+) -> page::Now {
     let view = &robot.pilot;
     let bridge = robot.process(Process::Bridge, now);
     let telemetry = match (robot.telemetry_freshness(now), bridge) {
@@ -174,7 +179,7 @@ pub(super) fn now(robot: &WatchedRobot, number: u64, now: MonotonicNs) -> page::
     page::Now {
         robot: robot.id.get(),
         n: number,
-        sent_ms: now.0 / 1_000_000,
+        sent_ms: sent.0 / 1_000_000,
         telemetry: age(telemetry, view.received, now),
         bridge: age(bridge, published, now),
         position: view.place.map(position),
@@ -289,7 +294,7 @@ pub(super) fn event(robot: &WatchedRobot, line: &EventLine, clock: Clocks) -> pa
     }
 }
 
-fn weight(weight: Weight) -> page::EventSeverity {
+pub(super) fn weight(weight: Weight) -> page::EventSeverity {
     match weight {
         Weight::Note => page::EventSeverity::Note,
         Weight::Order => page::EventSeverity::Order,
@@ -367,7 +372,7 @@ mod tests {
     #[test]
     fn values_have_the_age_of_their_sample_and_the_freshness_of_the_terminal() {
         let mut robot = flown();
-        let said = now(&robot, 5, at(20_100));
+        let said = now(&robot, 5, at(20_100), at(20_100));
         assert_eq!((said.n, said.height_m), (5, Some(10.0)));
         assert_eq!(said.fix.as_deref(), Some("RTK fixed"));
         assert_eq!(said.attitude.unwrap().yaw_deg, 90.0);
@@ -376,7 +381,7 @@ mod tests {
             (20_100, page::Freshness::Fresh, page::Freshness::Gone),
             (21_500, page::Freshness::Gone, page::Freshness::Gone),
         ] {
-            let said = now(&robot, 1, at(ms));
+            let said = now(&robot, 1, at(ms), at(ms));
             assert_eq!(
                 (said.telemetry.freshness, said.bridge.freshness),
                 (telemetry, bridge)
@@ -400,7 +405,7 @@ mod tests {
     #[test]
     fn what_is_not_known_is_nothing() {
         let robot = WatchedRobot::new(RobotId::DEFAULT);
-        let said = now(&robot, 1, at(0));
+        let said = now(&robot, 1, at(0), at(0));
         assert_eq!(
             (said.telemetry.freshness, said.telemetry.age_ms),
             (page::Freshness::Never, None)

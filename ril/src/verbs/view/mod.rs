@@ -1,17 +1,18 @@
-//! `ril view`, `ril run view`: robots in a browser, and for Foxglove.
+//! `ril view`, `ril run view`: robots in a browser, and for Foxglove; `ril view FILE`: a recording.
 //!
 //! The crate `view` speaks HTTP, WebSocket and the protocols on top, as pure values. Here are
 //! * `start`: the command that finds or starts the server and opens the page; `run_file`: how it finds it;
 //! * [`server`]: the process; `shell`: its loop, `sockets`: its connections, `tls`: what hides them;
 //! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages` and `held`: what is said of one, `speaker`: when;
-//! * `channels`: their topics for Foxglove;
+//! * `foxglove`: what Foxglove and Lichtblick get and order;
+//! * `replay`: a recording in the place of the robots;
 //! * `orders`, `checks`, `check`, `preflight`: what pages order, and what they ask before; `page_lost`: when no page is there any more;
 //! * `invitation`: the address of the page for another machine.
 
-mod channels;
 mod check;
 mod checks;
 mod fleet;
+mod foxglove;
 mod held;
 mod invitation;
 mod messages;
@@ -19,6 +20,7 @@ pub mod options;
 mod orders;
 mod page_lost;
 mod preflight;
+mod replay;
 mod run_file;
 pub mod server;
 mod shell;

@@ -10,10 +10,15 @@ use crate::options::EXIT_CODES;
 
 /// `ril view`
 ///
-/// Starts `ril run view` in the background if no view of this user runs on the port, and opens its page in a browser.
+/// Starts `ril run view` in the background if no view of this user runs on the port, and opens its page in a browser. With FILE, plays
+/// that recording in the page until it is interrupted.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct ViewArgs {
+    /// Recording of a flight (MCAP) to be played; where the port is in use and --port does not name it, one of the next ports is taken
+    #[arg(value_name = "FILE", conflicts_with = "stop")]
+    pub file: Option<PathBuf>,
+
     /// What the server takes.
     #[command(flatten)]
     pub server: ServerArgs,
@@ -33,6 +38,10 @@ pub struct ViewArgs {
     /// End the view that runs on the port
     #[arg(long, conflicts_with_all = ["no_browser", "json", "invite"])]
     pub stop: bool,
+
+    /// Print panels for a robot, which Foxglove and Lichtblick import as a layout
+    #[arg(long, conflicts_with_all = ["no_browser", "json", "stop"])]
+    pub layout: bool,
 }
 
 /// `ril run view`

@@ -25,6 +25,8 @@ pub(super) struct Running {
     pub port: u16,
     /// The folder of the domain that it shows.
     pub domain: PathBuf,
+    /// The file that it shows; `None` if it shows live robots.
+    pub recording: Option<PathBuf>,
     /// The token of a page that may order.
     pub token: String,
 }

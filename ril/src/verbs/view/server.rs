@@ -10,7 +10,7 @@ use runtime::config::resulting::{Resulting, given, value_of};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
-use view::page::Role;
+use view::page::{ReplayInfo, Role};
 use view::{Instance, Server, Settings, Token};
 
 use super::fleet::Fleet;
@@ -76,10 +76,12 @@ pub fn run(args: &RunViewArgs) -> Result<(), Failure> {
         pid: std::process::id(),
         port: config.port,
         domain: root,
+        recording: None,
         token: token.clone(),
     };
     run_file.write(&running).or_fail(ExitCode::Internal)?;
-    let server = server(&config, token, &fleet)?;
+    let mut server = server(&config, token, None)?;
+    server.set_robots(fleet.ids());
     let mut shell = ViewShell::new(sockets, server, fleet, &config);
     tracing::info!(address = running.address(), "ready");
     let supervisor = Notifier::from_env();
@@ -88,7 +90,7 @@ pub fn run(args: &RunViewArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn listen(config: &ViewConfig) -> Result<Sockets, Failure> {
+pub(super) fn listen(config: &ViewConfig) -> Result<Sockets, Failure> {
     let tls = config.tls.as_ref().map(Tls::load).transpose()?;
     if config.is_open() && tls.is_none() {
         tracing::warn!(
@@ -126,15 +128,20 @@ fn tokens(config: &ViewConfig, secret: String) -> Result<Vec<Token>, Failure> {
     Ok(tokens)
 }
 
-fn server(config: &ViewConfig, secret: String, fleet: &Fleet) -> Result<Server, Failure> {
+/// A server of robots that are live, or of a recording.
+pub(super) fn server(
+    config: &ViewConfig,
+    secret: String,
+    replay: Option<ReplayInfo>,
+) -> Result<Server, Failure> {
     let instance = Instance(random_hex().or_fail(ExitCode::Internal)?);
     let settings = Settings {
         names: config.names.clone(),
         origins: config.origins.clone(),
         tokens: tokens(config, secret)?,
-        ..Settings::default()
+        foxglove_commands: config.commands.foxglove,
+        foxglove_parameters: config.commands.foxglove,
+        replay,
     };
-    let mut server = Server::new(settings, instance);
-    server.set_robots(fleet.ids());
-    Ok(server)
+    Ok(Server::new(settings, instance))
 }

@@ -11,12 +11,13 @@ use ipc_types::{MonotonicNs, SchedulingRole, WaitError, Wake};
 use module_kit::process::{Process, Sources};
 use view::{BUSY, ConnectionId, Event, Peer, Server};
 
-use super::channels::Channels;
 use super::checks::Checks;
 use super::fleet::Fleet;
+use super::foxglove::{Foxglove, ServiceCall};
 use super::messages;
 use super::orders::Orders;
 use super::page_lost::PageLost;
+use super::replay::Playback;
 use super::sockets::{Arrived, Key, Sockets};
 use super::speaker::Speaker;
 use crate::config::RequestConfig;
@@ -57,8 +58,10 @@ pub(super) struct ViewShell {
     connections: BTreeMap<Key, ConnectionId>,
     server: Server,
     fleet: Fleet,
+    /// The recording that is shown; `None` if robots are shown live.
+    playback: Option<Playback>,
     speaker: Speaker,
-    channels: Channels,
+    foxglove: Foxglove,
     orders: Orders,
     checks: Checks,
     page_lost: PageLost,
@@ -76,8 +79,9 @@ impl ViewShell {
             connections: BTreeMap::new(),
             server,
             fleet,
+            playback: None,
             speaker: Speaker::default(),
-            channels: Channels::default(),
+            foxglove: Foxglove::new(config.commands.foxglove, config.request.clone()),
             orders: Orders::default(),
             checks: Checks::default(),
             page_lost: PageLost::new(config.page_lost()),
@@ -86,6 +90,11 @@ impl ViewShell {
             wall_clock: WallClock::default(),
             buffer: Vec::new(),
         }
+    }
+
+    /// Shows a recording.
+    pub fn play(&mut self, playback: Playback) {
+        self.playback = Some(playback);
     }
 
     /// Accepts and reads.
@@ -147,16 +156,9 @@ impl ViewShell {
             // A machine that stalls does not make up for it.
             self.next_look = (self.next_look + period).max(now + period / 2);
             self.sockets.recover();
-            if self.fleet.look(now) {
-                self.server.set_robots(self.fleet.ids());
-            }
-            self.fleet.drain(now);
-            self.hold_deserted(now);
-            let clock = self.clock(now);
-            self.speaker.speak(&mut self.fleet, &mut self.server, clock);
-            for shown in self.fleet.iter() {
-                let ipc = shown.ports.ipc();
-                self.channels.drain(ipc, &mut self.server, clock);
+            match &mut self.playback {
+                Some(playback) => playback.look(&mut self.server, &mut self.speaker, now),
+                None => self.look_at_robots(now),
             }
         }
         self.report(now);
@@ -206,6 +208,19 @@ impl ViewShell {
         }
     }
 
+    fn look_at_robots(&mut self, now: MonotonicNs) {
+        if self.fleet.look(now) {
+            self.server.set_robots(self.fleet.ids());
+        }
+        self.fleet.drain(now);
+        self.hold_deserted(now);
+        let clock = self.clock(now);
+        self.speaker
+            .speak(self.fleet.seen(), &mut self.server, clock, now);
+        self.foxglove
+            .drain(&mut self.fleet, &mut self.server, clock);
+    }
+
     /// Says what became of orders and checks.
     fn report(&mut self, now: MonotonicNs) {
         for shown in self.fleet.iter_mut() {
@@ -214,6 +229,8 @@ impl ViewShell {
             for news in shown.ports.take_news() {
                 if let Some(report) = self.orders.report(robot, &news) {
                     self.server.order(&report);
+                    self.foxglove
+                        .report(&report, news.request_id, &mut self.server);
                 }
             }
         }
@@ -259,10 +276,39 @@ impl ViewShell {
                     }
                     self.pass_control(robot, now);
                 }
+                Event::Replay { request, .. } => {
+                    if let Some(playback) = &mut self.playback {
+                        playback.take(&request, now);
+                        self.next_look = now;
+                    }
+                }
+                Event::Subscribed(_) => {
+                    if let Some(playback) = &mut self.playback {
+                        playback.subscribed();
+                    }
+                }
                 Event::Rejected { from, why, count } => {
                     tracing::warn!(from, count, "{why}");
                 }
-                // What else there may be needs nothing, or belongs to what is not offered: services, parameters, recordings.
+                Event::ServiceCall {
+                    call,
+                    service,
+                    request,
+                    from,
+                } => {
+                    let call = ServiceCall {
+                        call,
+                        service,
+                        request,
+                        from,
+                    };
+                    let robots = (&mut self.fleet, &mut self.orders);
+                    self.foxglove.call(call, robots, &mut self.server, now);
+                }
+                Event::SetParameter { name, value, from } => {
+                    self.foxglove.set(&name, &value, &from, &mut self.server);
+                }
+                // What else there may be needs nothing, or belongs to another way of showing.
                 _ => {}
             }
         }
@@ -271,6 +317,11 @@ impl ViewShell {
 
     /// A page has come, or looks at another robot.
     fn join(&mut self, viewer: view::ViewerId, robot: u32, now: MonotonicNs) {
+        if let Some(playback) = &mut self.playback {
+            playback.join(viewer, &mut self.server, &mut self.speaker, now);
+            self.next_look = now;
+            return;
+        }
         let clock = self.clock(now);
         let Some(shown) = self.fleet.get_mut(robot) else {
             return;

@@ -3,6 +3,7 @@
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::{Read, Write};
+use std::num::NonZeroU32;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
 use std::os::unix::process::CommandExt;
@@ -10,7 +11,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use ipc_types::{Domain, MonotonicNs, fresh_request_id};
+use ipc_types::{Domain, MonotonicNs, RobotId, fresh_request_id};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::WITH_PARENT;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -20,7 +21,7 @@ use serde::Serialize;
 use super::invitation;
 use super::options::{ServerArgs, ViewArgs};
 use super::run_file::{self, Running};
-use super::server;
+use super::{replay, server};
 use crate::render::json_line;
 use crate::session::print_configuration;
 
@@ -34,13 +35,19 @@ const MAX_LOG_BYTES: u64 = 4096;
 ///
 /// # Errors
 ///
-/// Code 1 when the server cannot start, 3 when there is none to stop, 78 when the configuration is wrong.
+/// Code 1 when the server cannot start, 2 when a layout is of several robots, 3 when there is none to stop, 78 when the configuration is wrong.
 pub fn view(args: &ViewArgs) -> Result<(), Failure> {
     let common = args.server.common();
     if args.server.check_config {
         return print_configuration("view", &server::check_config(&args.server)?);
     }
+    if args.layout {
+        return print_layout(&args.server.robots);
+    }
     runtime::logging::init(common.verbosity())?;
+    if let Some(file) = &args.file {
+        return replay::view(args, file);
+    }
     let config = server::load(&args.server)?.value;
     if let Some(name) = &args.invite {
         return invitation::print(&config, name);
@@ -52,12 +59,15 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
         return stop(port, running.as_ref());
     }
     let running = match running {
-        Some(running) if running.domain == domain.root() => running,
+        Some(running) if running.domain == domain.root() && running.recording.is_none() => running,
         Some(other) => {
-            let text = format!(
-                "the view on port {port} shows another domain, {}",
-                other.domain.display()
-            );
+            let text = match &other.recording {
+                Some(file) => format!("the view on port {port} shows {}", file.display()),
+                None => format!(
+                    "the view on port {port} shows another domain, {}",
+                    other.domain.display()
+                ),
+            };
             let next_step = format!(
                 "run another one: `ril view --port {}`",
                 port.saturating_add(1)
@@ -67,9 +77,27 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
         None => start(port, &args.server)?,
     };
     match args.json {
-        true => json_line(&mut std::io::stdout().lock(), &ViewObject::of(&running)),
+        true => print_object(&running),
         false => show(&running, args.no_browser),
     }
+}
+
+/// Panels for one robot, by default robot 1.
+fn print_layout(robots: &[NonZeroU32]) -> Result<(), Failure> {
+    let robot = match robots {
+        [] => RobotId::DEFAULT,
+        [robot] => RobotId::from(*robot),
+        _ => {
+            return Err(Failure::usage(
+                "a layout is of one robot: name one with --robot",
+            ));
+        }
+    };
+    let layout = ros_messages::layout(robot);
+    std::io::stdout()
+        .lock()
+        .write_all(layout.as_bytes())
+        .map_err(Failure::output)
 }
 
 /// A view that runs, for programs.
@@ -92,6 +120,11 @@ impl ViewObject {
             address_with_token: running.address_with_token(),
         }
     }
+}
+
+/// Prints it as one JSON object.
+pub(super) fn print_object(running: &Running) -> Result<(), Failure> {
+    json_line(&mut std::io::stdout().lock(), &ViewObject::of(running))
 }
 
 /// Ends the server.
@@ -211,7 +244,7 @@ fn not_started(code: Option<i32>, log: &Path) -> Failure {
 }
 
 /// Prints where the page is, and opens it.
-fn show(running: &Running, is_printed_alone: bool) -> Result<(), Failure> {
+pub(super) fn show(running: &Running, is_printed_alone: bool) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     if is_printed_alone {
         return writeln!(out, "{}", running.address_with_token()).map_err(Failure::output);

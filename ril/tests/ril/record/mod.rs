@@ -1,7 +1,7 @@
 //! `ril record` with real processes: what is in the files, and what is not, whatever becomes of the recorder.
 
 mod disk;
-mod feed;
+pub mod feed;
 mod flight;
 mod kills;
 mod log_lines;

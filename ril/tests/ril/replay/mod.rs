@@ -1,6 +1,6 @@
 //! `ril replay`: consumers see what was recorded, in its order and at its pace; requests are refused; a robot that lives is left alone.
 
-mod made;
+pub mod made;
 mod recorded;
 mod verifying;
 

@@ -35,7 +35,8 @@ fn a_recorded_flight_is_read_by_all_as_a_live_consumer_saw_it() {
         assert_eq!(read.error, None, "{reader}");
         all.assert_all_in(read, &reader.to_string());
         flight.seen.assert_recorded(read, reader);
-        assert_fix_is_of_telemetry(read, reader);
+        assert_viewers_see_the_flight(read, reader);
+        assert_profiles(read);
         if reader.is_first_of_its_language() {
             programs.run(reader);
         }
@@ -81,7 +82,7 @@ impl Flight {
             recorder
         });
         let consumer = Consumer::start(&rig.domain);
-        for order in ["start", "takeoff --altitude 5"] {
+        for order in ["start", "takeoff --altitude 5", "goto +8,+3"] {
             stranger
                 .publish(|sample| sample[16..].fill(FILLING))
                 .unwrap();
@@ -119,31 +120,85 @@ fn only_file(folder: &Path) -> PathBuf {
     files.remove(0)
 }
 
-/// The position for viewers is that of the telemetry of the same time.
+/// Names of the messages for viewers.
+const OF_VIEWERS: [(&str, &str); 7] = [
+    ("/robot1/fix", "altitude"),
+    ("/robot1/pose", "pose.position.z"),
+    ("/tf", "transforms[0].transform.translation.z"),
+    ("/robot1/imu/data", "linear_acceleration.z"),
+    ("/robot1/battery_state", "voltage"),
+    ("/robot1/planned_path", "poses[0].pose.position.z"),
+    ("/robot1/flown_path", "poses[0].pose.position.z"),
+];
+
+/// The number of this name in a message; `None` if it has none.
+fn value(line: &Line, name: &str) -> Option<f64> {
+    let fields = line.fields.iter();
+    let mut values = fields.filter_map(|field| field.strip_prefix(name)?.strip_prefix('='));
+    let bits = u64::from_str_radix(values.next()?, 16).expect("a float");
+    Some(f64::from_bits(bits))
+}
+
+/// What is made for viewers says what the telemetry of the same time says.
 #[track_caller]
-fn assert_fix_is_of_telemetry(read: &Read, reader: &Reader) {
-    let value = |line: &Line, name: &str| {
-        let mut values = line
-            .fields
-            .iter()
-            .filter_map(|field| field.strip_prefix(name));
-        f64::from_bits(u64::from_str_radix(values.next().unwrap(), 16).unwrap())
+fn assert_viewers_see_the_flight(read: &Read, reader: &Reader) {
+    let values = |topic: &str, name: &str| -> Vec<f64> {
+        let lines = read.messages.get(topic).into_iter().flatten();
+        lines.filter_map(|line| value(line, name)).collect()
     };
-    let altitudes = |topic: &str, name| -> Vec<f64> {
-        read.messages[topic]
+    for (topic, name) in OF_VIEWERS {
+        assert!(!values(topic, name).is_empty(), "{reader}: {topic}");
+    }
+    let telemetry = values("/robot1/hero/telemetry", "geodetic.altitude_m");
+    for (topic, name) in &OF_VIEWERS[..3] {
+        let altitudes = values(topic, name);
+        let are_of_telemetry = altitudes
             .iter()
-            .map(|line| value(line, name))
-            .collect()
+            .all(|altitude| telemetry.contains(altitude));
+        assert!(are_of_telemetry, "{reader}: {topic}");
+        let flew = altitudes
+            .iter()
+            .any(|altitude| *altitude > altitudes[0] + 4.0);
+        assert!(flew, "{reader}: {topic}");
+    }
+    // The simulated fix is one of RTK.
+    let errors = values("/robot1/fix", "position_covariance[8]");
+    assert!(errors.contains(&0.04_f64.powi(2)), "{reader}: {errors:?}");
+    // The plan was flown to its end, and the track came by where it was to lead.
+    let planned = &read.messages["/robot1/planned_path"];
+    assert_eq!(value(planned.last().unwrap(), OF_VIEWERS[5].1), None);
+    let place = |line: &Line, index: usize| {
+        ["x", "y", "z"].map(|axis| value(line, &format!("poses[{index}].pose.position.{axis}")))
     };
-    let fixes = altitudes("/robot1/fix", "altitude=");
-    let telemetry = altitudes("/robot1/hero/telemetry", "geodetic.altitude_m=");
-    assert!(!fixes.is_empty());
-    assert!(
-        fixes.iter().all(|altitude| telemetry.contains(altitude)),
-        "{reader}"
-    );
-    assert!(
-        fixes.iter().any(|altitude| *altitude > fixes[0] + 4.0),
-        "{reader}: it flew"
-    );
+    let [Some(x), Some(y), Some(z)] = place(&planned[0], 0) else {
+        panic!("{reader}: {:?}", planned[0]);
+    };
+    let flown = read.messages["/robot1/flown_path"].last().unwrap();
+    let track = (0..).map_while(|index| {
+        let [x, y, z] = place(flown, index);
+        Some([x?, y?, z?])
+    });
+    let nearest = track
+        .map(|at| (at[0] - x).hypot(at[1] - y).hypot(at[2] - z))
+        .fold(f64::INFINITY, f64::min);
+    assert!(nearest < 3.0, "{reader}: {nearest} m from {x} {y} {z}");
+}
+
+/// What a reader says of quality of service, if it says anything: reliability, durability, depth.
+#[track_caller]
+fn assert_profiles(read: &Read) {
+    if read.profiles.is_empty() {
+        return;
+    }
+    for (topic, expected) in [
+        ("/robot1/hero/telemetry", [2, 2, 5]),
+        ("/robot1/bridge/state", [1, 2, 10]),
+        ("/robot1/recording/events", [1, 2, 10]),
+        ("/robot1/fix", [2, 2, 5]),
+        ("/robot1/log", [1, 2, 10]),
+        ("/robot1/flown_path", [1, 1, 1]),
+        ("/tf", [1, 2, 100]),
+    ] {
+        assert_eq!(read.profiles.get(topic), Some(&vec![expected]), "{topic}");
+    }
 }

@@ -2,6 +2,7 @@
 
 mod page;
 mod places;
+mod replayed;
 
 use std::fs;
 use std::net::{TcpListener, TcpStream};

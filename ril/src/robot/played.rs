@@ -1,0 +1,128 @@
+//! [`PlayedRobot`]: a recorded robot as a screen would have shown it then. Its clock is that of the recording, so ages, alarms and events
+//! are those of the flight, however fast it is played.
+
+use std::time::Duration;
+
+use ipc_types::module::State;
+use ipc_types::outline::{Outline, OutlineReader};
+use ipc_types::payload::{
+    BridgeOutline, DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations, SharedStruct,
+};
+use ipc_types::schema::CDR_HEADER;
+use ipc_types::{Module, MonotonicNs, RobotId, StatusModule, Topic};
+use recording::play::key_of;
+use recording::read::RecordedMessage;
+
+use crate::robot::chart::Chart;
+use crate::robot::model::WatchedRobot;
+use crate::robot::past::Past;
+
+/// Time between two looks at what is wrong: as often as the page of a live robot is renewed.
+const LOOK_PERIOD: Duration = Duration::from_millis(50);
+
+/// After so long without a message nothing changes any more but ages. A recording may have a gap of years, when its clock was damaged.
+const QUIET: Duration = Duration::from_secs(60);
+
+/// See the module's documentation.
+#[derive(Clone, Debug)]
+pub struct PlayedRobot {
+    /// What is known of it.
+    pub robot: WatchedRobot,
+    /// Its last minutes.
+    pub past: Past,
+    outline: OutlineReader,
+    /// When the last message came.
+    heard: MonotonicNs,
+    /// When it was looked at last.
+    looked: MonotonicNs,
+}
+
+impl PlayedRobot {
+    /// A robot of which nothing is known, at the moment of its first message.
+    pub fn new(id: RobotId, begin: MonotonicNs) -> PlayedRobot {
+        PlayedRobot {
+            robot: WatchedRobot::new(id),
+            past: Past::default(),
+            outline: OutlineReader::new(),
+            heard: begin,
+            looked: begin,
+        }
+    }
+
+    /// What its bridge held; `None` if the recording has not said it so far.
+    pub fn outline(&self) -> Option<&Outline> {
+        self.outline.outline()
+    }
+
+    /// Takes the next message, which came at `at`. Looks that were due before are to be made before.
+    pub fn take(&mut self, message: &RecordedMessage, at: MonotonicNs) {
+        if at > self.heard + QUIET {
+            self.look(at);
+        }
+        self.heard = at;
+        let key = key_of(message.topic()).map(|(_, key)| key);
+        let (Some(key), Some(sample)) = (key, message.data().get(CDR_HEADER.len()..)) else {
+            return;
+        };
+        let robot = &mut self.robot;
+        if key == ModuleState::KEY {
+            of(sample, |state: &ModuleState| {
+                let mut state = *state;
+                // Whatever shows it says that it is replayed.
+                state.safety.reserved = 1;
+                robot.state(&state, at);
+            });
+        } else if key == HeroTelemetry::KEY {
+            of(sample, |hero| robot.hero(hero, at));
+        } else if key == DspTelemetry::KEY {
+            of(sample, |dsp| robot.dsp(dsp, at));
+        } else if key == StatusModule::STATE_KEY {
+            of(sample, |state: &State| robot.status(state, at));
+        } else if key == RelayStations::KEY {
+            of(sample, |stations| robot.stations(stations));
+        } else if key == RelayLink::KEY {
+            // Only a station has this topic: what it recorded came over its relay.
+            robot.is_relayed = true;
+            of(sample, |link| robot.relay(link, at));
+        } else if key == BridgeOutline::KEY {
+            of(sample, |piece| self.take_outline(piece));
+        }
+    }
+
+    fn take_outline(&mut self, piece: &BridgeOutline) {
+        if self.outline.take(piece)
+            && let Some(outline) = self.outline.outline()
+        {
+            self.robot.held(outline.number, Chart::from(outline));
+        }
+    }
+
+    /// When it is to be looked at next; `None` if not before the next message.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        let regular = self.looked + LOOK_PERIOD;
+        let own = self.robot.next(self.looked);
+        let due = own.map_or(regular, |own| own.min(regular));
+        Some(due.max(self.looked + Duration::from_millis(1)))
+            .filter(|due| *due <= self.heard + QUIET)
+    }
+
+    /// Judges what is wrong at `now`.
+    pub fn look(&mut self, now: MonotonicNs) {
+        self.looked = now;
+        // A recording does not say which processes live: as long as it goes on, they are taken to.
+        let due: Vec<_> = self.robot.looks_due(now).collect();
+        for process in due {
+            self.robot.provider(process, true, now);
+        }
+        self.robot.judge(now);
+        self.robot.take_bells();
+        self.past.take(&self.robot, now);
+    }
+}
+
+/// Gives a sample of this layout to `take`; one of another length is of another version, and is left out.
+fn of<T: SharedStruct>(sample: &[u8], take: impl FnOnce(&T)) {
+    if let Some(sample) = T::from_bytes(sample) {
+        take(&sample);
+    }
+}

@@ -1,0 +1,245 @@
+//! [`Derived`]: topics that no process publishes, for panels of Foxglove and Lichtblick. Those that are made of telemetry are the same in
+//! [recordings](ViewerMessage); `/diagnostics`, `chart`, `track` and `log` say what a page shows.
+//!
+//! What no client wants is not made.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use ipc_types::payload::HeroTelemetry;
+use ipc_types::{Ipc, MonotonicNs, RobotId, Subscriber};
+use ros_messages::{
+    DIAGNOSTIC_ARRAY, Diagnostic, GEO_JSON, Log, UnixOffset, ViewerMessage, definition,
+    diagnostic_array, geojson_message,
+};
+use view::{Channel, ChannelId, Server, page};
+
+use super::diagnostics::Diagnostics;
+use super::geojson;
+use crate::recorded::{FLIGHT, level, topic};
+use crate::robot::clock::Clocks;
+use crate::robot::geo::Place;
+use crate::robot::history::EventLine;
+use crate::robot::model::{Process, WatchedRobot};
+use crate::verbs::view::fleet::Shown;
+use crate::verbs::view::messages;
+
+/// How often conditions are said although they did not change: all robots share the topic, and a client that comes later gets its
+/// newest message alone.
+const CONDITIONS_PERIOD: Duration = Duration::from_secs(1);
+
+/// Time between two tracks: each has all places.
+const TRACK_PERIOD: Duration = Duration::from_secs(1);
+
+/// See the module's documentation.
+#[derive(Default)]
+pub(super) struct Derived {
+    robots: BTreeMap<RobotId, RobotTopics>,
+}
+
+/// What is made of one robot. A channel is `None` if there are too many.
+struct RobotTopics {
+    of_telemetry: Vec<(ViewerMessage, ChannelId)>,
+    /// `None` while no client wants what is made of it.
+    telemetry: Option<Subscriber<HeroTelemetry>>,
+    diagnostics: Topic<Vec<Diagnostic>>,
+    conditions: Diagnostics,
+    chart: Topic<page::Chart>,
+    track: Topic<Vec<Place>>,
+    log: Option<ChannelId>,
+    /// Lines of the robot's journal that were said.
+    said_lines: u64,
+}
+
+/// A topic that says one thing, when it changes.
+struct Topic<T> {
+    channel: Option<ChannelId>,
+    /// What was said last, and when; `None` while no client wants it.
+    said: Option<(T, MonotonicNs)>,
+}
+
+impl Derived {
+    /// Offers the topics of a robot, and sends what is new of those that a client wants.
+    pub fn drain(&mut self, shown: &Shown, server: &mut Server, clock: Clocks) {
+        let robot = shown.robot.id;
+        let topics = self.robots.entry(robot);
+        let topics = topics.or_insert_with(|| RobotTopics::offer(robot, server));
+        topics.telemetry(robot, shown.ports.ipc(), server, clock);
+        topics.conditions(&shown.robot, server, clock);
+        topics.map(shown, server, clock);
+        topics.log(&shown.robot, server, clock);
+    }
+}
+
+impl RobotTopics {
+    fn offer(robot: RobotId, server: &mut Server) -> RobotTopics {
+        let mut offer = |topic, type_name| offer(topic, type_name, server);
+        RobotTopics {
+            of_telemetry: ViewerMessage::ALL
+                .into_iter()
+                .filter_map(|one| Some((one, offer(one.topic(robot), one.type_name())?)))
+                .collect(),
+            telemetry: None,
+            diagnostics: Topic::new(offer("/diagnostics".to_owned(), DIAGNOSTIC_ARRAY)),
+            conditions: Diagnostics::default(),
+            chart: Topic::new(offer(topic(robot, "chart"), GEO_JSON)),
+            track: Topic::new(offer(topic(robot, "track"), GEO_JSON)),
+            log: offer(topic(robot, "log"), Log::TYPE_NAME),
+            said_lines: 0,
+        }
+    }
+
+    /// What telemetry says, in messages that panels understand.
+    fn telemetry(&mut self, robot: RobotId, ipc: &Ipc, server: &mut Server, clock: Clocks) {
+        let wanted = self
+            .of_telemetry
+            .iter()
+            .filter(|(_, channel)| server.is_subscribed(*channel));
+        let wanted: Vec<_> = wanted.copied().collect();
+        if wanted.is_empty() {
+            self.telemetry = None;
+            return;
+        }
+        if self.telemetry.is_none() {
+            self.telemetry = ipc
+                .subscriber()
+                .inspect_err(|error| tracing::warn!(%robot, %error, "telemetry cannot be read"))
+                .ok();
+        }
+        let Some(telemetry) = &mut self.telemetry else {
+            return;
+        };
+        let offset = UnixOffset(i64::try_from(clock.zero_unix_ns).unwrap_or(i64::MAX));
+        let drained = telemetry.drain(|sample: &HeroTelemetry| {
+            let at = clock.unix_ns(sample.received().min(clock.now));
+            for (message, channel) in &wanted {
+                if let Some(bytes) = message.write(sample, robot, offset) {
+                    server.time(clock.unix_ns(clock.now));
+                    server.sample(*channel, at, bytes);
+                }
+            }
+        });
+        if let Err(error) = drained {
+            tracing::debug!(%robot, %error, "telemetry cannot be read");
+        }
+    }
+
+    fn conditions(&mut self, robot: &WatchedRobot, server: &mut Server, clock: Clocks) {
+        let now = clock.now;
+        let Some(channel) = self.diagnostics.wanted(server) else {
+            return;
+        };
+        let is_fresh = robot.process(Process::Bridge, now).is_fresh();
+        let conditions = self.conditions.take(&messages::robot(robot, now), is_fresh);
+        if self.diagnostics.is_new(&conditions) || self.diagnostics.is_older(CONDITIONS_PERIOD, now)
+        {
+            let unix_ns = clock.unix_ns(now);
+            let message = diagnostic_array(i64::try_from(unix_ns).unwrap_or(i64::MAX), &conditions);
+            send(server, channel, clock, message);
+            self.diagnostics.said = Some((conditions, now));
+        }
+    }
+
+    /// Fence, path and home, and the track.
+    fn map(&mut self, shown: &Shown, server: &mut Server, clock: Clocks) {
+        if let Some(channel) = self.chart.wanted(server) {
+            let chart = messages::chart(&shown.robot, shown.ports.outline());
+            if self.chart.is_new(&chart) {
+                send(
+                    server,
+                    channel,
+                    clock,
+                    geojson_message(&geojson::chart(&chart)),
+                );
+                self.chart.said = Some((chart, clock.now));
+            }
+        }
+        if let Some(channel) = self.track.wanted(server) {
+            let places = shown.robot.track.points().to_vec();
+            let is_due = self.track.said.is_none() || self.track.is_older(TRACK_PERIOD, clock.now);
+            if is_due && self.track.is_new(&places) {
+                send(
+                    server,
+                    channel,
+                    clock,
+                    geojson_message(&geojson::track(&places)),
+                );
+                self.track.said = Some((places, clock.now));
+            }
+        }
+    }
+
+    /// What happened. The first client that comes gets all that is kept.
+    fn log(&mut self, robot: &WatchedRobot, server: &mut Server, clock: Clocks) {
+        let Some(channel) = self.log.filter(|channel| server.is_subscribed(*channel)) else {
+            self.said_lines = 0;
+            return;
+        };
+        for line in robot.journal.since(self.said_lines) {
+            let unix_ns = clock.unix_ns(line.at);
+            server.time(clock.unix_ns(clock.now));
+            server.sample(channel, unix_ns, log_line(line, unix_ns));
+        }
+        self.said_lines = robot.journal.added();
+    }
+}
+
+impl<T: PartialEq> Topic<T> {
+    fn new(channel: Option<ChannelId>) -> Topic<T> {
+        let said = None;
+        Topic { channel, said }
+    }
+
+    /// The channel if a client wants it. If none does, what was said is forgotten: the next one gets it anew.
+    fn wanted(&mut self, server: &Server) -> Option<ChannelId> {
+        let wanted = self
+            .channel
+            .filter(|channel| server.is_subscribed(*channel));
+        if wanted.is_none() {
+            self.said = None;
+        }
+        wanted
+    }
+
+    fn is_new(&self, what: &T) -> bool {
+        self.said.as_ref().is_none_or(|(said, _)| said != what)
+    }
+
+    fn is_older(&self, period: Duration, now: MonotonicNs) -> bool {
+        self.said
+            .as_ref()
+            .is_some_and(|(_, at)| now >= *at + period)
+    }
+}
+
+fn offer(topic: String, type_name: &str, server: &mut Server) -> Option<ChannelId> {
+    let channel = server.channel(Channel {
+        schema: definition(type_name)?.into(),
+        encoding: "cdr".to_owned(),
+        schema_name: type_name.to_owned(),
+        schema_encoding: "ros2msg".to_owned(),
+        topic: topic.clone(),
+    });
+    if channel.is_none() {
+        tracing::warn!(topic, "not offered: there are too many topics");
+    }
+    channel
+}
+
+/// Sends what is so at this moment, behind the moment.
+fn send(server: &mut Server, channel: ChannelId, clock: Clocks, message: Vec<u8>) {
+    let unix_ns = clock.unix_ns(clock.now);
+    server.time(unix_ns);
+    server.sample(channel, unix_ns, message);
+}
+
+fn log_line(line: &EventLine, unix_ns: u64) -> Vec<u8> {
+    Log {
+        unix_ns: i64::try_from(unix_ns).unwrap_or(i64::MAX),
+        level: level(line.weight),
+        process: FLIGHT,
+        text: &line.text,
+        module: "",
+    }
+    .write()
+}

@@ -1,0 +1,133 @@
+//! What lies on the map, as GeoJSON: fence, path and home, and the track. Places of GeoJSON are longitude and latitude.
+
+use serde_json::{Value, json};
+use view::page;
+
+use crate::robot::geo::Place;
+
+/// Colours by Okabe and Ito, as in the page.
+const INCLUSION: &str = "#009e73";
+const EXCLUSION: &str = "#d55e00";
+const PATH: &str = "#0072b2";
+const TRACK: &str = "#cc79a7";
+const HOME: &str = "#000000";
+
+/// The fence in force, the path that is flown, and home.
+pub(super) fn chart(chart: &page::Chart) -> String {
+    let mut features: Vec<Value> = chart.fence.iter().map(area).collect();
+    let path = chart
+        .path
+        .iter()
+        .map(|[latitude, longitude, altitude]| json!([longitude, latitude, altitude]));
+    let path: Vec<Value> = path.collect();
+    if path.len() > 1 {
+        features.push(feature("path", PATH, "LineString", json!(path)));
+    }
+    for (number, place) in path.iter().enumerate() {
+        features.push(feature(
+            &format!("waypoint {}", number + 1),
+            PATH,
+            "Point",
+            place.clone(),
+        ));
+    }
+    if let Some([latitude, longitude, altitude]) = chart.home {
+        features.push(feature(
+            "home",
+            HOME,
+            "Point",
+            json!([longitude, latitude, altitude]),
+        ));
+    }
+    collection(&features)
+}
+
+/// Where the robot was.
+pub(super) fn track(places: &[Place]) -> String {
+    let line = places
+        .iter()
+        .map(|place| [place.longitude_deg, place.latitude_deg]);
+    let line: Vec<[f64; 2]> = line.collect();
+    let track = (line.len() > 1).then(|| feature("track", TRACK, "LineString", json!(line)));
+    collection(track.as_slice())
+}
+
+fn area(area: &page::Area) -> Value {
+    let colour = match area.inclusion {
+        true => INCLUSION,
+        false => EXCLUSION,
+    };
+    // A ring ends where it begins.
+    let corners = area.corners.iter().chain(area.corners.first());
+    let ring: Vec<[f64; 2]> = corners
+        .map(|[latitude, longitude]| [*longitude, *latitude])
+        .collect();
+    feature(&area.name, colour, "Polygon", json!([ring]))
+}
+
+fn feature(name: &str, colour: &str, kind: &str, coordinates: Value) -> Value {
+    json!({
+        "type": "Feature",
+        "properties": {"name": name, "style": {"color": colour, "weight": 3, "fillOpacity": 0.05}},
+        "geometry": {"type": kind, "coordinates": coordinates},
+    })
+}
+
+fn collection(features: &[Value]) -> String {
+    json!({"type": "FeatureCollection", "features": features}).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fence_path_and_home_are_features_with_longitude_first() {
+        let text = chart(&page::Chart {
+            robot: 1,
+            source: page::Source::Bridge,
+            number: 3,
+            fence: vec![page::Area {
+                name: "field".to_owned(),
+                inclusion: true,
+                floor_m: None,
+                ceiling_m: None,
+                corners: vec![[37.0, -6.0], [37.1, -6.0], [37.1, -6.1]],
+            }],
+            floor_m: None,
+            ceiling_m: None,
+            path: vec![[37.0, -6.0, 20.0], [37.05, -6.05, 30.0]],
+            home: Some([37.01, -6.01, 5.0]),
+        });
+        let read: Value = serde_json::from_str(&text).unwrap();
+        let names: Vec<_> = read["features"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|one| one["properties"]["name"].as_str().unwrap())
+            .collect();
+        assert_eq!(names, ["field", "path", "waypoint 1", "waypoint 2", "home"]);
+        let geometry = |index: usize| &read["features"][index]["geometry"];
+        let ring = json!([[[-6.0, 37.0], [-6.0, 37.1], [-6.1, 37.1], [-6.0, 37.0]]]);
+        assert_eq!(
+            geometry(0),
+            &json!({"type": "Polygon", "coordinates": ring})
+        );
+        assert_eq!(
+            geometry(4),
+            &json!({"type": "Point", "coordinates": [-6.01, 37.01, 5.0]})
+        );
+    }
+
+    #[test]
+    fn a_track_is_a_line_once_it_has_two_places() {
+        let place = |latitude, longitude| Place::new(latitude, longitude).unwrap();
+        assert_eq!(track(&[place(37.0, -6.0)]), collection(&[]));
+        let read: Value =
+            serde_json::from_str(&track(&[place(37.0, -6.0), place(37.1, -6.1)])).unwrap();
+        assert_eq!(
+            read["features"][0]["geometry"]["coordinates"],
+            json!([[-6.0, 37.0], [-6.1, 37.1]])
+        );
+    }
+}

@@ -1,0 +1,216 @@
+//! [`Playback`]: the one playhead of a recording for all viewers, and what they get where it is.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+use recording::play::Playhead;
+use recording::read::RecordedMessage;
+use runtime::exit::Failure;
+use view::page::{Replay, ReplayAction, ReplayInfo, ReplayRequest};
+use view::{ChannelId, Server, ViewerId};
+
+use super::super::messages;
+use super::super::speaker::{Seen, Speaker};
+use super::recording::Recording;
+use super::topics::{Found, Topics};
+
+/// Time between two jumps: each sends the last minutes anew, and a hand that draws the scrubber asks for dozens in a second.
+const JUMP_PERIOD: Duration = Duration::from_millis(200);
+
+/// How often pages get the position although nothing has changed.
+const SAY_PERIOD: Duration = Duration::from_secs(1);
+
+/// See the module's documentation.
+pub(in super::super) struct Playback {
+    recording: Recording,
+    head: Playhead,
+    found: Option<Found>,
+    topics: Topics,
+    /// Whether a viewer has come so far: then it begins to play.
+    has_begun: bool,
+    /// Where to jump to.
+    jump: Option<Duration>,
+    jumped_at: MonotonicNs,
+    /// Whether a client has come that wants the samples that hold here.
+    is_wanted_anew: bool,
+    /// Whether the position is to be said at once.
+    has_changed: bool,
+    said_at: MonotonicNs,
+}
+
+impl Playback {
+    /// Reads a recording.
+    ///
+    /// # Errors
+    ///
+    /// Code 2 when the file cannot be read or is no recording.
+    pub fn open(path: &Path) -> Result<(Playback, ReplayInfo), Failure> {
+        let mut found = Found::default();
+        let (recording, info) = Recording::open(path, |message| found.take(message))?;
+        let playback = Playback {
+            head: Playhead::new(recording.length()),
+            recording,
+            found: Some(found),
+            topics: Topics::default(),
+            has_begun: false,
+            jump: None,
+            jumped_at: MonotonicNs(0),
+            is_wanted_anew: false,
+            has_changed: true,
+            said_at: MonotonicNs(0),
+        };
+        Ok((playback, info))
+    }
+
+    /// Says what there is to see.
+    pub fn offer(&mut self, server: &mut Server) {
+        server.set_robots(vec![self.recording.robot().get()]);
+        if let Some(found) = self.found.take() {
+            self.topics = Topics::offer(found, server);
+        }
+    }
+
+    /// Does what a page wants.
+    pub fn take(&mut self, request: &ReplayRequest, now: MonotonicNs) {
+        match (request.action, request.position_s, request.speed) {
+            (ReplayAction::Play, _, _) => {
+                let was_ended = self.head.is_ended(now);
+                self.head.play(now);
+                if was_ended {
+                    self.jump = Some(Duration::ZERO);
+                }
+            }
+            (ReplayAction::Pause, _, _) => self.head.pause(now),
+            (ReplayAction::Speed, _, Some(speed)) => self.head.set_speed(speed, now),
+            (ReplayAction::Seek, Some(position_s), _) => {
+                // What is no number or negative is the beginning.
+                let position = Duration::try_from_secs_f64(position_s.max(0.0));
+                let position = position.unwrap_or(self.recording.length());
+                self.head.seek(position, now);
+                self.jump = Some(self.head.position(now));
+            }
+            (ReplayAction::Speed | ReplayAction::Seek, _, _) => {}
+        }
+        self.has_changed = true;
+    }
+
+    /// A page has come: it gets the position, and the minutes before it.
+    pub fn join(
+        &mut self,
+        viewer: ViewerId,
+        server: &mut Server,
+        speaker: &mut Speaker,
+        now: MonotonicNs,
+    ) {
+        if !std::mem::replace(&mut self.has_begun, true) {
+            self.head.play(now);
+        }
+        if self.jump.is_some() {
+            // All pages are about to get all anew.
+            return;
+        }
+        self.go_on(server, now);
+        self.say(server, now);
+        let clock = self.recording.clock_at(self.head.position(now));
+        let played = self.recording.played();
+        server.past(viewer, &messages::past(&played.robot, &played.past, clock));
+        speaker.moved(std::iter::once(self.seen(true)));
+    }
+
+    /// A Foxglove client wants a topic that none has wanted before.
+    pub fn subscribed(&mut self) {
+        self.is_wanted_anew = true;
+    }
+
+    /// Goes on to `now`, and says what is new.
+    pub fn look(&mut self, server: &mut Server, speaker: &mut Speaker, now: MonotonicNs) {
+        if self.jump.is_some() || self.is_wanted_anew {
+            if now < self.jumped_at + JUMP_PERIOD {
+                return;
+            }
+            if self.jump(server, now) {
+                // Pages get all anew: the position first.
+                speaker.moved(std::iter::once(self.seen(true)));
+                return;
+            }
+        }
+        let has_news = self.go_on(server, now);
+        if self.has_changed || now >= self.said_at + SAY_PERIOD {
+            self.say(server, now);
+        }
+        let clock = self.recording.clock_at(self.head.position(now));
+        let seen = self.seen(has_news);
+        speaker.speak(std::iter::once(seen), server, clock, now);
+    }
+
+    /// Goes elsewhere, and gives Foxglove clients the last samples before. Says whether pages are to get all anew.
+    fn jump(&mut self, server: &mut Server, now: MonotonicNs) -> bool {
+        self.jumped_at = now;
+        self.is_wanted_anew = false;
+        let position = self.head.position(now);
+        let mut last: BTreeMap<ChannelId, RecordedMessage> = BTreeMap::new();
+        let topics = &self.topics;
+        self.recording.jump_to(position, |message| {
+            if let Some(channel) = topics.wanted(message, server) {
+                last.insert(channel, message.clone());
+            }
+        });
+        let mut last: Vec<_> = last.into_iter().collect();
+        last.sort_by_key(|(_, message)| message.log_time_ns);
+        self.say_time(server, position);
+        for (channel, message) in last {
+            server.sample(channel, message.log_time_ns, message.data());
+        }
+        let is_elsewhere = self.jump.take().is_some();
+        if is_elsewhere {
+            server.begin_anew();
+        }
+        is_elsewhere
+    }
+
+    /// Goes on to `now`; says whether something came on the way.
+    fn go_on(&mut self, server: &mut Server, now: MonotonicNs) -> bool {
+        let position = self.head.position(now);
+        let topics = &self.topics;
+        let clock = self.recording.clock_at(position);
+        let (mut has_news, mut has_time) = (false, false);
+        self.recording.go_to(position, |message| {
+            has_news = true;
+            if let Some(channel) = topics.wanted(message, server) {
+                // The time of a batch stands before it.
+                if !std::mem::replace(&mut has_time, true) {
+                    server.time(clock.unix_ns(clock.now));
+                }
+                server.sample(channel, message.log_time_ns, message.data());
+            }
+        });
+        has_news
+    }
+
+    fn say_time(&self, server: &mut Server, position: Duration) {
+        let clock = self.recording.clock_at(position);
+        server.time(clock.unix_ns(clock.now));
+    }
+
+    /// Says where it is.
+    fn say(&mut self, server: &mut Server, now: MonotonicNs) {
+        let replay = Replay {
+            position_s: self.head.position(now).as_secs_f64(),
+            playing: self.head.is_playing(now),
+            speed: self.head.speed(),
+        };
+        server.replay(&replay);
+        (self.has_changed, self.said_at) = (false, now);
+    }
+
+    fn seen(&self, has_news: bool) -> Seen<'_> {
+        let played = self.recording.played();
+        Seen {
+            robot: &played.robot,
+            outline: played.outline(),
+            has_news,
+        }
+    }
+}

@@ -1,0 +1,285 @@
+//! `ril view FILE`: a recording in the page and for Foxglove, beside what the live view said of the flight.
+
+use std::collections::BTreeSet;
+
+use ipc_types::code::LinkState;
+use ipc_types::payload::{ModuleState, SharedStruct};
+use ril_tests::process::Signal;
+use ril_tests::{Process, Sandbox, StandInBridge};
+use serde_json::{Value, json};
+
+use super::page::Page;
+use super::{View, free_port, message, order, ril, run_file, token};
+use crate::common::{end, sandbox};
+use crate::record::feed::{only_file, words};
+use crate::replay::made::record;
+
+/// A replay on a port of its own.
+struct ShownFile {
+    process: Process,
+    port: u16,
+    token: String,
+}
+
+impl ShownFile {
+    fn start(rig: &Sandbox, file: &str) -> ShownFile {
+        let port = free_port();
+        let mut process = ril(rig, &format!("view {file} --no-browser --port {port}"));
+        process.wait_for_text("ready");
+        let token = token(rig, port);
+        ShownFile {
+            process,
+            port,
+            token,
+        }
+    }
+
+    fn page(&self) -> Page {
+        Page::open(self.port, Some(&self.token))
+    }
+}
+
+fn replay(action: &str, position_s: Option<f64>, speed: Option<f64>) -> Value {
+    json!({"type": "replay", "action": action, "position_s": position_s, "speed": speed})
+}
+
+fn is_replay(message: &Value) -> bool {
+    message["type"] == "replay"
+}
+
+const SILENT: &str = "the bridge says nothing: is it stopped, or is the machine overloaded?";
+
+/// What these events say of the link and of a bridge that is silent. On a machine that stalls something may be said twice.
+fn said<'a>(events: impl IntoIterator<Item = &'a Value>) -> BTreeSet<&'a str> {
+    let texts = events
+        .into_iter()
+        .filter_map(|event| event["text"].as_str());
+    texts
+        .filter(|text| text.contains("link to the DSP") || text.contains(SILENT))
+        .collect()
+}
+
+#[test]
+fn the_replay_of_a_faulty_flight_has_the_alarms_of_the_live_view() {
+    let rig = sandbox();
+    let bridge = StandInBridge::start(&rig.domain);
+    let view = View::start(&rig);
+    let mut page = view.page();
+    let mut recorder = rig.start(&words(""));
+    recorder.wait_for_text("recorded topic=\"/robot1/bridge/state\"");
+    let publish = |link: LinkState| {
+        let mut state = StandInBridge::idle_state();
+        state.link.state = link.code();
+        bridge.publish_state(&state);
+    };
+    let mut live: Vec<Value> = Vec::new();
+    // Reads until something is said; meanwhile a bridge with this link publishes twice a second, or none does.
+    let mut until = |text: &str, link: Option<LinkState>| {
+        page.until(text, |message| {
+            if let Some(link) = link.filter(|_| message["type"] == "beat") {
+                publish(link);
+            }
+            let is_event = message["type"] == "event";
+            if is_event {
+                live.push(message.clone());
+            }
+            is_event && message["text"] == text
+        });
+    };
+    until("link to the DSP silent", Some(LinkState::Silent));
+    until("over: link to the DSP silent", Some(LinkState::Up));
+    until(SILENT, None);
+    until(&format!("over: {SILENT}"), Some(LinkState::Up));
+    // The replay looks up to 50 ms later than the live view did, and no longer than the recording.
+    for _ in 0..3 {
+        page.until_type("beat");
+        publish(LinkState::Up);
+    }
+    end(recorder, Signal::TERM);
+    view.end();
+    drop(bridge);
+
+    let file = only_file(&rig);
+    let shown = ShownFile::start(&rig, file.to_str().unwrap());
+    let mut page = shown.page();
+    let hello = page.until_type("hello");
+    let events = hello["replay"]["events"].as_array().unwrap();
+    assert_eq!(said(events), said(&live), "{hello:#}");
+    // At their times, by the clock of then: a machine that stalls makes the live view late.
+    let start_s = hello["replay"]["start_unix_ms"].as_f64().unwrap() / 1000.0;
+    for text in said(&live) {
+        let event = events.iter().find(|event| event["text"] == text).unwrap();
+        let same = live.iter().find(|event| event["text"] == text).unwrap();
+        let live_s = same["at_unix_ms"].as_f64().unwrap() / 1000.0;
+        let apart_s = live_s - (start_s + event["at_s"].as_f64().unwrap());
+        assert!(apart_s.abs() < 20.0, "{event} {same}");
+    }
+    end(shown.process, Signal::TERM);
+}
+
+#[test]
+fn all_pages_share_one_playhead_and_order_nothing() {
+    let rig = sandbox();
+    let made = record(rig.folder());
+    let shown = ShownFile::start(&rig, "flight.mcap");
+    let mut page = shown.page();
+    let hello = page.until_type("hello");
+    let info = &hello["replay"];
+    assert_eq!(
+        (&info["file"], &info["duration_s"]),
+        (&json!("flight.mcap"), &json!(7.1))
+    );
+    assert_eq!(
+        (&hello["robots"], &info["start_unix_ms"]),
+        (&json!([1]), &json!(1_700_000_000_000_u64))
+    );
+    // It begins to play when the first page comes.
+    page.until("that it plays", |message| {
+        is_replay(message) && message["playing"] == true
+    });
+    page.send(&replay("pause", None, None));
+    page.until("that it stands", |message| {
+        is_replay(message) && message["playing"] == false
+    });
+
+    let mut other = shown.page();
+    other.until_type("past");
+    page.send(&replay("seek", Some(3.05), None));
+    for page in [&mut page, &mut other] {
+        page.until("the position", |message| {
+            is_replay(message) && message["position_s"] == 3.05
+        });
+        let past = page.until_type("past");
+        let times = past["t_s"].as_array().unwrap();
+        assert!(
+            times.len() >= 15 && times[0].as_f64().unwrap() <= -2.9,
+            "{past}"
+        );
+        let now = page.until("the values there", |message| message["type"] == "now");
+        assert_eq!(now["telemetry"]["freshness"], "fresh", "{now}");
+        assert_eq!(
+            now["altitude_m"].as_f64(),
+            Some(made.hero[30].geodetic.altitude_m)
+        );
+    }
+    // The values stay as old as they were then.
+    for _ in 0..3 {
+        let now = page.until_type("now");
+        let age_ms = now["telemetry"]["age_ms"].as_u64().unwrap();
+        assert!((50..=60).contains(&age_ms), "{now}");
+    }
+    assert_eq!(page.until_type("robot")["replayed"], true);
+
+    // One page goes on faster; both are led there, up to the end, where it stands.
+    page.send(&replay("speed", None, Some(10.0)));
+    page.send(&replay("play", None, None));
+    for page in [&mut page, &mut other] {
+        let end = page.until("the end", |message| {
+            is_replay(message) && message["position_s"] == 7.1
+        });
+        assert_eq!(
+            (&end["playing"], &end["speed"]),
+            (&json!(false), &json!(10.0))
+        );
+    }
+    page.send(&replay("play", None, None));
+    other.until("the beginning", |message| {
+        is_replay(message) && message["position_s"].as_f64() < Some(7.0)
+    });
+
+    // Orders, and what makes no sense.
+    for (number, kind) in [("a1", "hold"), ("a2", "land"), ("a3", "start")] {
+        let report = page.order(&order(number, kind));
+        assert_eq!(report["stage"], "not-sent", "{report}");
+        assert!(
+            report["text"].as_str().unwrap().contains("REPLAY"),
+            "{report}"
+        );
+    }
+    for (position_s, speed) in [
+        (Some(-5.0), None),
+        (Some(1e300), None),
+        (None, Some(-1.0)),
+        (None, None),
+    ] {
+        for action in ["seek", "speed"] {
+            page.send(&replay(action, position_s, speed));
+        }
+    }
+    page.send(&replay("seek", Some(1.0), None));
+    page.until("where it is", |message| {
+        is_replay(message) && message["position_s"].as_f64() < Some(2.0)
+    });
+    end(shown.process, Signal::INT);
+}
+
+#[test]
+fn foxglove_gets_the_recorded_samples() {
+    let rig = sandbox();
+    let made = record(rig.folder());
+    let shown = ShownFile::start(&rig, "flight.mcap");
+    let host = format!("127.0.0.1:{}", shown.port);
+    let mut client = Page::speak("foxglove.sdk.v1", shown.port, &host, None).expect("an upgrade");
+    let mut page = shown.page();
+    page.until_type("hello");
+    page.send(&replay("pause", None, None));
+    page.send(&replay("seek", Some(2.5), None));
+    page.until("the position", |message| {
+        is_replay(message) && message["position_s"] == 2.5
+    });
+    let offered = client.until("the channels", |message| message["op"] == "advertise");
+    let channels = offered["channels"].as_array().unwrap();
+    let channel = channels
+        .iter()
+        .find(|one| one["topic"] == "/robot1/bridge/state")
+        .unwrap();
+    assert_eq!(channel["schemaName"], "hero_msgs/msg/ModuleState");
+    client.send(
+        &json!({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channel["id"]}]}),
+    );
+    // The one that held there comes although it stands.
+    let (time, bytes) = message(&mut client);
+    assert_eq!(time, 1_700_000_002_500_000_000);
+    let state = ModuleState::from_bytes(&bytes[4..]).unwrap();
+    assert_eq!(state.link.commands_acknowledged, 25);
+    page.send(&replay("play", None, None));
+    let (time, _) = message(&mut client);
+    assert_eq!(time, 1_700_000_003_000_000_000);
+    assert!(made.file.exists());
+    end(shown.process, Signal::TERM);
+}
+
+#[test]
+fn a_file_that_cannot_be_shown_is_named_with_the_reason_and_another_port_is_found() {
+    let rig = sandbox();
+    let made = record(rig.folder());
+    rig.write("none.mcap", "no recording");
+    for (args, code, expected) in [
+        ("view none.mcap", 2, "not an MCAP file"),
+        ("view missing.mcap", 2, "missing.mcap cannot be shown"),
+        ("view /dev/null", 2, "it is no regular file"),
+        ("view flight.mcap --stop", 2, "cannot be used with"),
+    ] {
+        ril(&rig, args).exits(code).err_says(expected);
+    }
+    // A recorder that was killed: what is whole is shown.
+    let whole = std::fs::read(&made.file).unwrap();
+    std::fs::write(rig.path("cut.mcap"), &whole[..whole.len() - 40]).unwrap();
+    let port = free_port();
+    rig.write("view.toml", &format!("port = {port}\n"));
+    let mut first = ril(&rig, "view cut.mcap --json");
+    first.wait_for_text("ready");
+    first.wait_for_text("recording: the file");
+    assert!(run_file(&rig, port).exists());
+    // The port is in use: the next one is taken, unless it was named.
+    let mut second = ril(&rig, "view flight.mcap --no-browser");
+    second.wait_for_text("ready");
+    ril(&rig, &format!("view flight.mcap --port {port}"))
+        .exits(1)
+        .err_says(&format!("port {port}"));
+    // The view of live robots is another one.
+    ril(&rig, "view --no-browser").exits(1).err_says("cut.mcap");
+    ril(&rig, "view --stop").exits(0);
+    first.exits(0);
+    end(second, Signal::TERM);
+}
