@@ -21,6 +21,7 @@ use crate::options::{EXIT_CODES, duration};
 use crate::verbs::check::options::{DoctorArgs, PreflightArgs};
 use crate::verbs::demo;
 use crate::verbs::log::options::LogArgs;
+use crate::verbs::mavlink::run::MavlinkArgs;
 use crate::verbs::order::{
     ControlArgs, FenceArgs, GotoArgs, HoldArgs, HolderArgs, LandArgs, RtlArgs, TakeoffArgs,
 };
@@ -173,12 +174,14 @@ fn is_negative_coordinate(text: &str) -> bool {
 pub enum Command {
     /// Fly a whole simulated mission, with nothing else running, and check it
     Demo(demo::DemoArgs),
-    /// Run a process of the RIL in the foreground: bridge, status, sim or view
+    /// Run a process of the RIL in the foreground: bridge, status, sim, view or mavlink
     Run(RunArgs),
     /// Run the bridge: short for `ril run bridge`
     Bridge(ProcessArgs<bridge::cli::Args>),
     /// Run the simulator: short for `ril run sim`
     Sim(ProcessArgs<dsp_sim::cli::SimArgs>),
+    /// Show the robot to ground stations that speak MAVLink: short for `ril run mavlink`
+    Mavlink(ProcessArgs<MavlinkArgs>),
     /// Bring a robot to other machines, or show the links of the relay that does so (`ril relay status`)
     Relay(RelayArgs),
     /// Start the bridge's module, so that it takes movements; or another module
@@ -281,6 +284,8 @@ pub enum RunCommand {
     Sim(ProcessArgs<dsp_sim::cli::SimArgs>),
     /// Run the server of `ril view`, the page of robots in a browser, in the foreground
     View(ProcessArgs<RunViewArgs>),
+    /// Run the gateway to ground stations and scripts that speak MAVLink, in the foreground
+    Mavlink(ProcessArgs<MavlinkArgs>),
 }
 
 /// `ril completions`

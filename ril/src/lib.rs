@@ -53,7 +53,9 @@ use runtime::signal::end_with_parent;
 use verbs::check::{doctor, preflight};
 use verbs::topic::meter::Quantity;
 use verbs::topic::{self, echo, measure};
-use verbs::{demo, log, order, param, plan, record, relay, replay, robots, view, wait, watch};
+use verbs::{
+    demo, log, mavlink, order, param, plan, record, relay, replay, robots, view, wait, watch,
+};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
 ///
@@ -101,10 +103,14 @@ fn process(command: RunCommand) -> Result<(), Failure> {
         RunCommand::View(args) if args.prints_config(&args.process.server.common()) => {
             print("view", &view::server::check_config(&args.process.server)?)
         }
+        RunCommand::Mavlink(args) if args.prints_config(&args.process.common) => {
+            print("mavlink", &mavlink::run::check_config(&args.process)?)
+        }
         RunCommand::Bridge(args) => bridge::cli::run(args.process),
         RunCommand::Status(args) => status::cli::run(args.process),
         RunCommand::Sim(args) => dsp_sim::cli::run(args.process),
         RunCommand::View(args) => view::server::run(&args.process),
+        RunCommand::Mavlink(args) => mavlink::run::run(&args.process),
     }
 }
 
@@ -122,6 +128,7 @@ fn run(command: cli::Command) -> Result<(), Failure> {
         Command::Run(args) => process(args.command),
         Command::Bridge(args) => process(RunCommand::Bridge(args)),
         Command::Sim(args) => process(RunCommand::Sim(args)),
+        Command::Mavlink(args) => process(RunCommand::Mavlink(args)),
         Command::Relay(args) => relay::relay(&args),
         Command::Start(args) => order::start(&args, preflight::warn),
         Command::Stop(args) => order::stop(&args),

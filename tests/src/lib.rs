@@ -109,6 +109,7 @@
 pub mod domain;
 pub mod garbage;
 pub mod languages;
+pub mod packages;
 pub mod process;
 pub mod pty;
 pub mod readers;

@@ -463,3 +463,18 @@ impl Holdings {
         }
     }
 }
+
+/// The recordings in a folder, sorted by name; none if there is no folder. What lies beside them is left out.
+///
+/// # Panics
+///
+/// When the folder cannot be read to its end.
+pub fn records_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten();
+    let paths = entries.map(|entry| entry.expect("an entry").path());
+    let mut records: Vec<_> = paths
+        .filter(|path| path.extension().is_some_and(|kind| kind == "mcap"))
+        .collect();
+    records.sort();
+    records
+}

@@ -12,7 +12,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// Each crate and the crates of this workspace that it may depend on.
-const ARROWS: [(&str, &[&str]); 18] = [
+const ARROWS: [(&str, &[&str]); 19] = [
     ("dsp-protocol", &[]),
     ("ipc-types", &[]),
     ("runtime", &[]),
@@ -32,6 +32,7 @@ const ARROWS: [(&str, &[&str]); 18] = [
     ("ros-messages", &["ipc-types"]),
     ("recording", &["ipc-types", "ros-messages"]),
     ("dsp-sim", &["dsp-protocol", "runtime"]),
+    ("mavlink-gateway", &["ipc-types", "plans"]),
     ("plans", &["bridge", "dsp-protocol", "ipc-types", "runtime"]),
     ("flight-report", &[]),
     ("replay", &["bridge", "ipc-types", "module-kit", "status"]),
@@ -43,6 +44,7 @@ const ARROWS: [(&str, &[&str]); 18] = [
             "dsp-sim",
             "flight-report",
             "ipc-types",
+            "mavlink-gateway",
             "module-kit",
             "plans",
             "recording",
@@ -109,6 +111,7 @@ const BANS: [Ban; 5] = [
             "flight-record/recording/src",
             "flight-record/replay/src",
             "gateways/relay/src",
+            "gateways/mavlink/src",
             "gateways/view/src",
             "flight-record/ros-messages/src",
         ],
@@ -127,6 +130,7 @@ const BANS: [Ban; 5] = [
             "flight-record/recording/src",
             "flight-record/replay/src",
             "gateways/relay/src",
+            "gateways/mavlink/src",
             "gateways/view/src",
             "flight-record/ros-messages/src",
         ],
@@ -173,6 +177,7 @@ const BANS: [Ban; 5] = [
             "gateways/relay/src/station/link.rs",
             "gateways/relay/src/robot/stations.rs",
             "gateways/relay/src/pace.rs",
+            "gateways/mavlink/src",
             "gateways/view/src",
         ],
         except: &[

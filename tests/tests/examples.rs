@@ -12,6 +12,7 @@ use ipc_types::code::{Reason, Stage};
 use ipc_types::{Ipc, Publisher, Source, Waiter, fresh_request_id};
 use ril_tests::languages::{Compiler, built, python, python_example, python_with, root, skip};
 use ril_tests::process::{Finished, Line, Signal, WAIT_LIMIT};
+use ril_tests::sandbox::records_in;
 use ril_tests::{Process, PtyFolder, Sandbox, TestDomain};
 
 /// Simulated seconds for one of the host: a mission takes about a second.
@@ -438,9 +439,8 @@ fn each_name_of_a_topic_is_understood_wherever_a_topic_is_named() {
         "",
     );
     recorder.end();
-    let mut files = std::fs::read_dir(rig.path("log")).unwrap();
-    let file = files.next().unwrap().unwrap().path();
-    let file = file.to_str().unwrap();
+    let files = records_in(&rig.path("log"));
+    let file = files[0].to_str().unwrap();
     for (index, name) in NAMES.into_iter().enumerate() {
         let export = format!("log export {file} --topic {name} --output {index}.mcap");
         let finished = rig.run(&export, 0);
@@ -882,9 +882,8 @@ fn the_fragments_of_the_page_about_python_run() {
     let finished = rig.spawn(command).exits(0);
     assert_eq!(finished.stdout.len(), live.len(), "{finished:#?}");
     recorder.end();
-    let mut records = std::fs::read_dir(rig.path("log")).unwrap();
-    let record = records.next().unwrap().unwrap().path();
-    std::fs::rename(record, rig.path("flight.mcap")).unwrap();
+    let records = records_in(&rig.path("log"));
+    std::fs::rename(&records[0], rig.path("flight.mcap")).unwrap();
     for fragment in flight {
         let mut command = Command::new(python);
         command

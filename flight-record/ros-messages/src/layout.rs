@@ -12,8 +12,39 @@ pub fn layout(robot: RobotId) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
+    use serde_json::Value;
+
     use super::*;
     use crate::viewer::ViewerMessage;
+
+    /// The panels of a part of the screen.
+    fn panels<'a>(part: &'a Value, found: &mut BTreeSet<&'a str>) {
+        match part {
+            Value::String(panel) => assert!(found.insert(panel), "{panel} twice"),
+            part => {
+                for half in ["first", "second"] {
+                    panels(&part[half], found);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_panel_is_on_the_screen_once() {
+        let layout: Value = serde_json::from_str(OF_ROBOT_1).expect("JSON");
+        let configured = layout["configById"].as_object().expect("an object");
+        let mut shown = BTreeSet::new();
+        panels(&layout["layout"], &mut shown);
+        let tabs = configured
+            .values()
+            .filter_map(|panel| panel["tabs"].as_array());
+        for tab in tabs.flatten() {
+            panels(&tab["layout"], &mut shown);
+        }
+        assert!(shown.iter().eq(configured.keys()), "{shown:?}");
+    }
 
     #[test]
     fn a_layout_names_the_topics_of_its_robot_alone() {

@@ -49,12 +49,13 @@ pub fn position(telemetry: &HeroTelemetry) -> Option<[f64; 3]> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use ipc_types::payload::{HeroAttitude, HeroGeodetic, HeroLocal, SharedStruct};
 
     use super::*;
 
-    fn telemetry(groups: &[TelemetryGroup]) -> HeroTelemetry {
+    /// To the east of `map`'s origin, level.
+    pub(crate) fn telemetry(groups: &[TelemetryGroup]) -> HeroTelemetry {
         HeroTelemetry {
             received_ns: 2_000_000_003,
             valid_groups: groups.iter().map(|group| u32::from(group.bit())).sum(),

@@ -34,27 +34,10 @@ pub fn tf_message(
 #[cfg(test)]
 mod tests {
     use ipc_types::TelemetryGroup;
-    use ipc_types::payload::{HeroAttitude, HeroLocal, SharedStruct};
 
     use super::*;
     use crate::cdr::Reader;
-
-    fn telemetry(groups: &[TelemetryGroup]) -> HeroTelemetry {
-        HeroTelemetry {
-            received_ns: 2_000_000_003,
-            valid_groups: groups.iter().map(|group| u32::from(group.bit())).sum(),
-            local: HeroLocal {
-                east_m: 1.5,
-                north_m: -2.5,
-            },
-            // To the east, so that nothing is turned.
-            attitude: HeroAttitude {
-                yaw_rad: std::f32::consts::FRAC_PI_2,
-                ..HeroAttitude::ZERO
-            },
-            ..HeroTelemetry::ZERO
-        }
-    }
+    use crate::pose::tests::telemetry;
 
     #[test]
     fn the_body_is_where_the_pose_is() {

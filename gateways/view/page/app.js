@@ -204,6 +204,8 @@ function drawSecond(at, freshness) {
 function ageOf(what, at) {
   const { now } = model;
   if (!now) return null;
+  // In a replay values have the age that they had then, however long the page waits for the next ones.
+  if (model.hello?.replay) return now[what].age_ms;
   const age = ages.of(now[what].age_ms, now.sent_ms, at);
   return age === Infinity ? null : age;
 }
@@ -255,7 +257,7 @@ function key(event) {
   if (event.key === " " && at.closest("button, [role=tab]")) return;
   /** @type {Record<string, () => void>} */
   const acts = {
-    l: bar.land, g: bar.goTo, u: bar.takeOff, o: bar.more, f: () => map.setFollow(true), a: map.whole, t: settings.nextTheme, m: settings.menu, " ": replay.playOrPause,
+    l: bar.land, g: bar.goTo, u: bar.takeOff, o: bar.more, f: () => map.setFollow(true), a: map.whole, t: settings.nextTheme, m: settings.menu, " ": replay.playOrPause, ",": () => replay.step(-1), ".": () => replay.step(1), p: () => replay.jump(-1), n: () => replay.jump(1),
   };
   const robot = /^[1-9]$/.test(event.key) ? model.robots[Number(event.key) - 1] : undefined;
   const act = robot ? () => choose(robot.robot) : acts[event.key.toLowerCase()];

@@ -30,18 +30,27 @@ export function playOrPause() {
 }
 
 /** @param {number} by s */
-function step(by) {
+export function step(by) {
   const info = model.hello?.replay;
   if (info) order("seek", { position_s: Math.min(Math.max(model.time(performance.now()) + by, 0), info.duration_s) });
 }
 
+/**
+ * When the next event is, or the one before; null if there is none. One that has just passed is not the one before while it plays.
+ * @param {{at_s: number}[]} events @param {number} here s @param {1|-1} way
+ * @returns {number|null}
+ */
+export function eventFrom(events, here, way) {
+  const times = events.map(({ at_s }) => at_s).filter((at) => (way > 0 ? at > here + 0.5 : at < here - 1.5));
+  if (times.length === 0) return null;
+  return times.reduce((one, other) => (way > 0 ? Math.min(one, other) : Math.max(one, other)));
+}
+
 /** To the next event, or the one before. @param {1|-1} way */
-function jump(way) {
+export function jump(way) {
   const info = model.hello?.replay;
-  if (!info) return;
-  const here = model.time(performance.now());
-  const times = info.events.map(({ at_s }) => at_s).filter((at) => (way > 0 ? at > here + 0.5 : at < here - 1.5));
-  if (times.length > 0) order("seek", { position_s: way > 0 ? Math.min(...times) : Math.max(...times) });
+  const at = info ? eventFrom(info.events, model.time(performance.now()), way) : null;
+  if (at !== null) order("seek", { position_s: at });
 }
 
 function make_() {
@@ -56,8 +65,9 @@ function make_() {
     ...SPEEDS.map((value) => make("option", { value }, `${value}×`)));
   speed.value = "1";
   box = make("div", { id: "replay" },
-    make("div", { class: "row" }, press("Play", playOrPause, { id: "play", "aria-keyshortcuts": "Space" }), press("−10 s", () => step(-10)), press("+10 s", () => step(10)),
-      press("Event before", () => jump(-1)), press("Next event", () => jump(1)), speed, make("span", { id: "replay-at" })),
+    make("div", { class: "row" }, press("Play", playOrPause, { id: "play", "aria-keyshortcuts": "Space" }), press("−10 s", () => step(-10)),
+      press("−1 s", () => step(-1), { class: "fine", "aria-keyshortcuts": "," }), press("+1 s", () => step(1), { class: "fine", "aria-keyshortcuts": "." }), press("+10 s", () => step(10)),
+      press("Event before", () => jump(-1), { "aria-keyshortcuts": "P" }), press("Next event", () => jump(1), { "aria-keyshortcuts": "N" }), speed, make("span", { id: "replay-at" })),
     make("div", { class: "lane" }, lane(info), scrub));
   byId("bar").append(box);
 }

@@ -9,7 +9,8 @@ const NAMES = { light: "Light", dark: "Dark", sun: "Sun" };
 /** Keys as the menu lists them. */
 const KEYS = [
   ["Shift+H", "hold"], ["L", "land"], ["G", "go to"], ["U", "take-off"], ["O", "more orders"], ["1 … 9", "robot"], ["F", "follow the robot"], ["A", "all on the map"],
-  ["T", "theme"], ["M", "this menu"], ["Space", "play or pause a replay"], ["Escape", "closes a dialog"],
+  ["T", "theme"], ["M", "this menu"], ["Space", "play or pause a replay"],
+  [", .", "a second back or on in a replay"], ["P N", "to the event before or the next one"], ["Escape", "closes a dialog"],
 ];
 
 let theme = "light";

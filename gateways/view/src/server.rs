@@ -10,7 +10,7 @@ use crate::assets::Assets;
 use crate::authority::access::Access;
 use crate::connection::{Connection, Ending, Input};
 use crate::event::{Event, Events};
-use crate::foxglove::channels::Channel;
+use crate::foxglove::channels::{Channel, Sample};
 use crate::foxglove::client::Frame;
 use crate::foxglove::hub::Hub;
 use crate::foxglove::services::Service;
@@ -66,19 +66,24 @@ impl Server {
         let access = Access::new(&settings);
         let assets = Assets::new();
         let is_replay = settings.replay.is_some();
+        let foxglove = Hub::new(
+            instance.0.clone(),
+            settings.foxglove_commands && !is_replay,
+            settings.foxglove_parameters,
+            settings.replay.as_ref(),
+        );
         let greeting = Greeting {
             build: assets.build().to_owned(),
-            instance: instance.0.clone(),
+            instance: instance.0,
             replay: settings.replay,
         };
-        let has_commands = settings.foxglove_commands && !is_replay;
         Server {
             access,
             assets,
             connections: BTreeMap::new(),
             next_id: 1,
             pages: Pages::new(greeting),
-            foxglove: Hub::new(instance.0, has_commands, settings.foxglove_parameters),
+            foxglove,
             events: Events::new(),
             rejected: BTreeMap::new(),
             clock: MonotonicNs(0),
@@ -458,8 +463,9 @@ impl Server {
         self.pages.report(report, self.clock);
     }
 
-    /// Says where the recording is to all pages.
+    /// Says where the recording is to all pages, and to Foxglove clients that control it.
     pub fn replay(&mut self, replay: &page::Replay) {
+        self.foxglove.replay(replay);
         self.pages.say(None, &Outgoing::Replay(replay));
     }
 
@@ -490,8 +496,24 @@ impl Server {
         log_time_unix_ns: u64,
         bytes: impl Into<Arc<[u8]>>,
     ) {
-        self.foxglove
-            .sample(channel, log_time_unix_ns, bytes.into(), self.clock);
+        let sample = Sample {
+            channel,
+            log_time_unix_ns,
+            bytes: bytes.into(),
+            is_line: false,
+        };
+        self.foxglove.sample(&sample, self.clock);
+    }
+
+    /// The same with a line of a log, which no newer one replaces.
+    pub fn line(&mut self, channel: ChannelId, log_time_unix_ns: u64, bytes: impl Into<Arc<[u8]>>) {
+        let line = Sample {
+            channel,
+            log_time_unix_ns,
+            bytes: bytes.into(),
+            is_line: true,
+        };
+        self.foxglove.sample(&line, self.clock);
     }
 
     /// Sends the time to Foxglove clients: that of the samples that follow.

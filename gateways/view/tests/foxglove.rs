@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use serde_json::{Value, json};
+use view::page::{Replay, ReplayAction, ReplayInfo};
 use view::{Channel, ChannelId, Event, Service, Settings};
 
 use crate::common::{
@@ -80,7 +81,7 @@ fn a_client_is_told_what_there_is() {
     let mut world = world();
     let mut none = client(&mut world, None);
     let messages = world.messages(&mut none);
-    let info = json!({"op": "serverInfo", "name": "HERO RIL", "capabilities": ["time", "parameters", "parametersSubscribe"],
+    let info = json!({"op": "serverInfo", "name": "HERO RIL", "capabilities": ["time", "assets", "parameters", "parametersSubscribe"],
         "supportedEncodings": ["json"], "sessionId": "life"});
     assert_eq!(messages, [info, json!({"op": "advertise", "channels": []})]);
     let id = world.server.channel(channel("/robot1/pose")).unwrap();
@@ -108,6 +109,99 @@ fn a_client_is_told_what_there_is() {
     assert!(world.messages(&mut none).is_empty());
 }
 
+/// A replay of ten seconds whose time is known.
+fn in_2023(settings: Settings) -> Settings {
+    Settings {
+        replay: Some(ReplayInfo {
+            start_unix_ms: Some(1_700_000_000_000),
+            ..replay()
+        }),
+        ..settings
+    }
+}
+
+/// What a client wants of the recording.
+fn control(command: u8, speed: f32, seek_ns: Option<u64>, id: &str) -> Vec<u8> {
+    let mut bytes = vec![3, command];
+    bytes.extend(speed.to_le_bytes());
+    bytes.push(u8::from(seek_ns.is_some()));
+    bytes.extend(seek_ns.unwrap_or(0).to_le_bytes());
+    bytes.extend((id.len() as u32).to_le_bytes());
+    bytes.extend(id.as_bytes());
+    bytes
+}
+
+#[test]
+fn a_recording_is_played_by_foxgloves_controls() {
+    let mut world = World::new(in_2023(settings()));
+    let mut one = client(&mut world, None);
+    let mut other = client(&mut world, None);
+    let info = &world.messages(&mut one)[0];
+    assert_eq!(
+        info["dataStartTime"],
+        json!({"sec": 1_700_000_000, "nsec": 0})
+    );
+    assert_eq!(
+        info["dataEndTime"],
+        json!({"sec": 1_700_000_010, "nsec": 0})
+    );
+    world.messages(&mut other);
+    let state = |position_s, playing, speed| Replay {
+        position_s,
+        playing,
+        speed,
+    };
+    // Those that have not used the controls get no message that they may not know.
+    world.server.replay(&state(1.0, true, 1.0));
+    assert!(world.frames(&mut one).is_empty());
+
+    let wanted = control(0, 2.0, Some(1_700_000_004_500_000_000), "r1");
+    world.send(&one, &frame(0x82, &wanted));
+    let requests: Vec<_> = world
+        .events()
+        .into_iter()
+        .filter_map(|event| match event {
+            Event::Replay { request, .. } => {
+                Some((request.action, request.position_s, request.speed))
+            }
+            _ => None,
+        })
+        .collect();
+    let expected = [
+        (ReplayAction::Seek, Some(4.5), None),
+        (ReplayAction::Speed, None, Some(2.0)),
+        (ReplayAction::Play, None, None),
+    ];
+    assert_eq!(requests, expected);
+    let answer = |status: u8, ns: u64, speed: f32, did_seek: u8, id: &str| {
+        let mut bytes = vec![5, status];
+        bytes.extend((1_700_000_000_000_000_000 + ns).to_le_bytes());
+        bytes.extend(speed.to_le_bytes());
+        bytes.push(did_seek);
+        bytes.extend((id.len() as u32).to_le_bytes());
+        bytes.extend(id.as_bytes());
+        bytes
+    };
+    for (replay, expected) in [
+        (
+            state(4.5, true, 2.0),
+            answer(0, 4_500_000_000, 2.0, 1, "r1"),
+        ),
+        // What another viewer does has no number.
+        (state(5.5, false, 2.0), answer(1, 5_500_000_000, 2.0, 0, "")),
+        (
+            state(10.0, false, 0.5),
+            answer(3, 10_000_000_000, 0.5, 0, ""),
+        ),
+    ] {
+        world.server.replay(&replay);
+        assert_eq!(binaries(&mut world, &mut one), [expected]);
+    }
+    assert!(world.frames(&mut other).is_empty());
+    world.send(&other, &frame(0x82, &control(7, 1.0, None, "")));
+    assert_eq!(world.close_code(&mut other), Some(1007));
+}
+
 #[test]
 fn capabilities_follow_settings_and_token() {
     let plain = Settings {
@@ -124,15 +218,32 @@ fn capabilities_follow_settings_and_token() {
         (
             settings(),
             Some(SECRET),
-            json!(["time", "parameters", "parametersSubscribe", "services"]),
+            json!([
+                "time",
+                "assets",
+                "parameters",
+                "parametersSubscribe",
+                "services"
+            ]),
         ),
         (
             settings(),
             Some(WATCH),
-            json!(["time", "parameters", "parametersSubscribe"]),
+            json!(["time", "assets", "parameters", "parametersSubscribe"]),
         ),
-        (plain, Some(SECRET), json!(["time"])),
-        (recorded, Some(SECRET), json!(["time"])),
+        (plain, Some(SECRET), json!(["time", "assets"])),
+        (recorded, Some(SECRET), json!(["time", "assets"])),
+        (
+            in_2023(settings()),
+            Some(SECRET),
+            json!([
+                "time",
+                "assets",
+                "parameters",
+                "parametersSubscribe",
+                "playbackControl"
+            ]),
+        ),
     ] {
         let mut world = World::new(settings);
         let mut one = client(&mut world, token);
@@ -205,6 +316,11 @@ fn samples_come_to_those_who_have_subscribed() {
         world.events(),
         [Event::Subscribed(a), Event::Unsubscribed(a)]
     );
+    // What was the newest when the last one went is old by now.
+    let mut late = client(&mut world, None);
+    world.frames(&mut late);
+    subscribe(&mut world, &late, 7, number_a);
+    assert!(binaries(&mut world, &mut late).is_empty());
 }
 
 #[test]
@@ -346,6 +462,12 @@ fn parameters_are_answered_from_what_is_known() {
         json!([{"name": "/a", "value": 4.5, "type": "float64"}, {"name": "/b"}]),
     );
     assert_eq!(world.messages(&mut other), [changed]);
+    // One that comes later, too.
+    world.server.parameter("/c", Some(json!(1)));
+    let new = values(Value::Null, json!([{"name": "/c", "value": 1}]));
+    assert_eq!(world.messages(&mut other), [new]);
+    world.server.parameter("/c", None);
+    world.messages(&mut other);
     world.say(
         &other,
         &json!({"op": "unsubscribeParameterUpdates", "parameterNames": ["/a"]}),
@@ -573,4 +695,35 @@ fn another_beginning_of_time_makes_clients_connect_anew() {
     assert!(world.server.is_ended(one.id) && !world.server.is_ended(page.id));
     let mut again = client(&mut world, None);
     assert_eq!(world.messages(&mut again)[0]["sessionId"], "second");
+}
+
+#[test]
+fn files_are_those_of_the_program_and_no_others() {
+    let mut world = world();
+    let mut client = client(&mut world, None);
+    world.frames(&mut client);
+    let mut fetch = |uri: &str, request: u32| {
+        let message = json!({"op": "fetchAsset", "uri": uri, "requestId": request});
+        world.say(&client, &message);
+        let mut frames = world.frames(&mut client);
+        assert_eq!(frames.len(), 1, "{uri}");
+        let (_, bytes) = frames.remove(0);
+        assert_eq!((bytes[0], &bytes[1..5]), (4, &request.to_le_bytes()[..]));
+        (bytes[5], bytes[6..].to_vec())
+    };
+    let (status, file) = fetch("package://hero_ril/helicopter.urdf", 3);
+    assert_eq!((status, &file[..4]), (0, &[0; 4][..]));
+    assert!(file[4..].starts_with(b"<?xml"));
+    for uri in [
+        "package://hero_ril/../helicopter.urdf",
+        "file:///etc/passwd",
+        "",
+    ] {
+        let (status, error) = fetch(uri, 4);
+        assert_eq!(
+            (status, &error[4..]),
+            (1, &b"there is no such file"[..]),
+            "{uri}"
+        );
+    }
 }

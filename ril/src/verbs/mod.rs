@@ -4,6 +4,7 @@
 pub mod check;
 pub mod demo;
 pub mod log;
+pub mod mavlink;
 pub mod order;
 pub mod param;
 pub mod plan;

@@ -34,10 +34,11 @@ use crate::common::sandbox;
 use crate::watch::screen::Screen;
 
 /// Pages with something to run, each of which has a test below.
-const PAGES: [&str; 10] = [
+const PAGES: [&str; 11] = [
     "README.md",
     "docs/install.md",
     "docs/json.md",
+    "docs/mavlink.md",
     "docs/modules.md",
     "docs/network.md",
     "docs/operations.md",
@@ -228,7 +229,7 @@ fn every_block_of_every_document_has_a_rule() {
 }
 
 /// Blocks that cannot be run in a test.
-const WITHOUT_RUN: usize = 35;
+const WITHOUT_RUN: usize = 36;
 
 /// The robot's configuration: a machine that stalls ends no flight, and nothing is missing that a preflight asks for.
 const BRIDGE: &str = "\
@@ -613,6 +614,7 @@ impl Reader {
         let mut text = block.text.join("\n");
         let command = match file {
             "bridge.toml" => "run bridge",
+            "mavlink.toml" => "run mavlink",
             "ril.toml" => "start",
             // Its table [tls] wants a build with TLS.
             "view.toml" if text.contains("[tls]") && !cfg!(feature = "tls") => return,
@@ -707,6 +709,11 @@ fn the_examples_of_the_page_about_json_run() {
 }
 
 #[test]
+fn the_examples_of_the_page_about_mavlink_are_right() {
+    Reader::new("docs/mavlink.md").reads();
+}
+
+#[test]
 fn the_examples_of_the_page_about_modules_run() {
     Reader::new("docs/modules.md").reads();
 }
@@ -744,6 +751,6 @@ fn the_examples_of_the_page_about_safety_are_right() {
 }
 
 #[test]
-fn the_examples_of_the_page_about_the_view_are_right() {
+fn the_examples_of_the_page_about_views_run() {
     Reader::new("docs/view.md").reads();
 }

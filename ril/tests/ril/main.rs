@@ -16,6 +16,7 @@ mod documents;
 mod flight;
 mod hostile;
 mod limits;
+mod mavlink;
 mod measuring;
 mod operator;
 mod package;

@@ -3,11 +3,11 @@
 //! `RIL_TEST_READERS_PYTHON` may name an interpreter that has those of Python, and `RIL_TEST_READERS_NODE` a folder with
 //! `node_modules`. What cannot be had is skipped, and that is said.
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::PathBuf;
 use std::sync::OnceLock;
 
-use crate::languages::{run, skip, target_folder};
+use crate::languages::skip;
+use crate::packages;
 
 use super::reader::Reader;
 
@@ -30,10 +30,6 @@ const NODE_PACKAGES: [&str; 5] = [
     "@lichtblick/rosmsg@1",
     "@lichtblick/rosmsg2-serialization@1",
 ];
-
-fn folder() -> PathBuf {
-    target_folder().join("tmp")
-}
 
 /// The readers that can be had; says which are skipped.
 pub fn readers_or_skip(what: &str) -> Vec<Reader> {
@@ -64,64 +60,15 @@ pub fn readers_or_skip(what: &str) -> Vec<Reader> {
 }
 
 fn python() -> Result<PathBuf, String> {
-    if let Some(python) = std::env::var_os("RIL_TEST_READERS_PYTHON") {
-        return Ok(python.into());
+    match std::env::var_os("RIL_TEST_READERS_PYTHON") {
+        Some(python) => Ok(python.into()),
+        None => packages::python("readers", &PYTHON_PACKAGES, PYTHON_IMPORTS),
     }
-    let folder = folder().join("readers-venv");
-    let python = folder.join("bin/python");
-    let has_packages = || run(Command::new(&python).args(["-B", "-c", PYTHON_IMPORTS]));
-    if has_packages().is_err() {
-        run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
-        let mut pip = Command::new(&python);
-        pip.args([
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--disable-pip-version-check",
-            "--retries=1",
-        ]);
-        run(pip.args(PYTHON_PACKAGES))?;
-        has_packages()?;
-    }
-    Ok(python)
 }
 
 fn node() -> Result<PathBuf, String> {
-    if let Some(packages) = std::env::var_os("RIL_TEST_READERS_NODE") {
-        return Ok(packages.into());
-    }
-    run(Command::new("node").arg("--version"))?;
-    let folder = folder().join("readers-node");
-    let has_packages = |folder: &Path| {
-        let mut names = NODE_PACKAGES
-            .iter()
-            .filter_map(|package| package.rsplit_once('@'));
-        names.all(|(name, _)| {
-            folder
-                .join("node_modules")
-                .join(name)
-                .join("package.json")
-                .is_file()
-        })
-    };
-    if !has_packages(&folder) {
-        let write = |name: &str, text| std::fs::write(folder.join(name), text);
-        let made = std::fs::create_dir_all(&folder)
-            .and_then(|()| write("package.json", "{\"private\": true}\n"));
-        made.map_err(|error| format!("{}: {error}", folder.display()))?;
-        let mut npm = Command::new("npm");
-        npm.args([
-            "install",
-            "--no-audit",
-            "--no-fund",
-            "--ignore-scripts",
-            "--fetch-retries=0",
-        ]);
-        run(npm.args(NODE_PACKAGES).current_dir(&folder))?;
-    }
-    match has_packages(&folder) {
-        true => Ok(folder),
-        false => Err("npm did not install its packages".to_owned()),
+    match std::env::var_os("RIL_TEST_READERS_NODE") {
+        Some(packages) => Ok(packages.into()),
+        None => packages::node("readers", &NODE_PACKAGES),
     }
 }

@@ -8,64 +8,17 @@ import { open } from "node:fs/promises";
 import { createRequire } from "node:module";
 import { resolve } from "node:path";
 
+import { decoder } from "./decoder.mjs";
+
 const [packages, way, ...rest] = process.argv.slice(2);
 const hasSums = rest[0] === "--sums";
 const paths = hasSums ? rest.slice(1) : rest;
 const require = createRequire(resolve(packages, "index.js"));
 const { McapIndexedReader, McapStreamReader } = require("@mcap/core");
 const { FileHandleReadable } = require("@mcap/nodejs");
-const { parse } = require("@lichtblick/rosmsg");
-const { MessageReader } = require("@lichtblick/rosmsg2-serialization");
 
 const bits = new DataView(new ArrayBuffer(8));
-
-function number(type, value) {
-  if (type === "float32" || type === "float64") {
-    bits.setFloat64(0, value);
-    return Number.isNaN(value) ? "nan" : bits.getBigUint64(0).toString(16).padStart(16, "0");
-  }
-  return type === "string" ? Buffer.from(value).toString("hex") : `${Number(value) === value ? value : BigInt(value)}`;
-}
-
-class Decoder {
-  constructor(schema) {
-    this.definitions = parse(new TextDecoder().decode(schema.data), { ros2: true });
-    this.byName = new Map(this.definitions.map((definition) => [definition.name, definition]));
-    this.reader = new MessageReader(this.definitions);
-  }
-
-  fields(data) {
-    const fields = [];
-    const root = this.definitions.find((definition) => !definition.definitions.every((field) => field.isConstant));
-    this.message(root, this.reader.readMessage(data), "", fields);
-    return fields;
-  }
-
-  message(definition, value, prefix, fields) {
-    for (const field of definition.definitions.filter((field) => !field.isConstant)) {
-      const name = prefix + field.name;
-      const found = value[field.name];
-      if (!field.isArray) {
-        this.one(field, found, name, fields);
-      } else if (found.length === 0) {
-        fields.push(`${name}=[]`);
-      } else {
-        Array.from(found).forEach((element, i) => this.one(field, element, `${name}[${i}]`, fields));
-      }
-    }
-  }
-
-  one(field, value, name, fields) {
-    if (field.isComplex) {
-      this.message(this.byName.get(field.type), value, `${name}.`, fields);
-    } else if (field.type === "time" || field.type === "duration") {
-      fields.push(`${name}.sec=${value.sec}`, `${name}.nanosec=${value.nsec}`);
-    } else {
-      fields.push(`${name}=${number(field.type, value)}`);
-    }
-  }
-}
-
+const Decoder = decoder(require);
 const lines = [];
 
 // Prints a line for each message.
@@ -86,7 +39,7 @@ class Printer {
 
   message(channel, record) {
     if (!this.decoders.has(channel.id)) {
-      this.decoders.set(channel.id, new Decoder(this.schemas.get(channel.schemaId)));
+      this.decoders.set(channel.id, new Decoder(new TextDecoder().decode(this.schemas.get(channel.schemaId).data)));
     }
     const fields = this.decoders.get(channel.id).fields(record.data);
     lines.push(["message", channel.topic, record.logTime, record.publishTime, record.sequence, ...fields].join("\t"));

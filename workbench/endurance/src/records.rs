@@ -19,6 +19,7 @@ use ril_tests::Process;
 use ril_tests::languages::target_folder;
 use ril_tests::process::Signal;
 use ril_tests::readers::{Reader, sums::Sums};
+use ril_tests::sandbox::records_in;
 
 use crate::outcome::{Outcome, Times};
 use crate::plan::Plan;
@@ -328,8 +329,7 @@ fn hole(file: &RecordFile) -> Option<String> {
 
 /// Moves the only file of a recorder; says whether there was one.
 fn take_only_file(folder: &Path, to: &Path) -> bool {
-    let files = fs::read_dir(folder).map(|files| files.map(|file| file.expect("an entry").path()));
-    let files: Vec<_> = files.into_iter().flatten().collect();
+    let files = records_in(folder);
     let is_one = files.len() == 1;
     if let [file] = &files[..] {
         fs::rename(file, to).expect("folders of this program");

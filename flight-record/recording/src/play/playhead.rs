@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-/// Slowest and fastest speed. Slower, and nothing seems to move; faster, and nothing can be seen.
+/// Slowest and fastest speed of a replay. Slower, and each sample is stale when the next one comes; faster, and consumers
+/// cannot read as fast as samples come.
 pub const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
 /// See the module's documentation.

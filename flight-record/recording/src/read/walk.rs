@@ -158,7 +158,7 @@ impl<'a> Walk<'a> {
             },
             None => Mark {
                 position: self.position,
-                in_chunk: None,
+                in_chunk: self.skip,
                 sound,
             },
         }

@@ -3,3 +3,4 @@
 mod flight;
 mod made;
 mod player;
+mod stream;

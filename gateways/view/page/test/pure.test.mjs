@@ -11,6 +11,7 @@ import { Link, pause } from "../link.js";
 import { Model } from "../model.js";
 import { OrderBook, severityOf } from "../orders.js";
 import { parse } from "../protocol.js";
+import { eventFrom } from "../replay.js";
 
 test("what is no message is dropped", () => {
   for (const text of ["", "{", "null", "7", "[]", '{"type":7}', "{}", undefined, new ArrayBuffer(3)]) assert.equal(parse(text), null);
@@ -239,6 +240,16 @@ test("a replay has the time of the recording", () => {
   assert.equal(model.time(9000), 20);
   model.take(NOW, 4000);
   assert.equal(model.freshness(60000, Infinity), "fresh", "a paused replay is not stale");
+});
+
+test("from event to event, over the one that has just passed", () => {
+  const events = [3, 10, 10.2, 40].map((at_s) => ({ at_s }));
+  assert.equal(eventFrom(events, 0, 1), 3);
+  assert.equal(eventFrom(events, 9.6, 1), 10.2);
+  assert.equal(eventFrom(events, 10.8, -1), 3);
+  assert.equal(eventFrom(events, 40, 1), null);
+  assert.equal(eventFrom(events, 3, -1), null);
+  assert.equal(eventFrom([], 3, 1), null);
 });
 
 /** A connection whose time and sockets are made here. */

@@ -31,6 +31,8 @@ pub(crate) struct Sample {
     pub channel: ChannelId,
     pub log_time_unix_ns: u64,
     pub bytes: Arc<[u8]>,
+    /// Whether it is a line of a log, of which none is replaced by a newer one.
+    pub is_line: bool,
 }
 
 /// A channel that is offered now.

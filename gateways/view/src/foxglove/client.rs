@@ -97,6 +97,8 @@ pub(crate) struct Client {
     said: Vec<Notice>,
     /// Parameters whose changes it gets.
     follows: BTreeSet<String>,
+    /// Whether it gets those of parameters that come, too.
+    follows_all: bool,
     changed: BTreeSet<String>,
     wanted: Vec<Wanted>,
     calls: BTreeSet<Call>,
@@ -121,6 +123,7 @@ impl Client {
             time_unix_ns: None,
             said: Vec::new(),
             follows: BTreeSet::new(),
+            follows_all: false,
             changed: BTreeSet::new(),
             wanted: Vec::new(),
             calls: BTreeSet::new(),
@@ -205,15 +208,17 @@ impl Client {
         self.time_unix_ns = Some(unix_ns);
     }
 
-    /// Is told of changes of these parameters, or of all that there are.
+    /// Gets the changes of these parameters, or of all.
     pub fn follow(&mut self, names: &[String], parameters: &Parameters) {
+        self.follows_all |= names.is_empty();
         let found = parameters.find(names);
         self.follows
             .extend(found.into_iter().map(|parameter| parameter.name));
     }
 
-    /// Is told no more of changes of these parameters, or of any.
+    /// Gets the changes of these parameters no more, or of any.
     pub fn unfollow(&mut self, names: &[String]) {
+        self.follows_all = false;
         match names {
             [] => self.follows.clear(),
             names => self.follows.retain(|name| !names.contains(name)),
@@ -246,6 +251,9 @@ impl Client {
                 id: one.id.as_deref(),
             };
             self.answer(Frame::Text(message.text()));
+        }
+        if has_changed && self.follows_all {
+            self.follows.insert(name.to_owned());
         }
         if has_changed && self.follows.contains(name) {
             self.changed.insert(name.to_owned());

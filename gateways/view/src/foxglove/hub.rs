@@ -1,20 +1,21 @@
 //! [`Hub`]: all Foxglove clients, and what they are offered.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use ipc_types::MonotonicNs;
 use serde_json::Value;
 
+use super::assets;
 use super::channels::{Channel, Channels, Sample};
 use super::client::{Client, Frame, Notice};
-use super::message::{Binary, Incoming, Outgoing, Parameter, read_binary};
+use super::message::{Binary, Incoming, Outgoing, Parameter, asset_response, read_binary};
 use super::parameters::Parameters;
+use super::playback::{CAPABILITY, Playback};
 use super::services::{ENCODING, Service, Services, refused};
 use crate::authority::access::Permit;
 use crate::event::{Event, Events};
 use crate::id::{Call, ChannelId, ViewerId};
-use crate::page::Role;
+use crate::page::{Replay, ReplayInfo, Role};
 use crate::settings::Peer;
 use crate::viewer::from;
 use crate::websocket::{Close, Received};
@@ -33,11 +34,18 @@ pub(crate) struct Hub {
     channels: Channels,
     services: Services,
     parameters: Parameters,
+    playback: Playback,
 }
 
 impl Hub {
-    pub fn new(session: String, has_commands: bool, has_parameters: bool) -> Hub {
+    pub fn new(
+        session: String,
+        has_commands: bool,
+        has_parameters: bool,
+        replay: Option<&ReplayInfo>,
+    ) -> Hub {
         Hub {
+            playback: Playback::new(replay),
             session,
             has_commands,
             has_parameters,
@@ -57,18 +65,24 @@ impl Hub {
             Role::Watch
         };
         let mut client = Client::new(peer, Permit { role, ..permit });
-        let mut capabilities = vec!["time"];
+        let mut capabilities = vec!["time", "assets"];
         if self.has_parameters {
             capabilities.extend(["parameters", "parametersSubscribe"]);
         }
         if may_order {
             capabilities.push("services");
         }
+        let range = self.playback.range();
+        if range.is_some() {
+            capabilities.push(CAPABILITY);
+        }
         let info = Outgoing::ServerInfo {
             name: NAME,
             capabilities: &capabilities,
             supported_encodings: &[ENCODING],
             session_id: &self.session,
+            data_start_time: range.map(|(start, _)| start),
+            data_end_time: range.map(|(_, end)| end),
         };
         client.answer(Frame::Text(info.text()));
         self.clients.insert(viewer, client);
@@ -76,6 +90,7 @@ impl Hub {
 
     /// A client is gone.
     pub fn leave(&mut self, viewer: ViewerId, events: &mut Events) {
+        self.playback.leave(viewer);
         if let Some(client) = self.clients.remove(&viewer) {
             for channel in client.followed() {
                 self.say_lost(channel, events);
@@ -148,6 +163,10 @@ impl Hub {
                 }
             }
             Incoming::Advertise => client.notice(Notice::NoPublishing),
+            Incoming::FetchAsset { uri, request_id } => {
+                let response = asset_response(request_id, assets::find(&uri));
+                client.answer(Frame::Binary(response));
+            }
             _ if !self.has_parameters => {}
             Incoming::GetParameters {
                 parameter_names,
@@ -239,15 +258,15 @@ impl Hub {
         let Some(client) = self.clients.get_mut(&viewer) else {
             return;
         };
-        let Binary::ServiceCall {
-            service,
-            call,
-            encoding,
-            request,
-        } = *message
-        else {
-            client.notice(Notice::NoPublishing);
-            return;
+        let (service, call, encoding, request) = match *message {
+            Binary::ServiceCall {
+                service,
+                call,
+                encoding,
+                request,
+            } => (service, call, encoding, request),
+            Binary::Playback(wanted) => return self.playback.take(viewer, &wanted, events),
+            Binary::Publish => return client.notice(Notice::NoPublishing),
         };
         let call = Call {
             viewer,
@@ -303,21 +322,10 @@ impl Hub {
     }
 
     /// Sends a sample to all that have subscribed to its channel.
-    pub fn sample(
-        &mut self,
-        channel: ChannelId,
-        log_time_unix_ns: u64,
-        bytes: Arc<[u8]>,
-        now: MonotonicNs,
-    ) {
-        let sample = Sample {
-            channel,
-            log_time_unix_ns,
-            bytes,
-        };
-        if self.channels.keep(&sample) {
+    pub fn sample(&mut self, sample: &Sample, now: MonotonicNs) {
+        if self.channels.keep(sample) {
             for client in self.clients.values_mut() {
-                client.sample(&sample, now);
+                client.sample(sample, now);
             }
         }
     }
@@ -326,6 +334,15 @@ impl Hub {
     pub fn time(&mut self, unix_ns: u64) {
         for client in self.clients.values_mut() {
             client.set_time(unix_ns);
+        }
+    }
+
+    /// Says where the recording is to those that control it.
+    pub fn replay(&mut self, replay: &Replay) {
+        for (viewer, state) in self.playback.states(replay) {
+            if let Some(client) = self.clients.get_mut(&viewer) {
+                client.answer(Frame::Binary(state));
+            }
         }
     }
 

@@ -3,14 +3,18 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::playback::{self, ControlRequest, Moment};
+
 /// Opcodes of binary messages to clients.
 const MESSAGE_DATA: u8 = 1;
 const TIME: u8 = 2;
 const SERVICE_CALL_RESPONSE: u8 = 3;
+const FETCH_ASSET_RESPONSE: u8 = 4;
 
 /// Opcodes of binary messages from clients.
 const CLIENT_MESSAGE_DATA: u8 = 1;
 const SERVICE_CALL_REQUEST: u8 = 2;
+const PLAYBACK_CONTROL_REQUEST: u8 = 3;
 
 /// A JSON message to a client.
 #[derive(Debug, Serialize)]
@@ -21,6 +25,11 @@ pub(crate) enum Outgoing<'a> {
         capabilities: &'a [&'a str],
         supported_encodings: &'a [&'a str],
         session_id: &'a str,
+        /// Beginning and end of a recording.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        data_start_time: Option<Moment>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        data_end_time: Option<Moment>,
     },
     Status {
         /// 0 for information, 1 for a warning, 2 for an error.
@@ -123,6 +132,10 @@ pub(crate) enum Incoming {
     UnsubscribeParameterUpdates {
         parameter_names: Vec<String>,
     },
+    FetchAsset {
+        uri: String,
+        request_id: u32,
+    },
     /// What is not offered here.
     #[serde(other)]
     Other,
@@ -145,6 +158,8 @@ pub(crate) enum Binary<'a> {
         encoding: &'a [u8],
         request: &'a [u8],
     },
+    /// What is wanted of a recording.
+    Playback(ControlRequest<'a>),
     /// A client that publishes.
     Publish,
 }
@@ -162,6 +177,7 @@ pub(crate) fn read_binary(bytes: &[u8]) -> Option<Binary<'_>> {
     let (opcode, rest) = bytes.split_first()?;
     match *opcode {
         CLIENT_MESSAGE_DATA => Some(Binary::Publish),
+        PLAYBACK_CONTROL_REQUEST => playback::read(rest).map(Binary::Playback),
         SERVICE_CALL_REQUEST => {
             let (service, rest) = number(rest)?;
             let (call, rest) = number(rest)?;
@@ -216,6 +232,21 @@ pub(crate) fn service_response(
     bytes
 }
 
+/// A file, or why there is none.
+pub(crate) fn asset_response(request: u32, asset: Result<&[u8], &str>) -> Vec<u8> {
+    let (status, error, file) = match asset {
+        Ok(file) => (0, "", file),
+        Err(error) => (1, error, &[][..]),
+    };
+    let mut bytes = vec![FETCH_ASSET_RESPONSE];
+    bytes.extend(request.to_le_bytes());
+    bytes.push(status);
+    bytes.extend((error.len() as u32).to_le_bytes());
+    bytes.extend(error.as_bytes());
+    bytes.extend(file);
+    bytes
+}
+
 #[cfg(test)]
 mod tests {
     use serde_json::json;
@@ -242,6 +273,8 @@ mod tests {
                     capabilities: &["time"],
                     supported_encodings: &["json"],
                     session_id: "s",
+                    data_start_time: None,
+                    data_end_time: None,
                 },
                 json!({"op": "serverInfo", "name": "n", "capabilities": ["time"], "supportedEncodings": ["json"], "sessionId": "s"}),
             ),

@@ -1,4 +1,5 @@
-//! [`Samples`]: samples that wait for one client: all in order while its line is good, else the newest of each channel.
+//! [`Samples`]: samples that wait for one client: all in order while its line is good, else the newest of each channel, but lines of
+//! logs, which go first and in order.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Bound;
@@ -15,9 +16,13 @@ pub const MAX_BYTES: usize = 64 << 10;
 /// How long the oldest waits in order.
 pub const MAX_WAIT: Duration = Duration::from_millis(250);
 
+/// Lines of logs that wait. At the bound the oldest is left out.
+pub const MAX_LINES: usize = 256;
+
 /// See the module's documentation.
 #[derive(Debug, Default)]
 pub(crate) struct Samples {
+    lines: VecDeque<Sample>,
     ordered: VecDeque<(Sample, MonotonicNs)>,
     bytes: usize,
     /// The newest of each channel, while the line is too slow: as many as there are channels at most.
@@ -31,6 +36,14 @@ pub(crate) struct Samples {
 impl Samples {
     /// Takes a sample.
     pub fn push(&mut self, sample: Sample, now: MonotonicNs) {
+        if sample.is_line {
+            if self.lines.len() == MAX_LINES {
+                self.lines.pop_front();
+                self.left_out += 1;
+            }
+            self.lines.push_back(sample);
+            return;
+        }
         let waits = self.ordered.front().map(|(_, since)| now.since(*since));
         let is_slow = !self.newest.is_empty()
             || self.bytes + sample.bytes.len() > MAX_BYTES && !self.ordered.is_empty()
@@ -54,6 +67,9 @@ impl Samples {
 
     /// The sample to send next.
     pub fn next(&mut self) -> Option<Sample> {
+        if let Some(line) = self.lines.pop_front() {
+            return Some(line);
+        }
         if let Some((sample, _)) = self.ordered.pop_front() {
             self.bytes -= sample.bytes.len();
             return Some(sample);
@@ -68,6 +84,7 @@ impl Samples {
     /// Drops those of a channel.
     pub fn forget(&mut self, channel: ChannelId) {
         self.newest.remove(&channel);
+        self.lines.retain(|sample| sample.channel != channel);
         self.ordered.retain(|(sample, _)| sample.channel != channel);
         self.bytes = self
             .ordered
@@ -93,6 +110,7 @@ mod tests {
             channel: ChannelId(channel),
             log_time_unix_ns: number,
             bytes: Arc::from(vec![0; bytes]),
+            is_line: false,
         }
     }
 
@@ -155,6 +173,32 @@ mod tests {
             got.push(samples.next().unwrap().channel.0);
         }
         assert_eq!(got, [1, 2, 3, 1, 2, 3]);
+    }
+
+    #[test]
+    fn lines_come_in_order_though_the_line_is_slow() {
+        let mut samples = Samples::default();
+        let line = |number| Sample {
+            is_line: true,
+            ..sample(2, number, 1)
+        };
+        for number in 0..4 {
+            samples.push(sample(1, number, 1), at(1000 * number));
+            samples.push(line(number), at(1000 * number));
+        }
+        samples.push(sample(3, 0, 1), at(4000));
+        let expected = [(2, 0), (2, 1), (2, 2), (2, 3), (1, 3), (3, 0)];
+        assert_eq!(drain(&mut samples), expected);
+        let left_out = samples.left_out();
+        for number in 0..=MAX_LINES as u64 {
+            samples.push(line(number), at(0));
+        }
+        let lines = drain(&mut samples);
+        assert_eq!((lines.len(), lines[0]), (MAX_LINES, (2, 1)));
+        assert_eq!(samples.left_out(), left_out + 1);
+        samples.push(line(1), at(0));
+        samples.forget(ChannelId(2));
+        assert!(drain(&mut samples).is_empty());
     }
 
     #[test]

@@ -32,8 +32,7 @@ use rustix::fs::Access;
 use status::log::config::LogLimits;
 use status::log::file_name::Series;
 
-use self::disk::Disk;
-use self::disk::RecordFolder;
+use self::disk::{Disk, Layout, RecordFolder};
 use self::facts::FactsOfRobot;
 use self::options::RecordArgs;
 use self::report::Reporter;
@@ -68,6 +67,10 @@ pub fn record(args: &RecordArgs) -> Result<(), Failure> {
             max_file_bytes: args.max_file_bytes(),
             max_total_bytes,
             min_free_bytes: args.min_free_bytes(),
+        },
+        layout: Layout {
+            name: format!("hero{robot}_layout.json"),
+            text: ros_messages::layout(robot),
         },
     });
     let disk = disk.or_fail_with(ExitCode::Internal, "the disk cannot have a thread")?;

@@ -4,13 +4,10 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
+use recording::play::SPEEDS;
 use runtime::args::CommonArgs;
 
 use crate::options::EXIT_CODES;
-
-/// Slowest and fastest speed of a replay. Slower, and each sample is stale when the next one comes; faster, and subscribers
-/// cannot read as fast as samples come.
-const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
 /// Options of playing, which verification has no use for.
 const PLAYING: [&str; 4] = ["speed", "from", "to", "is_looped"];

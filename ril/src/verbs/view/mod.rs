@@ -1,11 +1,11 @@
 //! `ril view`, `ril run view`: robots in a browser, and for Foxglove; `ril view FILE`: a recording.
 //!
 //! The crate `view` speaks HTTP, WebSocket and the protocols on top, as pure values. Here are
-//! * `start`: the command that finds or starts the server and opens the page; `run_file`: how it finds it;
+//! * `start`: the command that finds or starts the server; `run_file`: how it finds it; `opener`: opens its page;
 //! * [`server`]: the process; `shell`: its loop, `sockets`: its connections, `tls`: what hides them;
 //! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages` and `held`: what is said of one, `speaker`: when;
 //! * `foxglove`: what Foxglove and Lichtblick get and order;
-//! * `replay`: a recording in the place of the robots;
+//! * `replay`: a recording in the place of the robots; `show_file`: the command that shows it;
 //! * `orders`, `checks`, `check`, `preflight`: what pages order, and what they ask before; `page_lost`: when no page is there any more;
 //! * `invitation`: the address of the page for another machine.
 
@@ -16,6 +16,7 @@ mod foxglove;
 mod held;
 mod invitation;
 mod messages;
+mod opener;
 pub mod options;
 mod orders;
 mod page_lost;
@@ -24,6 +25,7 @@ mod replay;
 mod run_file;
 pub mod server;
 mod shell;
+mod show_file;
 mod sockets;
 mod speaker;
 mod start;

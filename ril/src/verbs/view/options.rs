@@ -16,7 +16,7 @@ use crate::options::EXIT_CODES;
 #[command(after_help = EXIT_CODES)]
 pub struct ViewArgs {
     /// Recording of a flight (MCAP) to be played; where the port is in use and --port does not name it, one of the next ports is taken
-    #[arg(value_name = "FILE", conflicts_with = "stop")]
+    #[arg(value_name = "FILE", conflicts_with_all = ["stop", "layout"])]
     pub file: Option<PathBuf>,
 
     /// What the server takes.

@@ -140,7 +140,7 @@ pub(super) fn server(
         origins: config.origins.clone(),
         tokens: tokens(config, secret)?,
         foxglove_commands: config.commands.foxglove,
-        foxglove_parameters: config.commands.foxglove,
+        foxglove_parameters: config.commands.foxglove && replay.is_none(),
         replay,
     };
     Ok(Server::new(settings, instance))

@@ -1,12 +1,11 @@
 //! `ril view`: finds the view of this user that runs on the port, or starts one in the background, and opens its page.
 
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::num::NonZeroU32;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
-use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -16,13 +15,11 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::WITH_PARENT;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
-use serde::Serialize;
 
 use super::invitation;
 use super::options::{ServerArgs, ViewArgs};
 use super::run_file::{self, Running};
-use super::{replay, server};
-use crate::render::json_line;
+use super::{opener, server, show_file};
 use crate::session::print_configuration;
 
 /// How long the server has to be ready, and to end. It takes a tenth of a second.
@@ -46,7 +43,7 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
     }
     runtime::logging::init(common.verbosity())?;
     if let Some(file) = &args.file {
-        return replay::view(args, file);
+        return show_file::view(args, file);
     }
     let config = server::load(&args.server)?.value;
     if let Some(name) = &args.invite {
@@ -76,10 +73,7 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
         }
         None => start(port, &args.server)?,
     };
-    match args.json {
-        true => print_object(&running),
-        false => show(&running, args.no_browser),
-    }
+    opener::show(&running, args)
 }
 
 /// Panels for one robot, by default robot 1.
@@ -98,33 +92,6 @@ fn print_layout(robots: &[NonZeroU32]) -> Result<(), Failure> {
         .lock()
         .write_all(layout.as_bytes())
         .map_err(Failure::output)
-}
-
-/// A view that runs, for programs.
-#[derive(Serialize)]
-struct ViewObject {
-    schema: &'static str,
-    pid: u32,
-    port: u16,
-    address: String,
-    address_with_token: String,
-}
-
-impl ViewObject {
-    fn of(running: &Running) -> ViewObject {
-        ViewObject {
-            schema: "ril.View.v1",
-            pid: running.pid,
-            port: running.port,
-            address: running.address(),
-            address_with_token: running.address_with_token(),
-        }
-    }
-}
-
-/// Prints it as one JSON object.
-pub(super) fn print_object(running: &Running) -> Result<(), Failure> {
-    json_line(&mut std::io::stdout().lock(), &ViewObject::of(running))
 }
 
 /// Ends the server.
@@ -241,45 +208,4 @@ fn not_started(code: Option<i32>, log: &Path) -> Failure {
         code.unwrap_or(ExitCode::Internal),
         format!("`ril run view` did not start: {said}"),
     )
-}
-
-/// Prints where the page is, and opens it.
-pub(super) fn show(running: &Running, is_printed_alone: bool) -> Result<(), Failure> {
-    let mut out = std::io::stdout().lock();
-    if is_printed_alone {
-        return writeln!(out, "{}", running.address_with_token()).map_err(Failure::output);
-    }
-    writeln!(out, "the view is at {}", running.address()).map_err(Failure::output)?;
-    let file = run_file::write_opener(running)?;
-    if open(&file) {
-        return Ok(());
-    }
-    let text = "no browser could be started: neither $BROWSER nor xdg-open";
-    Err(Failure::new(ExitCode::NotInOrder, text)
-        .with_next_step("`ril view --no-browser` prints the address for a browser of your choice"))
-}
-
-/// Opens a file in the browser that the user prefers. The browser goes on by itself.
-fn open(file: &Path) -> bool {
-    let preferred = std::env::var_os("BROWSER").unwrap_or_default();
-    let preferred = preferred.to_str().unwrap_or_default().split(':');
-    let programs = preferred
-        .filter(|program| !program.is_empty())
-        .chain(["xdg-open"]);
-    programs.into_iter().any(|program| {
-        let mut words = program.split_whitespace();
-        let Some(program) = words.next() else {
-            return false;
-        };
-        let page: &OsStr = file.as_os_str();
-        let opened = Command::new(program)
-            .args(words.filter(|word| *word != "%s"))
-            .arg(page)
-            .process_group(0)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn();
-        opened.is_ok()
-    })
 }

@@ -1,7 +1,6 @@
 //! A topic of a stranger's module, and the recorder of it.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -10,6 +9,7 @@ use ipc_types::{DynamicPublisher, Ipc, MonotonicNs};
 use recording::EventKind;
 use recording::read::{self, Check, RecordFile, RecordedMessage};
 use ril_tests::process::WAIT_LIMIT;
+use ril_tests::sandbox::records_in;
 use ril_tests::{Process, Sandbox};
 
 /// Name of the topic in a file.
@@ -65,10 +65,7 @@ pub fn words(options: &str) -> String {
 
 /// The files of the recorder, the oldest first.
 pub fn files(rig: &Sandbox) -> Vec<PathBuf> {
-    let Ok(entries) = fs::read_dir(rig.folder().join("record")) else {
-        return Vec::new();
-    };
-    let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    let mut files = records_in(&rig.folder().join("record"));
     files.sort_by_key(|file| {
         let name = file.file_name().unwrap().to_str().unwrap();
         status::log::file_name::recognize(name).unwrap().1

@@ -3,6 +3,7 @@
 use std::fs;
 
 use ril_tests::process::Signal;
+use ril_tests::sandbox::records_in;
 
 use super::made::record;
 use crate::common::{end, json, sandbox};
@@ -24,8 +25,7 @@ fn what_was_recorded_is_verified_bit_for_bit_and_played() {
     for process in [bridge, status, sim, recorder] {
         end(process, Signal::TERM);
     }
-    let recorded = fs::read_dir(rig.folder().join("rec")).unwrap();
-    let files: Vec<_> = recorded.map(|entry| entry.unwrap().path()).collect();
+    let files = records_in(&rig.folder().join("rec"));
     assert_eq!(files.len(), 1, "{files:?}");
     fs::rename(&files[0], rig.folder().join("flight.mcap")).unwrap();
 

@@ -8,6 +8,7 @@ use ril_tests::process::Signal;
 use ril_tests::readers::Reader;
 use ril_tests::readers::expected::{Expected, Line, Read};
 use ril_tests::readers::readers_or_skip;
+use ril_tests::sandbox::records_in;
 use ril_tests::stranger::STRANGER;
 
 use super::consumer::{Consumer, FILLING, LAST_FILLING, STRANGER_KEY, Seen};
@@ -114,8 +115,7 @@ impl Flight {
 
 #[track_caller]
 fn only_file(folder: &Path) -> PathBuf {
-    let entries = std::fs::read_dir(folder).unwrap();
-    let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
+    let mut files = records_in(folder);
     assert_eq!(files.len(), 1, "{files:?}");
     files.remove(0)
 }

@@ -1,5 +1,7 @@
 //! `ril run view` and `ril view` beside real robots and stand-ins, as a browser sees them.
 
+mod foxglove;
+mod judges;
 mod page;
 mod places;
 mod replayed;
@@ -10,7 +12,6 @@ use std::path::PathBuf;
 
 use ipc_types::RobotId;
 use ipc_types::code::{MovementKind, Reason};
-use ipc_types::payload::{ModuleState, SharedStruct};
 use ril_tests::process::Signal;
 use ril_tests::{Answer, Process, Sandbox, StandInBridge};
 use serde_json::{Value, json};
@@ -303,89 +304,6 @@ fn robots_that_come_are_shown_and_a_take_off_is_checked_by_the_preflight() {
     );
     view.end();
     drop((first, second));
-}
-
-/// Reads until a binary frame with a message of a subscription: its time and its bytes.
-fn message(client: &mut Page) -> (u64, Vec<u8>) {
-    const BINARY: u8 = 2;
-    loop {
-        let (opcode, frame) = client.next_frame().expect("a server that goes on");
-        if opcode == BINARY && frame[0] == 1 {
-            assert_eq!(frame[1..5], 7_u32.to_le_bytes());
-            let time = u64::from_le_bytes(frame[5..13].try_into().unwrap());
-            return (time, frame[13..].to_vec());
-        }
-    }
-}
-
-#[test]
-fn foxglove_has_every_topic_with_the_bytes_of_recordings() {
-    let rig = sandbox();
-    let robot = rig.start_robot(1, 1);
-    let view = View::start(&rig);
-    let host = format!("127.0.0.1:{}", view.port);
-    for protocol in ["foxglove.websocket.v1", "foxglove.sdk.v1"] {
-        let mut client = Page::speak(protocol, view.port, &host, None).expect("an upgrade");
-        let info = client.until("serverInfo", |message| message["op"] == "serverInfo");
-        assert!(
-            info["capabilities"]
-                .as_array()
-                .unwrap()
-                .contains(&json!("time")),
-            "{info}"
-        );
-        let mut channels: Vec<Value> = Vec::new();
-        client.until("all topics", |message| {
-            channels.extend(
-                message["channels"]
-                    .as_array()
-                    .into_iter()
-                    .flatten()
-                    .cloned(),
-            );
-            [
-                "/robot1/bridge/state",
-                "/robot1/dsp/telemetry",
-                "/robot1/hero/telemetry",
-                "/robot1/bridge/outline",
-            ]
-            .iter()
-            .all(|topic| channels.iter().any(|channel| channel["topic"] == *topic))
-        });
-        let state = channels
-            .iter()
-            .find(|channel| channel["topic"] == "/robot1/bridge/state");
-        let state = state.unwrap();
-        assert_eq!(
-            (&state["encoding"], &state["schemaEncoding"]),
-            (&json!("cdr"), &json!("ros2msg"))
-        );
-        assert_eq!(state["schemaName"], "hero_msgs/msg/ModuleState");
-        client.send(
-            &json!({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": state["id"]}]}),
-        );
-        let mut last = 0;
-        for _ in 0..3 {
-            let (time, bytes) = message(&mut client);
-            assert_eq!(bytes[..4], [0, 1, 0, 0], "CDR, little endian");
-            let state = ModuleState::from_bytes(&bytes[4..]).expect("a state");
-            assert!(state.sequence > last && state.published_ns > 0);
-            // The time of day of the moment at which it was published; two clocks are read one after the other, here and there.
-            let since_1970 = std::time::SystemTime::UNIX_EPOCH
-                .elapsed()
-                .unwrap()
-                .as_nanos() as u64;
-            let now = ipc_types::MonotonicNs::now().0;
-            let age_ns = now - state.published_ns;
-            let error_ns = (since_1970 - age_ns).abs_diff(time);
-            assert!(error_ns < 10_000_000_000, "{time}: {error_ns} ns off");
-            last = state.sequence;
-        }
-    }
-    view.end();
-    for process in [robot.bridge, robot.sim, robot.status] {
-        end(process, Signal::INT);
-    }
 }
 
 #[test]

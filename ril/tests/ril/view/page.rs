@@ -8,10 +8,11 @@ use std::time::Duration;
 use serde_json::{Value, json};
 
 /// Longer than anything takes; a page that waits for more hangs.
-const WATCHDOG: Duration = Duration::from_secs(60);
+pub const WATCHDOG: Duration = Duration::from_secs(60);
 
 /// Opcodes of frames.
 const TEXT: u8 = 1;
+const BINARY: u8 = 2;
 const CLOSE: u8 = 8;
 const PING: u8 = 9;
 const PONG: u8 = 10;
@@ -26,6 +27,14 @@ pub struct Page {
     stream: Box<dyn Stream>,
     /// Bytes that came behind the last frame.
     rest: Vec<u8>,
+}
+
+/// A message of a server.
+pub enum Message {
+    /// JSON.
+    Text(Value),
+    /// Bytes.
+    Binary(Vec<u8>),
 }
 
 /// What a server answers to a request: its first line and its body.
@@ -94,12 +103,29 @@ impl Page {
         host: &str,
         origin: Option<&str>,
     ) -> Result<Page, String> {
-        Page::over(Box::new(connect(port)), protocol, host, origin)
+        Page::speak_at("/", protocol, port, host, origin)
+    }
+
+    /// Connects as a Foxglove client of this user, with `token` in the address.
+    pub fn foxglove(protocol: &str, port: u16, token: Option<&str>) -> Result<Page, String> {
+        let path = token.map_or("/".to_owned(), |token| format!("/?token={token}"));
+        Page::speak_at(&path, protocol, port, &format!("127.0.0.1:{port}"), None)
+    }
+
+    fn speak_at(
+        path: &str,
+        protocol: &str,
+        port: u16,
+        host: &str,
+        origin: Option<&str>,
+    ) -> Result<Page, String> {
+        Page::over(Box::new(connect(port)), path, protocol, host, origin)
     }
 
     /// The same over a connection that is there.
     pub fn over(
         mut stream: Box<dyn Stream>,
+        path: &str,
         protocol: &str,
         host: &str,
         origin: Option<&str>,
@@ -114,7 +140,7 @@ impl Page {
         ];
         headers.extend(origin.map(|origin| ("Origin", origin)));
         // A server that turns away may have closed already: then nothing is read.
-        let _ = write!(stream, "GET / HTTP/1.1\r\n{}\r\n", lines(&headers));
+        let _ = write!(stream, "GET {path} HTTP/1.1\r\n{}\r\n", lines(&headers));
         let mut rest = Vec::new();
         let mut buffer = [0; 4096];
         loop {
@@ -139,6 +165,11 @@ impl Page {
         self.frame(TEXT, message.to_string().as_bytes());
     }
 
+    /// Sends bytes.
+    pub fn send_binary(&mut self, bytes: &[u8]) {
+        self.frame(BINARY, bytes);
+    }
+
     /// A frame with the mask 0, which every client must have.
     fn frame(&mut self, opcode: u8, payload: &[u8]) {
         let mut frame = vec![0x80 | opcode];
@@ -158,16 +189,28 @@ impl Page {
     /// The next message; `None` when the server has closed.
     pub fn next(&mut self) -> Option<Value> {
         loop {
+            let Message::Text(message) = self.next_message()? else {
+                continue;
+            };
+            // As a page that draws at once.
+            if message["type"] == "now" {
+                self.send(&json!({"type": "seen", "n": message["n"]}));
+            }
+            return Some(message);
+        }
+    }
+
+    /// The next message of either kind; `None` when the server has closed.
+    pub fn next_message(&mut self) -> Option<Message> {
+        loop {
             let (opcode, payload) = self.next_frame()?;
             match opcode {
                 TEXT => {
-                    let message: Value = serde_json::from_slice(&payload).expect("JSON");
-                    // As a page that draws at once.
-                    if message["type"] == "now" {
-                        self.send(&json!({"type": "seen", "n": message["n"]}));
-                    }
-                    return Some(message);
+                    return Some(Message::Text(
+                        serde_json::from_slice(&payload).expect("JSON"),
+                    ));
                 }
+                BINARY => return Some(Message::Binary(payload)),
                 PING => self.frame(PONG, &payload),
                 CLOSE => return None,
                 _ => {}
@@ -176,7 +219,7 @@ impl Page {
     }
 
     /// The next frame: its opcode and what is in it; `None` when the server has closed.
-    pub fn next_frame(&mut self) -> Option<(u8, Vec<u8>)> {
+    fn next_frame(&mut self) -> Option<(u8, Vec<u8>)> {
         let head = self.take(2)?;
         let length = match head[1] & 0x7f {
             126 => u64::from(u16::from_be_bytes(self.take(2)?.try_into().ok()?)),

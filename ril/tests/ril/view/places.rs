@@ -219,6 +219,7 @@ mod tls {
         let protocol = "hero.view.v1";
         let foreign = Page::over(
             Box::new(tls()),
+            "/",
             protocol,
             &host,
             Some(&format!("http://{host}")),
@@ -226,7 +227,7 @@ mod tls {
         assert!(foreign.is_err_and(|status| status.contains(" 403 ")));
         let origin = format!("https://{host}");
         let mut page =
-            Page::over(Box::new(tls()), protocol, &host, Some(&origin)).expect("an upgrade");
+            Page::over(Box::new(tls()), "/", protocol, &host, Some(&origin)).expect("an upgrade");
         page.send(&json!({"type": "open", "token": token, "robot": null, "rate_hz": 20}));
         assert_eq!(page.until_type("hello")["role"], "command");
         page.until_type("robot");

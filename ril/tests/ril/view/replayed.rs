@@ -8,8 +8,8 @@ use ril_tests::process::Signal;
 use ril_tests::{Process, Sandbox, StandInBridge};
 use serde_json::{Value, json};
 
-use super::page::Page;
-use super::{View, free_port, message, order, ril, run_file, token};
+use super::page::{Message, Page};
+use super::{View, free_port, order, ril, run_file, token};
 use crate::common::{end, sandbox};
 use crate::record::feed::{only_file, words};
 use crate::replay::made::record;
@@ -36,6 +36,20 @@ impl ShownFile {
 
     fn page(&self) -> Page {
         Page::open(self.port, Some(&self.token))
+    }
+}
+
+/// The next sample that a Foxglove client gets: its time and its bytes.
+fn sample(client: &mut Page) -> (u64, Vec<u8>) {
+    const MESSAGE_DATA: u8 = 1;
+    loop {
+        let message = client.next_message().expect("a server that goes on");
+        if let Message::Binary(bytes) = message
+            && bytes[0] == MESSAGE_DATA
+        {
+            let time = bytes[5..13].try_into().unwrap();
+            return (u64::from_le_bytes(time), bytes[13..].to_vec());
+        }
     }
 }
 
@@ -218,8 +232,7 @@ fn foxglove_gets_the_recorded_samples() {
     let rig = sandbox();
     let made = record(rig.folder());
     let shown = ShownFile::start(&rig, "flight.mcap");
-    let host = format!("127.0.0.1:{}", shown.port);
-    let mut client = Page::speak("foxglove.sdk.v1", shown.port, &host, None).expect("an upgrade");
+    let mut client = Page::foxglove("foxglove.sdk.v1", shown.port, None).expect("an upgrade");
     let mut page = shown.page();
     page.until_type("hello");
     page.send(&replay("pause", None, None));
@@ -238,13 +251,35 @@ fn foxglove_gets_the_recorded_samples() {
         &json!({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channel["id"]}]}),
     );
     // The one that held there comes although it stands.
-    let (time, bytes) = message(&mut client);
+    let (time, bytes) = sample(&mut client);
     assert_eq!(time, 1_700_000_002_500_000_000);
     let state = ModuleState::from_bytes(&bytes[4..]).unwrap();
     assert_eq!(state.link.commands_acknowledged, 25);
     page.send(&replay("play", None, None));
-    let (time, _) = message(&mut client);
+    let (time, _) = sample(&mut client);
     assert_eq!(time, 1_700_000_003_000_000_000);
+
+    // Its own controls: go to 5 s, and stand there.
+    let mut wanted = vec![3, 1];
+    wanted.extend(1_f32.to_le_bytes());
+    wanted.push(1);
+    wanted.extend(1_700_000_005_000_000_000_u64.to_le_bytes());
+    wanted.extend(2_u32.to_le_bytes());
+    wanted.extend(b"r1");
+    client.send_binary(&wanted);
+    let state = loop {
+        let message = client.next_message().expect("a server that goes on");
+        if let Message::Binary(bytes) = message
+            && bytes[0] == 5
+        {
+            break bytes;
+        }
+    };
+    assert_eq!((state[1], &state[19..]), (1, &b"r1"[..]), "paused");
+    assert_eq!(state[2..10], 1_700_000_005_000_000_000_u64.to_le_bytes());
+    page.until("the position", |message| {
+        is_replay(message) && message["position_s"] == 5.0 && message["playing"] == false
+    });
     assert!(made.file.exists());
     end(shown.process, Signal::TERM);
 }
@@ -276,7 +311,7 @@ fn a_file_that_cannot_be_shown_is_named_with_the_reason_and_another_port_is_foun
     second.wait_for_text("ready");
     ril(&rig, &format!("view flight.mcap --port {port}"))
         .exits(1)
-        .err_says(&format!("port {port}"));
+        .err_says(format!("port {port}"));
     // The view of live robots is another one.
     ril(&rig, "view --no-browser").exits(1).err_says("cut.mcap");
     ril(&rig, "view --stop").exits(0);

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use ipc_types::RobotId;
 use recording::{DiskErrorKind, Part};
+use ril_tests::sandbox::records_in;
 use status::log::config::LogLimits;
 use status::log::file_name::{Series, recognize};
 use tempfile::TempDir;
@@ -21,6 +22,10 @@ fn place(folder: &TempDir) -> RecordFolder {
             max_file_bytes: 4096,
             max_total_bytes: 8192,
             min_free_bytes: 0,
+        },
+        layout: Layout {
+            name: "layout.json".to_owned(),
+            text: "{}".to_owned(),
         },
     }
 }
@@ -69,17 +74,30 @@ fn actions_are_carried_out_and_files_are_named_in_the_order_of_time() {
         );
     }
     // Two files of a block each are all that may be there. Within one second, the name of the one that was removed is free again.
-    let mut there: Vec<_> = fs::read_dir(&place.folder)
-        .unwrap()
-        .map(|entry| entry.unwrap().path())
-        .collect();
-    there.sort();
+    let there = records_in(&place.folder);
     let mut expected = paths[1..].to_vec();
     expected.sort();
     assert_eq!(there, expected, "{paths:?}");
     let stamp = |path: &PathBuf| recognize(path.file_name()?.to_str()?).map(|(_, stamp)| stamp);
     let stamps: Vec<_> = paths[..2].iter().map(stamp).collect();
     assert!(stamps.is_sorted() && stamps[0].is_some(), "{paths:?}");
+}
+
+#[test]
+fn the_layout_lies_beside_the_files_and_one_that_is_there_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = place(&folder);
+    let layout = place.folder.join(&place.layout.name);
+    let mut worker = Worker::new(place, FileStore);
+    for (index, changed) in ["{}", "[]"].into_iter().enumerate() {
+        let index = index as u32;
+        assert_eq!(worker.perform(Action::Open { index }).result, Ok(()));
+        assert_eq!(fs::read_to_string(&layout).unwrap(), changed);
+        assert_eq!(fs::metadata(&layout).unwrap().mode() & 0o137, 0);
+        fs::write(&layout, "[]").unwrap();
+        let (is_whole, messages) = (true, 1);
+        worker.perform(Action::Close { is_whole, messages });
+    }
 }
 
 #[test]
@@ -94,7 +112,7 @@ fn a_file_without_a_message_goes() {
         messages: 0,
     });
     assert!(matches!(&closed.notes[..], [Note::NothingCame(_)]));
-    assert_eq!(fs::read_dir(&place.folder).unwrap().count(), 0);
+    assert_eq!(records_in(&place.folder), [PathBuf::new(); 0]);
 }
 
 #[test]
@@ -113,8 +131,7 @@ fn the_file_that_was_just_finished_stays_though_it_is_a_little_too_long() {
         path.clone()
     };
     let [_, before, last] = [0, 1, 2].map(&mut opened);
-    let there = fs::read_dir(folder.path().join("a/b")).unwrap();
-    assert_eq!(there.count(), 2);
+    assert_eq!(records_in(&folder.path().join("a/b")).len(), 2);
     assert!(before.exists() && last.exists());
 }
 

@@ -1,8 +1,8 @@
 //! [`Worker`]: what the thread of the disk has, and how it carries out one action.
 
 use std::fs::{File, Permissions};
-use std::io;
-use std::os::unix::fs::{FileExt, MetadataExt, PermissionsExt};
+use std::io::{self, Write};
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use recording::{Action, DiskError, DiskErrorKind, Part};
@@ -160,6 +160,7 @@ impl<S: Store<File: RecordFile>> Worker<S> {
         if let Some(error) = room.error {
             return Err(error);
         }
+        write_layout(folder, &self.place.layout);
         let series = &self.place.series;
         let stem = series.stem(self.store.clock().utc());
         let (path, mut file) = self.store.create(folder, &stem, series.kind())?;
@@ -235,6 +236,21 @@ impl<F: RecordFile> CurrentFile<F> {
     }
 }
 
+/// Writes the layout of viewers if there is none. A recording without it is as good, so that an error is no failure.
+fn write_layout(folder: &Path, layout: &Layout) {
+    let mut options = File::options();
+    let options = options.write(true).create_new(true).mode(MODE);
+    let written = options
+        .open(folder.join(&layout.name))
+        .and_then(|mut file| file.write_all(layout.text.as_bytes()));
+    match written {
+        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
+            tracing::debug!(%error, file = layout.name, "the layout for viewers is not written");
+        }
+        _ => {}
+    }
+}
+
 /// The answer that something about `file` failed.
 fn failed(file: &Path, error: &io::Error) -> DiskError {
     DiskError {
@@ -291,4 +307,15 @@ pub(in super::super) struct RecordFolder {
     pub series: Series,
     /// How much they may take.
     pub limits: LogLimits,
+    /// What viewers show the files with.
+    pub layout: Layout,
+}
+
+/// A file beside the recordings that Foxglove and Lichtblick import.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Layout {
+    /// Its name.
+    pub name: String,
+    /// What it has.
+    pub text: String,
 }

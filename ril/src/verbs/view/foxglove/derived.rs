@@ -178,7 +178,7 @@ impl RobotTopics {
         for line in robot.journal.since(self.said_lines) {
             let unix_ns = clock.unix_ns(line.at);
             server.time(clock.unix_ns(clock.now));
-            server.sample(channel, unix_ns, log_line(line, unix_ns));
+            server.line(channel, unix_ns, log_line(line, unix_ns));
         }
         self.said_lines = robot.journal.added();
     }

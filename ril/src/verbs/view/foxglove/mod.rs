@@ -1,16 +1,17 @@
 //! [`Foxglove`]: what Foxglove and Lichtblick get of the robots, and what they order.
 //!
 //! * [`channels`]: the topics of processes; [`derived`]: those that are made here, of `diagnostics` and `geojson` among others;
-//! * [`services`]: orders; [`parameters`]: the ports of the DSP.
+//! * [`services`]: orders; [`parameters`]: the DSP's, by what `ports` says to ask.
 
 mod channels;
 mod derived;
 mod diagnostics;
 mod geojson;
 mod parameters;
+mod ports;
 mod services;
 
-pub(super) use self::services::ServiceCall;
+pub(crate) use self::services::ServiceCall;
 
 use ipc_types::MonotonicNs;
 use serde_json::Value;

@@ -45,7 +45,7 @@ const RESPONSE: &str = r#"{"type":"object","properties":{"accepted":{"type":"boo
 pub(super) const COMMANDED: &str = "a page commands this robot, and can release it";
 
 /// A call of a service, and who calls.
-pub(in crate::verbs::view) struct ServiceCall {
+pub(crate) struct ServiceCall {
     pub call: Call,
     pub service: String,
     pub request: Vec<u8>,

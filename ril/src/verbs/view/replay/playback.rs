@@ -28,7 +28,7 @@ pub(in super::super) struct Playback {
     head: Playhead,
     found: Option<Found>,
     topics: Topics,
-    /// Whether a viewer has come so far: then it begins to play.
+    /// Whether a viewer has come or wanted something so far: when the first page comes, it begins to play.
     has_begun: bool,
     /// Where to jump to.
     jump: Option<Duration>,
@@ -93,7 +93,7 @@ impl Playback {
             }
             (ReplayAction::Speed | ReplayAction::Seek, _, _) => {}
         }
-        self.has_changed = true;
+        (self.has_changed, self.has_begun) = (true, true);
     }
 
     /// A page has come: it gets the position, and the minutes before it.
@@ -149,6 +149,10 @@ impl Playback {
     fn jump(&mut self, server: &mut Server, now: MonotonicNs) -> bool {
         self.jumped_at = now;
         self.is_wanted_anew = false;
+        if self.jump.is_some() {
+            // Before the samples, which clients drop that do not know yet.
+            self.say(server, now);
+        }
         let position = self.head.position(now);
         let mut last: BTreeMap<ChannelId, RecordedMessage> = BTreeMap::new();
         let topics = &self.topics;

@@ -9,14 +9,13 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
-use super::super::fleet::Fleet;
-use super::super::options::ViewArgs;
-use super::super::run_file::{RunFile, Running};
-use super::super::server;
-use super::super::shell::ViewShell;
-use super::super::sockets::Sockets;
-use super::super::start::show;
-use super::playback::Playback;
+use super::fleet::Fleet;
+use super::options::ViewArgs;
+use super::replay::Playback;
+use super::run_file::{RunFile, Running};
+use super::shell::ViewShell;
+use super::sockets::Sockets;
+use super::{opener, server};
 use crate::view_setup::config::ViewConfig;
 use crate::view_setup::token_key::random_hex;
 
@@ -28,7 +27,7 @@ const MORE_PORTS: u16 = 20;
 /// # Errors
 ///
 /// Code 1 when no port is free, 2 when the file cannot be read or is no recording, 78 when the configuration is wrong.
-pub(in super::super) fn view(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
+pub(super) fn view(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
     let config = server::load(&args.server)?.value;
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
@@ -56,10 +55,7 @@ pub(in super::super) fn view(args: &ViewArgs, file: &Path) -> Result<(), Failure
     let mut shell = ViewShell::new(sockets, server, Fleet::none(domain), &config);
     shell.play(playback);
     tracing::info!(address = running.address(), "ready");
-    match args.json {
-        true => super::super::start::print_object(&running)?,
-        false => show(&running, args.no_browser)?,
-    }
+    opener::show(&running, args)?;
     std::io::stdout().flush().map_err(Failure::output)?;
     process::run(&mut shell, &termination, &Notifier::from_env()).or_fail(ExitCode::Internal)
 }

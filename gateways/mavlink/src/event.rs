@@ -1,0 +1,82 @@
+//! What a [`Gateway`](crate::Gateway) wants of the program around it.
+
+use std::net::SocketAddr;
+
+use ipc_types::MonotonicNs;
+use ipc_types::payload::WaypointPosition;
+
+/// Bytes for a station.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Datagram {
+    /// Where to.
+    pub to: SocketAddr,
+    /// One frame.
+    pub bytes: Vec<u8>,
+    /// Whether it may be dropped when the socket is full: newer telemetry follows.
+    pub is_telemetry: bool,
+}
+
+/// A request to the bridge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Order {
+    /// Names it in its reports.
+    pub number: u64,
+    /// What is wanted.
+    pub kind: OrderKind,
+    /// When the command came.
+    pub issued: MonotonicNs,
+    /// Until when it may begin; `None` leaves it to the bridge.
+    pub begin_by: Option<MonotonicNs>,
+    /// Whether it may replace a path that is under way.
+    pub preempts: bool,
+}
+
+/// What is wanted of the bridge.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum OrderKind {
+    /// Start the module.
+    Start,
+    /// Stop the module, on the ground.
+    Stop,
+    /// Climb to this height above take-off, m.
+    TakeOff(f64),
+    /// Hover on the spot.
+    Hold,
+    /// Land on the spot.
+    Land,
+    /// Fly straight there.
+    GoTo(WaypointPosition),
+    /// Fly paths at this speed, m/s.
+    Speed(f64),
+}
+
+impl OrderKind {
+    /// Whether it makes the flight safer, so that it is taken from every permitted station at every time.
+    pub fn is_stop(self) -> bool {
+        matches!(self, OrderKind::Hold | OrderKind::Land)
+    }
+
+    /// What people call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            OrderKind::Start => "arm",
+            OrderKind::Stop => "disarm",
+            OrderKind::TakeOff(_) => "take-off",
+            OrderKind::Hold => "hold",
+            OrderKind::Land => "land",
+            OrderKind::GoTo(_) => "goto",
+            OrderKind::Speed(_) => "speed",
+        }
+    }
+}
+
+/// Something for the log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// A station has come or gone, or the helicopter is heard again.
+    Note(String),
+    /// A command was given.
+    Commanded(String),
+    /// Something was refused or lost.
+    Warning(String),
+}

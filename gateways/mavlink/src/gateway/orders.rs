@@ -1,0 +1,411 @@
+//! Commands become orders, and reports become answers.
+
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+use ipc_types::code::{Functionality, Reason, Stage};
+use ipc_types::payload::RequestReport;
+
+use super::Gateway;
+use super::pending::Pending;
+use crate::commands::{Copy, Key};
+use crate::decide::{Decision, Facts, Orders, decide, decide_mode};
+use crate::event::{Event, Order, OrderKind};
+use crate::home::Home;
+use crate::message::{COMMAND_ACK, Command};
+use crate::number::{COMPONENT, MavResult, Severity, command};
+use crate::stations::Sender;
+use crate::verdict::{Answer, answer_of};
+use crate::wire::Message;
+
+/// When "in progress" is said first, and how often from then on.
+const FIRST_PROGRESS: Duration = Duration::from_millis(250);
+const NEXT_PROGRESS: Duration = Duration::from_secs(1);
+
+/// Most orders without a final report: the bridge has eight for a client. One is kept for hold and land.
+const MAX_ORDERS: usize = 8;
+
+/// A hold is not sent again so soon after the last one while the helicopter holds: a flood of them is one.
+const HOLD_PERIOD: Duration = Duration::from_millis(100);
+
+/// In place of a command's number in the key of SET_MODE, which is none.
+const SET_MODE: u16 = u16::MAX;
+
+impl Gateway {
+    pub(super) fn command(
+        &mut self,
+        sender: Sender,
+        is_station: bool,
+        asked: &Command,
+        now: MonotonicNs,
+    ) {
+        let is_ours = asked.system == self.settings.system;
+        let is_for_autopilot = matches!(asked.component, 0 | COMPONENT);
+        let is_request = matches!(
+            asked.command,
+            command::GET_MESSAGE_INTERVAL
+                | command::SET_MESSAGE_INTERVAL
+                | command::REQUEST_MESSAGE
+                | command::REQUEST_CAPABILITIES
+        );
+        // A command to all systems is one to none in particular.
+        if !is_for_autopilot || !(is_ours || is_request && asked.system == 0) {
+            return;
+        }
+        if is_request {
+            let result = match is_station {
+                true => self.message_request(sender, asked, now),
+                false => MavResult::TemporarilyRejected,
+            };
+            self.acknowledge(sender, asked.command, Answer::plain(result), 0);
+            return;
+        }
+        let key = Key {
+            sender,
+            command: asked.command,
+            bits: asked.bits(),
+        };
+        let decision = decide(asked, &self.facts());
+        self.carry_out(key, is_station, decision, now);
+    }
+
+    pub(super) fn set_mode(
+        &mut self,
+        sender: Sender,
+        is_station: bool,
+        custom: u32,
+        now: MonotonicNs,
+    ) {
+        let mut bits = [0; 8];
+        bits[0] = custom;
+        let key = Key {
+            sender,
+            command: SET_MODE,
+            bits,
+        };
+        let decision = decide_mode(custom, &self.facts());
+        self.carry_out(key, is_station, decision, now);
+    }
+
+    pub(super) fn facts(&self) -> Facts<'_> {
+        Facts {
+            known: self.vehicle.now(),
+            last_state: self.vehicle.last_state(),
+            home: &self.home,
+            settings: &self.settings,
+        }
+    }
+
+    /// Why a sender may not command; `None` if it may.
+    pub(super) fn not_permitted(
+        &self,
+        sender: Sender,
+        is_station: bool,
+    ) -> Option<(MavResult, &'static str)> {
+        let named = &self.settings.commanders;
+        if !is_station && self.stations.is_full() {
+            Some((
+                MavResult::TemporarilyRejected,
+                "eight stations are connected already",
+            ))
+        } else if !is_station {
+            Some((
+                MavResult::Denied,
+                "send a HEARTBEAT before the first command",
+            ))
+        } else if !named.is_empty() && !named.contains(&sender.system) {
+            Some((
+                MavResult::Denied,
+                "this station may not command: `[commands] systems`",
+            ))
+        } else {
+            None
+        }
+    }
+
+    pub(super) fn carry_out(
+        &mut self,
+        key: Key,
+        is_station: bool,
+        decision: Decision,
+        now: MonotonicNs,
+    ) {
+        if let Some((result, why)) = self.not_permitted(key.sender, is_station) {
+            self.answer(&key, Answer::plain(result));
+            self.say(&[key.sender.address], Severity::Error, why, now);
+            return;
+        }
+        let copy = match &decision {
+            // How the helicopter is now decides whether it may be disarmed, not how it was when that was asked before.
+            Decision::Answer(..) if key.command == command::ARM_DISARM => Copy::New,
+            Decision::Answer(..) => self.commands.look(key, now),
+            _ => self.commands.take(key, decision.is_stop(), now),
+        };
+        match copy {
+            Copy::New => {}
+            Copy::Open => return self.answer(&key, Answer::plain(MavResult::InProgress)),
+            Copy::Answered(answer) => return self.answer(&key, answer),
+            Copy::Full => {
+                let answer = Answer::plain(MavResult::TemporarilyRejected);
+                return self.answer(&key, answer);
+            }
+        }
+        match decision {
+            Decision::Answer(answer, text) => {
+                self.answer(&key, answer);
+                if let Some((severity, text)) = text {
+                    self.say(&[key.sender.address], severity, &text, now);
+                }
+            }
+            Decision::SetHome(position) => {
+                self.home = Home::Operator(position);
+                self.settle(&key, Answer::plain(MavResult::Accepted), now);
+                self.note(Event::Commanded(format!("home was set by {}", key.sender)));
+            }
+            Decision::Orders(orders) => self.order(key, orders, now),
+        }
+    }
+
+    pub(super) fn order(&mut self, key: Key, orders: Orders, now: MonotonicNs) {
+        let kind = orders.first;
+        let is_repeated = kind == OrderKind::Hold
+            && self
+                .last_hold
+                .is_some_and(|last| now.since(last) < HOLD_PERIOD)
+            && self.vehicle.now().is_some_and(|known| known.is_holding())
+            && self.pending.iter().all(|one| one.kind == OrderKind::Hold);
+        if is_repeated {
+            return self.settle(&key, Answer::plain(MavResult::Accepted), now);
+        }
+        if self.pending.len() + usize::from(!kind.is_stop()) >= MAX_ORDERS {
+            let answer = Answer {
+                result: MavResult::TemporarilyRejected,
+                reason: Reason::TooManyRequests,
+            };
+            return self.settle(&key, answer, now);
+        }
+        self.last_hold = (kind == OrderKind::Hold).then_some(now);
+        if kind.is_stop() || kind == OrderKind::Stop {
+            self.cancel_what_follows(now);
+        }
+        let log = format!(
+            "{} by {} at {}",
+            if orders.is_return {
+                "return"
+            } else {
+                kind.name()
+            },
+            key.sender,
+            key.sender.address
+        );
+        self.note(Event::Commanded(log));
+        self.send_order(Pending {
+            number: 0,
+            kind,
+            key,
+            then: orders.then,
+            is_return: orders.is_return,
+            issued: now,
+            is_answered: false,
+            progress_at: now + FIRST_PROGRESS,
+        });
+        if let Some(notice) = orders.notice {
+            self.say(&[key.sender.address], Severity::Notice, notice, now);
+        }
+    }
+
+    pub(super) fn send_order(&mut self, pending: Pending) {
+        let sender = pending.key.sender;
+        let is_own =
+            |one: &Pending| one.key.sender == sender && matches!(one.kind, OrderKind::GoTo(_));
+        let state = self.vehicle.last_state();
+        let functionality = state.and_then(|state| state.functionality());
+        let preempts = match pending.kind {
+            OrderKind::Hold | OrderKind::Land => true,
+            // A station replaces only its own path. A hold may be replaced by each.
+            _ => functionality == Some(Functionality::Holding) || self.pending.iter().any(is_own),
+        };
+        self.last_number += 1;
+        let deadline = pending.issued + self.settings.answer_within;
+        self.orders.push_back(Order {
+            number: self.last_number,
+            kind: pending.kind,
+            issued: pending.issued,
+            begin_by: match pending.kind {
+                // What makes the flight safer is worth waiting for.
+                OrderKind::Hold | OrderKind::Land | OrderKind::Stop => None,
+                _ => Some(deadline),
+            },
+            preempts,
+        });
+        self.pending.push(Pending {
+            number: self.last_number,
+            ..pending
+        });
+    }
+
+    /// A take-off or path behind a start that is not done yet is not sent, and no return lands at its end.
+    pub(super) fn cancel_what_follows(&mut self, now: MonotonicNs) {
+        let mut cancelled = Vec::new();
+        for one in &mut self.pending {
+            one.is_return = false;
+            if one.then.take().is_some() && !one.is_answered {
+                one.is_answered = true;
+                cancelled.push(one.key);
+            }
+        }
+        for key in cancelled {
+            self.settle(&key, Answer::plain(MavResult::Cancelled), now);
+        }
+    }
+
+    /// The bridge has reported on an order; `words` say the same to people.
+    pub fn report(&mut self, number: u64, report: &RequestReport, words: &str, now: MonotonicNs) {
+        let Some(stage) = report.stage() else {
+            return;
+        };
+        let reason = report.reason().unwrap_or(Reason::None);
+        let answer = answer_of(stage, reason);
+        let Some(index) = self.pending.iter().position(|one| one.number == number) else {
+            return;
+        };
+        let mut pending = match stage.is_final() {
+            true => self.pending.remove(index),
+            false => self.pending[index].clone(),
+        };
+        if pending.then.is_some() && answer.is_accepted() {
+            // Not the start is answered, but what follows it.
+            if stage.is_final()
+                && let Some(kind) = pending.then.take()
+            {
+                self.send_order(Pending { kind, ..pending });
+            }
+            return;
+        }
+        let is_first = !pending.is_answered;
+        if is_first {
+            if let Some(kept) = self.pending.iter_mut().find(|one| one.number == number) {
+                kept.is_answered = true;
+            }
+            self.settle(&pending.key, answer, now);
+            if answer.is_accepted() {
+                self.tell_others(&pending, now);
+            } else {
+                self.say(&[pending.key.sender.address], Severity::Error, words, now);
+            }
+        } else if !answer.is_accepted() {
+            self.commands.answer(&pending.key, answer, now);
+        }
+        if stage.is_final() && (answer.is_accepted() || !is_first) {
+            self.end(&pending, stage, reason, words, now);
+        }
+    }
+
+    /// An order that had been accepted is over.
+    pub(super) fn end(
+        &mut self,
+        pending: &Pending,
+        stage: Stage,
+        reason: Reason,
+        words: &str,
+        now: MonotonicNs,
+    ) {
+        match (stage, reason) {
+            (Stage::Done, _) => {
+                let text = format!("{} done", pending.name());
+                self.say_to_all(Severity::Info, &text, now);
+            }
+            (Stage::Refused, Reason::AlreadyRunning) => {}
+            (Stage::Aborted, Reason::Replaced) => self.say_to_all(Severity::Info, words, now),
+            _ => self.say_to_all(Severity::Error, words, now),
+        }
+        if stage == Stage::Done && pending.is_return && matches!(pending.kind, OrderKind::GoTo(_)) {
+            self.send_order(Pending {
+                kind: OrderKind::Land,
+                is_return: false,
+                is_answered: true,
+                issued: now,
+                ..pending.clone()
+            });
+        }
+    }
+
+    /// An order was not sent, which `words` explain.
+    pub fn not_sent(&mut self, number: u64, words: &str, now: MonotonicNs) {
+        let report = RequestReport::new(Stage::Refused, Reason::LinkDown);
+        self.report(number, &report, words, now);
+    }
+
+    pub(super) fn tell_others(&mut self, pending: &Pending, now: MonotonicNs) {
+        let own = pending.key.sender.address;
+        let mut others = self.stations.addresses();
+        others.retain(|address| *address != own);
+        if !others.is_empty() {
+            let text = format!("{} by {}", pending.name(), pending.key.sender);
+            self.say(&others, Severity::Notice, &text, now);
+        }
+    }
+
+    /// The answer to a command, which its copies get too.
+    pub(super) fn settle(&mut self, key: &Key, answer: Answer, now: MonotonicNs) {
+        self.commands.answer(key, answer, now);
+        self.answer(key, answer);
+    }
+
+    /// SET_MODE has no answer but the heartbeat.
+    pub(super) fn answer(&mut self, key: &Key, answer: Answer) {
+        if key.command != SET_MODE {
+            let progress = match answer.result {
+                MavResult::InProgress => u8::MAX,
+                _ => 0,
+            };
+            self.acknowledge(key.sender, key.command, answer, progress);
+        }
+    }
+
+    pub(super) fn acknowledge(
+        &mut self,
+        sender: Sender,
+        command: u16,
+        answer: Answer,
+        progress: u8,
+    ) {
+        let message = Message::new(COMMAND_ACK)
+            .u16(command)
+            .u8(answer.result as u8)
+            .u8(progress)
+            .i32(answer.reason.code() as i32)
+            .u8(sender.system)
+            .u8(sender.component);
+        self.send(sender.address, &message);
+    }
+
+    /// Says "in progress", or gives up.
+    pub(super) fn remind(&mut self, now: MonotonicNs) {
+        let limit = self.settings.answer_within;
+        let mut said = Vec::new();
+        for one in self.pending.iter_mut().filter(|one| !one.is_answered) {
+            if now >= one.issued + limit {
+                // What was to follow would come too late.
+                (one.is_answered, one.then) = (true, None);
+                said.push((one.key, one.name(), MavResult::Failed));
+            } else if now >= one.progress_at {
+                one.progress_at = now + NEXT_PROGRESS;
+                said.push((one.key, one.name(), MavResult::InProgress));
+            }
+        }
+        for (key, name, result) in said {
+            match result {
+                MavResult::InProgress => self.answer(&key, Answer::plain(result)),
+                _ => {
+                    self.settle(&key, Answer::plain(result), now);
+                    let text = format!(
+                        "{}: no answer of the bridge; it may have been done, look before you repeat it",
+                        name
+                    );
+                    self.say(&[key.sender.address], Severity::Error, &text, now);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,202 @@
+//! What is sent: streams, messages on request, texts.
+
+use std::net::SocketAddr;
+
+use ipc_types::MonotonicNs;
+
+use super::Gateway;
+use crate::event::{Datagram, Event, OrderKind};
+use crate::identity::{autopilot_version, available_mode};
+use crate::message::{self, Command, MESSAGE_INTERVAL};
+use crate::mode::Mode;
+use crate::number::{COMPONENT, MavResult, Severity, command};
+use crate::stations::Sender;
+use crate::streams::Stream;
+use crate::telemetry::Scene;
+use crate::wire::Message;
+
+/// Most datagrams that wait to be sent. Of more the oldest go: stations repeat what they get no answer for.
+const MAX_DATAGRAMS: usize = 256;
+
+/// Most events that wait for the log.
+const MAX_EVENTS: usize = 64;
+
+impl Gateway {
+    pub(super) fn message_request(
+        &mut self,
+        sender: Sender,
+        asked: &Command,
+        now: MonotonicNs,
+    ) -> MavResult {
+        let id = asked.param(1);
+        let id = if (0.0..16_777_216.0).contains(&id) {
+            id as u32
+        } else {
+            u32::MAX
+        };
+        let stream = Stream::of(id);
+        match (asked.command, stream) {
+            (command::REQUEST_CAPABILITIES, _) => {
+                self.send_message(sender, message::AUTOPILOT_VERSION.id, 0)
+            }
+            (command::REQUEST_MESSAGE, _) => self.send_message(sender, id, asked.param(2) as usize),
+            (command::SET_MESSAGE_INTERVAL, Some(stream)) => match stream.period(asked.param(2)) {
+                Ok(period) => {
+                    if let Some(route) = self.stations.route(sender.address) {
+                        route.streams.set_period(stream, period, now);
+                    }
+                    MavResult::Accepted
+                }
+                Err(result) => result,
+            },
+            (command::GET_MESSAGE_INTERVAL, Some(stream)) => {
+                let route = self.stations.route(sender.address);
+                let period = route.and_then(|route| route.streams.period(stream));
+                let us = period.map_or(-1, |period| period.as_micros() as i32);
+                self.send(
+                    sender.address,
+                    &Message::new(MESSAGE_INTERVAL).i32(us).u16(id as u16),
+                );
+                MavResult::Accepted
+            }
+            (command::GET_MESSAGE_INTERVAL, None) => {
+                self.send(
+                    sender.address,
+                    &Message::new(MESSAGE_INTERVAL).i32(0).u16(id as u16),
+                );
+                MavResult::Accepted
+            }
+            _ => MavResult::Unsupported,
+        }
+    }
+
+    /// Sends a message once.
+    pub(super) fn send_message(&mut self, sender: Sender, id: u32, which: usize) -> MavResult {
+        let modes: Vec<Message> = match which {
+            0 => (0..Mode::ALL.len()).filter_map(available_mode).collect(),
+            one => available_mode(one - 1).into_iter().collect(),
+        };
+        let messages = match id {
+            id if id == message::AUTOPILOT_VERSION.id => vec![autopilot_version(self.robot)],
+            id if id == message::AVAILABLE_MODES.id => modes,
+            id => match Stream::of(id) {
+                None => return MavResult::Unsupported,
+                Some(stream) => self
+                    .scene()
+                    .and_then(|scene| scene.message(stream))
+                    .into_iter()
+                    .collect(),
+            },
+        };
+        for message in &messages {
+            self.send(sender.address, message);
+        }
+        match messages.is_empty() {
+            true => MavResult::TemporarilyRejected,
+            false => MavResult::Accepted,
+        }
+    }
+
+    pub(super) fn scene(&self) -> Option<Scene<'_>> {
+        let known = self.vehicle.now()?;
+        let is_returning = self
+            .pending
+            .iter()
+            .any(|one| one.is_return && matches!(one.kind, OrderKind::GoTo(_)));
+        Some(Scene {
+            known,
+            home: &self.home,
+            mode: Mode::of(&known, is_returning),
+            zero_above_sea_m: self.settings.zero_above_sea_m.unwrap_or(0.0),
+        })
+    }
+
+    pub(super) fn send_streams(&mut self, now: MonotonicNs) {
+        let Some(scene) = self.scene() else {
+            return;
+        };
+        let (signature, sample) = (scene.signature(), scene.sample());
+        let has_changed = self.shown.replace(signature) != Some(signature);
+        let mut messages: [Option<Option<Message>>; Stream::ALL.len()] = Default::default();
+        let mut due = Vec::new();
+        for route in self.stations.routes() {
+            if has_changed {
+                let at_once = [
+                    Stream::Heartbeat,
+                    Stream::CurrentMode,
+                    Stream::ExtendedSysState,
+                    Stream::Home,
+                ];
+                for stream in at_once {
+                    route.streams.hurry(stream, now);
+                }
+            }
+            for stream in route.streams.take_due(sample, now) {
+                due.push((route.address, stream));
+            }
+        }
+        for (address, stream) in due {
+            let made = &mut messages[stream as usize];
+            if made.is_none() {
+                *made = Some(self.scene().and_then(|scene| scene.message(stream)));
+            }
+            if let Some(Some(message)) = made {
+                let message = message.clone();
+                self.push(address, &message, true);
+            }
+        }
+    }
+
+    pub(super) fn say_to_all(&mut self, severity: Severity, text: &str, now: MonotonicNs) {
+        let addresses = self.stations.addresses();
+        self.say(&addresses, severity, text, now);
+    }
+
+    pub(super) fn say(
+        &mut self,
+        to: &[SocketAddr],
+        severity: Severity,
+        text: &str,
+        now: MonotonicNs,
+    ) {
+        if to.is_empty() {
+            return;
+        }
+        for message in self.texts.say(severity, text, now) {
+            for address in to {
+                self.push(*address, &message, false);
+            }
+        }
+        if matches!(
+            severity,
+            Severity::Error | Severity::Critical | Severity::Emergency
+        ) {
+            self.note(Event::Warning(text.to_owned()));
+        }
+    }
+
+    pub(super) fn send(&mut self, to: SocketAddr, message: &Message) {
+        self.push(to, message, false);
+    }
+
+    pub(super) fn push(&mut self, to: SocketAddr, message: &Message, is_telemetry: bool) {
+        let sequence = self
+            .stations
+            .route(to)
+            .map_or(0, |route| route.next_sequence());
+        if self.datagrams.len() == MAX_DATAGRAMS {
+            self.datagrams.pop_front();
+        }
+        self.datagrams.push_back(Datagram {
+            to,
+            bytes: message.frame(sequence, self.settings.system, COMPONENT),
+            is_telemetry,
+        });
+    }
+
+    pub(super) fn note(&mut self, event: Event) {
+        if self.events.len() < MAX_EVENTS {
+            self.events.push_back(event);
+        }
+    }
+}

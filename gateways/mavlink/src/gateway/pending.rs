@@ -1,0 +1,30 @@
+//! [`Pending`]: an order on its way.
+
+use ipc_types::MonotonicNs;
+
+use crate::commands::Key;
+use crate::event::OrderKind;
+
+/// An order that has no final report.
+#[derive(Clone, Debug)]
+pub struct Pending {
+    pub number: u64,
+    pub kind: OrderKind,
+    pub key: Key,
+    /// What follows when it is done.
+    pub then: Option<OrderKind>,
+    pub is_return: bool,
+    pub issued: MonotonicNs,
+    pub is_answered: bool,
+    pub progress_at: MonotonicNs,
+}
+
+impl Pending {
+    /// What people call it.
+    pub fn name(&self) -> &'static str {
+        match self.is_return {
+            true => "return",
+            false => self.kind.name(),
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! The helicopter as a MAVLink vehicle, for ground stations and scripts as they are.
+//!
+//! Nothing here has a socket, a clock, a thread or a file: [`Gateway`] is given datagrams, samples, reports and times, and gives
+//! datagrams, [`Order`]s, [`Event`]s and a deadline. `ril run mavlink` is the program around it. `docs/mavlink.md` describes what stations
+//! see.
+//!
+//! * [`wire`]: frames and their checksums; [`message`]: the messages; [`number`]: the protocol's numbers;
+//! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`, `identity`: the same in messages;
+//! * `stations`, `streams`, `texts`: to whom what is sent, and when;
+//! * `decide`: what a command asks for; `commands`: each at most once; `verdict`: how it is answered;
+//! * `gateway`: all of it as one value.
+
+mod commands;
+mod decide;
+mod event;
+mod gateway;
+mod home;
+mod identity;
+pub mod message;
+mod mode;
+pub mod number;
+mod settings;
+mod stations;
+mod streams;
+mod telemetry;
+mod texts;
+mod vehicle;
+mod verdict;
+pub mod wire;
+
+pub use commands::MEMORY;
+pub use event::{Datagram, Event, Order, OrderKind};
+pub use gateway::Gateway;
+pub use mode::Mode;
+pub use settings::Settings;
+pub use stations::{MAX_STATIONS, SILENCE};
+pub use streams::Stream;
+pub use verdict::{Answer, answer_of};

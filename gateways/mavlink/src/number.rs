@@ -1,0 +1,86 @@
+//! Numbers of the protocol that are used here: <https://mavlink.io/en/messages/common.html>.
+
+/// MAV_CMD: those that something is done for, beside those of plans.
+pub mod command {
+    pub use plans::mavlink::command::{CHANGE_SPEED, LAND, RETURN_TO_LAUNCH, TAKE_OFF};
+
+    /// Set the mode by base mode, main mode and sub mode.
+    pub const SET_MODE: u16 = 176;
+    /// Set home.
+    pub const SET_HOME: u16 = 179;
+    /// End the flight at once.
+    pub const FLIGHT_TERMINATION: u16 = 185;
+    /// Fly there and hover.
+    pub const REPOSITION: u16 = 192;
+    /// Pause or continue.
+    pub const PAUSE_CONTINUE: u16 = 193;
+    /// Switch the geofence.
+    pub const FENCE_ENABLE: u16 = 207;
+    /// Reboot.
+    pub const REBOOT: u16 = 246;
+    /// Set the mode by one of the standard.
+    pub const SET_STANDARD_MODE: u16 = 262;
+    /// Begin a mission.
+    pub const MISSION_START: u16 = 300;
+    /// Arm or disarm.
+    pub const ARM_DISARM: u16 = 400;
+    /// How often is a message sent?
+    pub const GET_MESSAGE_INTERVAL: u16 = 510;
+    /// Send a message so often.
+    pub const SET_MESSAGE_INTERVAL: u16 = 511;
+    /// Send a message once.
+    pub const REQUEST_MESSAGE: u16 = 512;
+    /// Send AUTOPILOT_VERSION.
+    pub const REQUEST_CAPABILITIES: u16 = 520;
+}
+
+/// MAV_RESULT: the numbers from 7 on are never sent, because clients end on them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum MavResult {
+    /// It is done, or begun.
+    Accepted = 0,
+    /// Not now.
+    TemporarilyRejected = 1,
+    /// Not this.
+    Denied = 2,
+    /// Not known.
+    Unsupported = 3,
+    /// Tried without success, or its outcome is not known.
+    Failed = 4,
+    /// No answer yet.
+    InProgress = 5,
+    /// Something else took its place.
+    Cancelled = 6,
+}
+
+/// MAV_SEVERITY.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Severity {
+    /// A safety rule lands.
+    Emergency = 0,
+    /// Hold, abort, link lost.
+    Critical = 2,
+    /// A refusal; stations show no pop-up below it.
+    Error = 3,
+    /// A safety rule warns.
+    Warning = 4,
+    /// Something was done otherwise than asked.
+    Notice = 5,
+    /// Done.
+    Info = 6,
+}
+
+/// MAV_TYPE of the helicopter.
+pub const TYPE_HELICOPTER: u8 = 4;
+/// MAV_TYPE of ground stations.
+pub const TYPE_STATION: u8 = 6;
+/// MAV_TYPE of programs on board.
+pub const TYPE_PROGRAM: u8 = 18;
+/// MAV_AUTOPILOT of PX4: ground stations offer guided actions to no vehicle of a generic autopilot.
+pub const AUTOPILOT_PX4: u8 = 12;
+/// MAV_AUTOPILOT of what is no autopilot.
+pub const AUTOPILOT_INVALID: u8 = 8;
+/// MAV_COMP_ID of the autopilot.
+pub const COMPONENT: u8 = 1;

@@ -1,0 +1,224 @@
+//! [`Stations`]: which ground stations and scripts there are, and where messages go.
+//!
+//! | a station | its heartbeat | silence for 30 s |
+//! |---|---|---|
+//! | not known | → heard; refused while there are eight | – |
+//! | heard | heard | → gone |
+//!
+//! A sender is an address with a system and a component: several may be behind one router. Telemetry goes once to each address, answers
+//! go to that of the asker.
+
+use std::fmt;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+
+use crate::streams::Streams;
+
+/// Most stations at a time: a further one gets no telemetry, and its commands are refused.
+pub const MAX_STATIONS: usize = 8;
+
+/// A station is gone when nothing of it came for so long.
+pub const SILENCE: Duration = Duration::from_secs(30);
+
+/// Who sends a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sender {
+    pub address: SocketAddr,
+    pub system: u8,
+    pub component: u8,
+}
+
+impl fmt::Display for Sender {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "station {}/{}", self.system, self.component)
+    }
+}
+
+/// What a heartbeat made of its sender.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Entry {
+    /// It has come.
+    New,
+    /// It was there.
+    Known,
+    /// There is no room for it.
+    Full,
+}
+
+/// An address that messages go to.
+#[derive(Clone, Debug)]
+pub struct Route {
+    pub address: SocketAddr,
+    /// Counts the frames.
+    sequence: u8,
+    pub streams: Streams,
+    /// Whether the operator has named it: it stays when no station is there.
+    is_named: bool,
+}
+
+impl Route {
+    /// The number of the next frame.
+    pub fn next_sequence(&mut self) -> u8 {
+        let sequence = self.sequence;
+        self.sequence = sequence.wrapping_add(1);
+        sequence
+    }
+}
+
+/// See the module's documentation.
+#[derive(Clone, Debug)]
+pub struct Stations {
+    heard: Vec<(Sender, MonotonicNs)>,
+    routes: Vec<Route>,
+}
+
+impl Stations {
+    /// None yet, and the addresses that get a heartbeat unasked.
+    pub fn new(named: &[SocketAddr]) -> Stations {
+        let route = |address: &SocketAddr| Route {
+            address: *address,
+            sequence: 0,
+            streams: Streams::heartbeat_alone(),
+            is_named: true,
+        };
+        Stations {
+            heard: Vec::new(),
+            routes: named.iter().map(route).collect(),
+        }
+    }
+
+    /// A heartbeat has come.
+    pub fn heartbeat(&mut self, sender: Sender, now: MonotonicNs) -> Entry {
+        if self.touch(sender, now) {
+            return Entry::Known;
+        }
+        if self.heard.len() == MAX_STATIONS {
+            return Entry::Full;
+        }
+        let is_first = !self.is_heard(sender.address);
+        self.heard.push((sender, now));
+        match self.route(sender.address) {
+            // What the new station has not seen is sent at once.
+            Some(route) if is_first => route.streams = Streams::new(now),
+            Some(_) => {}
+            None => self.routes.push(Route {
+                address: sender.address,
+                sequence: 0,
+                streams: Streams::new(now),
+                is_named: false,
+            }),
+        }
+        Entry::New
+    }
+
+    /// Something else has come; whether its sender is a station.
+    pub fn touch(&mut self, sender: Sender, now: MonotonicNs) -> bool {
+        let known = self.heard.iter_mut().find(|(one, _)| *one == sender);
+        known.map(|(_, heard)| *heard = now).is_some()
+    }
+
+    /// Takes those that are gone.
+    pub fn expire(&mut self, now: MonotonicNs) -> Vec<Sender> {
+        let is_gone = |heard: MonotonicNs| now.since(heard) >= SILENCE;
+        let gone = self.heard.iter().filter(|(_, heard)| is_gone(*heard));
+        let gone: Vec<Sender> = gone.map(|(sender, _)| *sender).collect();
+        if !gone.is_empty() {
+            self.heard.retain(|(_, heard)| !is_gone(*heard));
+            let heard = &self.heard;
+            let is_heard =
+                |route: &Route| heard.iter().any(|(one, _)| one.address == route.address);
+            self.routes
+                .retain(|route| route.is_named || is_heard(route));
+            for route in self.routes.iter_mut().filter(|route| !is_heard(route)) {
+                route.streams = Streams::heartbeat_alone();
+            }
+        }
+        gone
+    }
+
+    /// When the next one is gone unless it sends something.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        self.heard.iter().map(|(_, heard)| *heard + SILENCE).min()
+    }
+
+    /// Whether a station is at this address.
+    pub fn is_heard(&self, address: SocketAddr) -> bool {
+        self.heard.iter().any(|(one, _)| one.address == address)
+    }
+
+    /// Whether there is room for no other.
+    pub fn is_full(&self) -> bool {
+        self.heard.len() == MAX_STATIONS
+    }
+
+    /// Whether there is any.
+    pub fn is_empty(&self) -> bool {
+        self.heard.is_empty()
+    }
+
+    /// All addresses.
+    pub fn routes(&mut self) -> impl Iterator<Item = &mut Route> {
+        self.routes.iter_mut()
+    }
+
+    /// The addresses of stations that were heard.
+    pub fn addresses(&self) -> Vec<SocketAddr> {
+        let routes = self.routes.iter().map(|route| route.address);
+        routes.filter(|address| self.is_heard(*address)).collect()
+    }
+
+    /// One address.
+    pub fn route(&mut self, address: SocketAddr) -> Option<&mut Route> {
+        self.routes
+            .iter_mut()
+            .find(|route| route.address == address)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sender(port: u16, system: u8) -> Sender {
+        Sender {
+            address: ([127, 0, 0, 1], port).into(),
+            system,
+            component: 190,
+        }
+    }
+
+    #[test]
+    fn a_station_comes_with_its_heartbeat_and_goes_with_silence() {
+        let at = |seconds: u64| MonotonicNs(seconds * 1_000_000_000);
+        let named = sender(1, 255);
+        let mut stations = Stations::new(&[named.address]);
+        assert!(!stations.touch(named, at(0)), "only a heartbeat opens it");
+        assert_eq!(stations.heartbeat(named, at(0)), Entry::New);
+        assert_eq!(stations.heartbeat(sender(2, 1), at(0)), Entry::New);
+        assert_eq!(stations.heartbeat(sender(2, 2), at(5)), Entry::New);
+        assert_eq!(stations.routes.len(), 2, "one route for an address");
+        assert_eq!(stations.heartbeat(named, at(20)), Entry::Known);
+        assert_eq!(stations.deadline(), Some(at(30)));
+        assert_eq!(stations.expire(at(29)), []);
+        assert_eq!(stations.expire(at(30)), [sender(2, 1)]);
+        assert!(stations.is_heard(sender(2, 2).address));
+        assert_eq!(stations.expire(at(60)), [named, sender(2, 2)]);
+        // The named one stays.
+        assert_eq!(stations.routes.len(), 1);
+        assert!(stations.is_empty());
+    }
+
+    #[test]
+    fn there_are_at_most_eight() {
+        let mut stations = Stations::new(&[]);
+        let now = MonotonicNs(0);
+        for port in 1..=8 {
+            assert_eq!(stations.heartbeat(sender(port, 255), now), Entry::New);
+        }
+        assert_eq!(stations.heartbeat(sender(9, 255), now), Entry::Full);
+        assert_eq!(stations.heartbeat(sender(8, 255), now), Entry::Known);
+        assert_eq!(stations.routes.len(), 8);
+    }
+}

@@ -1,0 +1,294 @@
+//! [`Streams`]: when which message goes to a station that was heard. A message whose content has not changed since it was sent is not
+//! sent again under a new time: it waits for the next sample.
+
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+
+use crate::message::{self, Kind};
+use crate::number::MavResult;
+
+/// Shortest period of a message.
+const MIN_PERIOD: Duration = Duration::from_millis(20);
+
+/// A message that is sent again and again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Stream {
+    /// That the helicopter is there. First, because stations look for it first.
+    Heartbeat,
+    /// The mode, as MAVLink's own.
+    CurrentMode,
+    /// Sensors, supply, readiness.
+    SysStatus,
+    /// On the ground or in the air.
+    ExtendedSysState,
+    /// Place and velocity on the globe.
+    GlobalPosition,
+    /// Angles and rates.
+    Attitude,
+    /// The same as a quaternion; on request.
+    AttitudeQuaternion,
+    /// Place and velocity in metres.
+    LocalPosition,
+    /// What a pilot looks at.
+    VfrHud,
+    /// Altitudes.
+    Altitude,
+    /// Satellites.
+    GpsRaw,
+    /// The battery.
+    Battery,
+    /// Where home is.
+    Home,
+}
+
+/// What a message is made of, so that it is not sent again unchanged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// A sample of telemetry.
+    Sample,
+    /// States, which hold until they change.
+    State,
+}
+
+impl Stream {
+    /// All, by their numbers.
+    pub const ALL: [Stream; 13] = [
+        Stream::Heartbeat,
+        Stream::CurrentMode,
+        Stream::SysStatus,
+        Stream::ExtendedSysState,
+        Stream::GlobalPosition,
+        Stream::Attitude,
+        Stream::AttitudeQuaternion,
+        Stream::LocalPosition,
+        Stream::VfrHud,
+        Stream::Altitude,
+        Stream::GpsRaw,
+        Stream::Battery,
+        Stream::Home,
+    ];
+
+    /// The message, how often it is sent by default in tenths of a hertz, and what it is made of.
+    fn row(self) -> (Kind, u64, Content) {
+        use Content::{Sample, State};
+        match self {
+            Stream::Heartbeat => (message::HEARTBEAT, 10, State),
+            Stream::CurrentMode => (message::CURRENT_MODE, 5, State),
+            Stream::SysStatus => (message::SYS_STATUS, 10, Sample),
+            Stream::ExtendedSysState => (message::EXTENDED_SYS_STATE, 10, State),
+            Stream::GlobalPosition => (message::GLOBAL_POSITION_INT, 50, Sample),
+            Stream::Attitude => (message::ATTITUDE, 100, Sample),
+            Stream::AttitudeQuaternion => (message::ATTITUDE_QUATERNION, 0, Sample),
+            Stream::LocalPosition => (message::LOCAL_POSITION_NED, 20, Sample),
+            Stream::VfrHud => (message::VFR_HUD, 40, Sample),
+            Stream::Altitude => (message::ALTITUDE, 20, Sample),
+            Stream::GpsRaw => (message::GPS_RAW_INT, 20, Sample),
+            Stream::Battery => (message::BATTERY_STATUS, 5, Sample),
+            Stream::Home => (message::HOME_POSITION, 2, State),
+        }
+    }
+
+    /// The message.
+    pub fn kind(self) -> Kind {
+        self.row().0
+    }
+
+    /// The stream of this message.
+    pub fn of(id: u32) -> Option<Stream> {
+        Stream::ALL
+            .into_iter()
+            .find(|stream| stream.kind().id == id)
+    }
+
+    /// Its period without a station's wish; `None` if it is sent on request alone.
+    pub fn default_period(self) -> Option<Duration> {
+        match self.row().1 {
+            0 => None,
+            tenths => Some(Duration::from_millis(10_000 / tenths)),
+        }
+    }
+
+    /// What it is made of.
+    pub fn content(self) -> Content {
+        self.row().2
+    }
+
+    /// The period that param2 of SET_MESSAGE_INTERVAL asks for, µs: −1 for none, 0 for the default. The heartbeat cannot be switched off.
+    ///
+    /// # Errors
+    ///
+    /// When it is no period that can be had.
+    pub fn period(self, interval_us: f32) -> Result<Option<Duration>, MavResult> {
+        match interval_us {
+            -1.0 if self == Stream::Heartbeat => Err(MavResult::Denied),
+            -1.0 => Ok(None),
+            0.0 => Ok(self.default_period()),
+            us if us.is_finite() && us > 0.0 => {
+                let period = Duration::from_micros(us as u64);
+                let is_possible = period >= MIN_PERIOD
+                    && (self != Stream::Heartbeat || period <= Duration::from_secs(1));
+                is_possible.then_some(Some(period)).ok_or(MavResult::Denied)
+            }
+            _ => Err(MavResult::Denied),
+        }
+    }
+}
+
+/// One message to one station.
+#[derive(Clone, Copy, Debug)]
+struct Beat {
+    period: Option<Duration>,
+    due: MonotonicNs,
+    /// The moment of the sample that was sent last.
+    sent: MonotonicNs,
+}
+
+/// See the module's documentation.
+#[derive(Clone, Debug)]
+pub struct Streams {
+    beats: [Beat; Stream::ALL.len()],
+    /// Until when everything that is due has been looked at.
+    looked: MonotonicNs,
+}
+
+impl Streams {
+    /// All with their default periods, due now.
+    pub fn new(now: MonotonicNs) -> Streams {
+        Streams {
+            beats: Stream::ALL.map(|stream| Beat {
+                period: stream.default_period(),
+                due: now,
+                sent: MonotonicNs(0),
+            }),
+            looked: MonotonicNs(0),
+        }
+    }
+
+    /// The heartbeat alone, for an address at which no station was heard.
+    pub fn heartbeat_alone() -> Streams {
+        let mut streams = Streams::new(MonotonicNs(0));
+        for beat in &mut streams.beats[1..] {
+            beat.period = None;
+        }
+        streams
+    }
+
+    /// Those that are due and have something to say, of a sample that was measured at `sample`. They count as sent.
+    pub fn take_due(&mut self, sample: MonotonicNs, now: MonotonicNs) -> Vec<Stream> {
+        self.looked = now;
+        let mut due = Vec::new();
+        for (stream, beat) in Stream::ALL.into_iter().zip(&mut self.beats) {
+            let Some(period) = beat.period.filter(|_| beat.due <= now) else {
+                continue;
+            };
+            if stream.content() == Content::Sample {
+                if sample <= beat.sent {
+                    continue;
+                }
+                beat.sent = sample;
+            }
+            // A machine that stalls does not make up for it.
+            let next = beat.due + period;
+            beat.due = if next > now { next } else { now + period };
+            due.push(stream);
+        }
+        due
+    }
+
+    /// When the next one is due. Those that wait for a sample are looked at when one comes.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        let beats = self.beats.iter().filter(|beat| beat.period.is_some());
+        beats
+            .map(|beat| beat.due)
+            .filter(|due| *due > self.looked)
+            .min()
+    }
+
+    /// Sends `stream` next, whenever it was due.
+    pub fn hurry(&mut self, stream: Stream, now: MonotonicNs) {
+        self.beats[stream as usize].due = now;
+    }
+
+    /// Sets how often `stream` is sent.
+    pub fn set_period(&mut self, stream: Stream, period: Option<Duration>, now: MonotonicNs) {
+        let beat = &mut self.beats[stream as usize];
+        (beat.period, beat.due) = (period, now);
+    }
+
+    /// How often `stream` is sent.
+    pub fn period(&self, stream: Stream) -> Option<Duration> {
+        self.beats[stream as usize].period
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    #[test]
+    fn numbers_are_places() {
+        for (index, stream) in Stream::ALL.into_iter().enumerate() {
+            assert_eq!(stream as usize, index);
+            assert_eq!(Stream::of(stream.kind().id), Some(stream));
+        }
+    }
+
+    /// How often each is sent in ten seconds, of samples that come every `sample_ms`.
+    fn sent(sample_ms: u64) -> Vec<usize> {
+        let mut streams = Streams::new(MonotonicNs(0));
+        let mut counts = vec![0; Stream::ALL.len()];
+        for ms in 0..10_000 {
+            let now = MonotonicNs(ms * MS);
+            let sample = MonotonicNs((1 + ms / sample_ms * sample_ms) * MS);
+            for stream in streams.take_due(sample, now) {
+                counts[stream as usize] += 1;
+            }
+            assert!(streams.deadline() > Some(now));
+        }
+        counts
+    }
+
+    #[test]
+    fn rates_are_those_of_the_table_and_no_sample_goes_twice() {
+        let expected = [10, 5, 10, 10, 50, 100, 0, 20, 40, 20, 20, 5, 2];
+        assert_eq!(sent(20), expected);
+        // One sample a second: what is made of samples comes once a second.
+        let rare = expected.map(|count: usize| count.min(10));
+        assert_eq!(sent(1_000), rare);
+    }
+
+    #[test]
+    fn a_stall_is_not_made_up_for_and_an_interval_is_what_was_asked() {
+        let mut streams = Streams::new(MonotonicNs(0));
+        let _ = streams.take_due(MonotonicNs(1), MonotonicNs(0));
+        let late = MonotonicNs(60_000 * MS);
+        assert_eq!(streams.take_due(late, late).len(), 12);
+        assert_eq!(streams.take_due(late, late), []);
+
+        for (interval_us, expected) in [
+            (-1.0, Ok(None)),
+            (0.0, Ok(Some(Duration::from_millis(100)))),
+            (20_000.0, Ok(Some(Duration::from_millis(20)))),
+            (19_999.0, Err(MavResult::Denied)),
+            (f32::NAN, Err(MavResult::Denied)),
+            (-2.0, Err(MavResult::Denied)),
+            (f32::INFINITY, Err(MavResult::Denied)),
+        ] {
+            assert_eq!(
+                Stream::Attitude.period(interval_us),
+                expected,
+                "{interval_us}"
+            );
+        }
+        for interval_us in [-1.0, 2e6] {
+            assert_eq!(
+                Stream::Heartbeat.period(interval_us),
+                Err(MavResult::Denied)
+            );
+        }
+    }
+}

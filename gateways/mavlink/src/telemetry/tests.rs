@@ -1,0 +1,117 @@
+use super::*;
+use ipc_types::payload::{ModuleState, WaypointPosition};
+
+fn with<R>(telemetry: &HeroTelemetry, home: Home, look: impl FnOnce(&Scene<'_>) -> R) -> R {
+    let state = ModuleState::default();
+    let scene = Scene {
+        known: Known {
+            telemetry,
+            state: &state,
+        },
+        home: &home,
+        mode: Mode::Hold,
+        zero_above_sea_m: 100.0,
+    };
+    look(&scene)
+}
+
+fn full() -> HeroTelemetry {
+    let mut telemetry = HeroTelemetry {
+        valid_groups: 0xffff,
+        received_ns: 5_000_000_000,
+        gps_quality: 4,
+        ..HeroTelemetry::default()
+    };
+    telemetry.geodetic.latitude_rad = 37.4112_f64.to_radians();
+    telemetry.geodetic.longitude_rad = -6.001_f64.to_radians();
+    telemetry.geodetic.altitude_m = 30.25;
+    telemetry.velocity.north_mps = 3.5;
+    telemetry.velocity.up_mps = 1.25;
+    telemetry.velocity.course_rad = -0.1;
+    telemetry.attitude.yaw_rad = -std::f32::consts::FRAC_PI_2;
+    telemetry.supply.battery_v = 24.5;
+    telemetry
+}
+
+fn home() -> Home {
+    Home::TakeOff(WaypointPosition {
+        latitude_deg: 37.0,
+        longitude_deg: -6.0,
+        altitude_m: 20.0,
+    })
+}
+
+#[test]
+fn units_and_frames_are_those_of_the_messages() {
+    with(&full(), home(), |scene| {
+        let message = scene.message(Stream::GlobalPosition).unwrap();
+        let position = message.payload();
+        assert_eq!(position.u32(0), 5_000);
+        assert_eq!(
+            (position.i32(4), position.i32(8)),
+            (374_112_000, -60_010_000)
+        );
+        assert_eq!((position.i32(12), position.i32(16)), (130_250, 10_250));
+        let speeds = [20, 22, 24].map(|at| position.u16(at) as i16);
+        assert_eq!(speeds, [350, 0, -125]);
+        assert_eq!(position.u16(26), 27_000);
+        let gps = scene.message(Stream::GpsRaw).unwrap();
+        assert_eq!((gps.payload().u8(28), gps.payload().u64(0)), (6, 5_000_000));
+        assert_eq!(gps.payload().u16(26), 35_427);
+        let status = scene.message(Stream::SysStatus).unwrap();
+        assert_eq!(status.payload().u16(14), 24_500);
+        let altitudes = scene.message(Stream::Altitude).unwrap();
+        assert_eq!(altitudes.payload().f32(20), 10.25);
+        let quaternion = scene.message(Stream::AttitudeQuaternion).unwrap();
+        let half = std::f32::consts::FRAC_1_SQRT_2;
+        assert!((quaternion.payload().f32(16) + half).abs() < 1e-6);
+    });
+}
+
+#[test]
+fn what_is_not_valid_is_not_sent_or_marked() {
+    let telemetry = HeroTelemetry {
+        valid_groups: 0,
+        ..full()
+    };
+    with(&telemetry, Home::Unknown, |scene| {
+        for stream in Stream::ALL {
+            let is_sent = scene.message(stream).is_some();
+            let expected = !matches!(
+                stream,
+                Stream::GlobalPosition
+                    | Stream::Attitude
+                    | Stream::AttitudeQuaternion
+                    | Stream::LocalPosition
+                    | Stream::VfrHud
+                    | Stream::Home
+            );
+            assert_eq!(is_sent, expected, "{stream:?}");
+        }
+        let gps = scene.message(Stream::GpsRaw).unwrap();
+        assert_eq!((gps.payload().u8(28), gps.payload().i32(8)), (1, 0));
+        let altitudes = scene.message(Stream::Altitude).unwrap();
+        assert!(altitudes.payload().f32(12).is_nan());
+        let status = scene.message(Stream::SysStatus).unwrap();
+        assert_eq!(status.payload().u16(14), u16::MAX);
+        assert_eq!(status.payload().u32(8) & 0x20, 0);
+    });
+    // A helicopter that was first heard in the air has no height over home that could be relied on.
+    let first = Home::FirstHeard(home().shown().unwrap());
+    with(&full(), first, |scene| {
+        let altitudes = scene.message(Stream::Altitude).unwrap();
+        assert!(altitudes.payload().f32(20).is_nan());
+        assert!(scene.message(Stream::Home).is_some());
+    });
+}
+
+#[test]
+fn no_message_is_longer_than_its_definition() {
+    let lengths = [9, 9, 43, 2, 28, 28, 48, 28, 20, 32, 52, 54, 60];
+    with(&full(), home(), |scene| {
+        for (stream, most) in Stream::ALL.into_iter().zip(lengths) {
+            let message = scene.message(stream).unwrap();
+            assert!(message.payload().0.len() <= most, "{stream:?}");
+        }
+    });
+}

@@ -1,0 +1,7 @@
+//! The gateway as a station sees it: datagrams and reports in, datagrams and orders out.
+
+mod chance;
+mod commands;
+mod common;
+mod script;
+mod telemetry;

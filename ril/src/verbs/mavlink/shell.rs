@@ -1,0 +1,146 @@
+//! [`MavlinkShell`]: the gateway's loop: its socket, the robot's ports and the deadlines in the one wait of every process.
+
+use std::collections::VecDeque;
+use std::io::{self, ErrorKind};
+use std::net::UdpSocket;
+use std::os::fd::AsFd;
+use std::time::Duration;
+
+use ipc_types::{MonotonicNs, SchedulingRole, WaitError, Wake};
+use mavlink_gateway::{Datagram, Event, Gateway};
+use module_kit::process::{Process, Sources};
+use runtime::exit::Failure;
+
+use super::ports::Ports;
+
+/// Datagrams that are read at one wake, so that a flood cannot starve telemetry and reports.
+const MAX_DATAGRAMS: usize = 64;
+
+/// Bytes of a datagram that are read: more than seven of the longest frames.
+const MAX_BYTES: usize = 2048;
+
+/// How often orders and datagrams that came of others are looked at before the process sleeps.
+const RETRY: Duration = Duration::from_millis(10);
+
+/// Most answers that wait for a socket that is full. Of more the oldest go: stations repeat what they get no answer for.
+const MAX_WAITING: usize = 16;
+
+/// Why a gateway cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum MavlinkError {
+    /// The operating system cannot wait any more.
+    #[error(transparent)]
+    Wait(#[from] WaitError),
+    /// A service cannot be opened.
+    #[error("{0}")]
+    Service(String),
+}
+
+impl From<Failure> for MavlinkError {
+    fn from(failure: Failure) -> MavlinkError {
+        MavlinkError::Service(failure.chain().join(": "))
+    }
+}
+
+/// See the module's documentation.
+pub(super) struct MavlinkShell {
+    socket: UdpSocket,
+    ports: Ports,
+    gateway: Gateway,
+    /// Answers that the socket did not take.
+    waiting: VecDeque<Datagram>,
+    retry_at: Option<MonotonicNs>,
+    deadline: Option<MonotonicNs>,
+}
+
+impl MavlinkShell {
+    pub fn new(socket: UdpSocket, ports: Ports, gateway: Gateway) -> MavlinkShell {
+        MavlinkShell {
+            socket,
+            ports,
+            gateway,
+            waiting: VecDeque::new(),
+            retry_at: None,
+            deadline: None,
+        }
+    }
+
+    fn read(&mut self, now: MonotonicNs) {
+        let mut buffer = [0; MAX_BYTES];
+        for _ in 0..MAX_DATAGRAMS {
+            match self.socket.recv_from(&mut buffer) {
+                Ok((length, from)) => self.gateway.datagram(from, &buffer[..length], now),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                // Such as that a station which was sent something is gone.
+                Err(error) => tracing::debug!(%error, "nothing was received"),
+            }
+        }
+    }
+
+    fn order(&mut self, now: MonotonicNs) -> Result<(), Failure> {
+        while let Some(order) = self.gateway.poll_order() {
+            self.ports.send(order, &mut self.gateway, now)?;
+        }
+        Ok(())
+    }
+
+    fn write(&mut self, now: MonotonicNs) {
+        self.retry_at = None;
+        let mut before = std::mem::take(&mut self.waiting);
+        while let Some(datagram) = before.pop_front().or_else(|| self.gateway.poll_datagram()) {
+            if !is_full(self.socket.send_to(&datagram.bytes, datagram.to)) || datagram.is_telemetry
+            {
+                continue;
+            }
+            if self.waiting.len() == MAX_WAITING {
+                self.waiting.pop_front();
+            }
+            self.waiting.push_back(datagram);
+            self.retry_at = Some(now + RETRY);
+        }
+    }
+
+    fn log(&mut self) {
+        while let Some(event) = self.gateway.poll_event() {
+            match event {
+                Event::Note(text) | Event::Commanded(text) => tracing::info!("{text}"),
+                Event::Warning(text) => tracing::warn!("{text}"),
+            }
+        }
+    }
+}
+
+/// Whether the socket took nothing because it is full. That a station is gone is seen by its silence.
+fn is_full(sent: io::Result<usize>) -> bool {
+    sent.is_err_and(|error| error.kind() == ErrorKind::WouldBlock)
+}
+
+impl Process for MavlinkShell {
+    type Error = MavlinkError;
+    type Key = ();
+
+    const ROLE: SchedulingRole = SchedulingRole::Consumer;
+
+    fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
+        sources.descriptor((), self.socket.as_fd());
+        for port in self.ports.sources(self.gateway.has_stations()) {
+            sources.port(port);
+        }
+    }
+
+    fn drain(&mut self, _wake: Wake) -> Result<(), MavlinkError> {
+        let now = MonotonicNs::now();
+        self.ports.drain(&mut self.gateway, now);
+        self.read(now);
+        self.gateway.advance(now);
+        self.order(now)?;
+        self.write(now);
+        self.log();
+        self.deadline = self.gateway.deadline();
+        Ok(())
+    }
+
+    fn deadline(&self) -> Option<MonotonicNs> {
+        [self.deadline, self.retry_at].into_iter().flatten().min()
+    }
+}

@@ -1,0 +1,86 @@
+"""A flight by pymavlink, which has messages and checksums of its own: `judge.py PORT`."""
+
+import os
+import sys
+import time
+
+os.environ["MAVLINK20"] = "1"
+os.environ["MAVLINK_DIALECT"] = "development"
+from pymavlink import mavutil  # noqa: E402
+
+LIMIT_S = 60
+NAN = float("nan")
+vehicle = mavutil.mavlink_connection(f"udpin:127.0.0.1:{sys.argv[1]}", source_system=255, source_component=190)
+last_beat = 0.0
+seen = {}
+
+
+def until(what, is_right):
+    """The first message that is right; the station stays there meanwhile."""
+    global last_beat
+    give_up = time.monotonic() + LIMIT_S
+    while time.monotonic() < give_up:
+        if vehicle.target_system and time.monotonic() >= last_beat + 0.5:
+            last_beat = time.monotonic()
+            vehicle.mav.heartbeat_send(6, 8, 0, 0, 4)
+        message = vehicle.recv_match(blocking=True, timeout=0.5)
+        if message is None:
+            continue
+        assert message.get_type() != "BAD_DATA" and not message.get_type().startswith("UNKNOWN"), message
+        seen[message.get_type()] = message
+        if is_right(message):
+            return message
+    sys.exit(f"{what} did not come")
+
+
+def command(number, *params):
+    params = list(params) + [0] * (7 - len(params))
+    vehicle.mav.command_long_send(1, 1, number, 0, *params)
+    return answer(number)
+
+
+def answer(number):
+    def is_answer(message):
+        return message.get_type() == "COMMAND_ACK" and message.command == number and message.result != 5
+
+    return until(f"the answer to {number}", is_answer).result
+
+
+def mode(name):
+    until(name, lambda message: message.get_type() == "HEARTBEAT" and vehicle.flightmode == name)
+
+
+def landed_state(state):
+    until(f"state {state}", lambda one: one.get_type() == "EXTENDED_SYS_STATE" and one.landed_state == state)
+
+
+until("a heartbeat", lambda message: message.get_type() == "HEARTBEAT")
+assert (vehicle.target_system, seen["HEARTBEAT"].type, seen["HEARTBEAT"].autopilot) == (1, 4, 12), seen
+expected = {
+    "ATTITUDE", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "VFR_HUD", "ALTITUDE", "GPS_RAW_INT", "SYS_STATUS",
+    "BATTERY_STATUS", "EXTENDED_SYS_STATE", "HOME_POSITION", "CURRENT_MODE",
+}
+until("all streams", lambda message: expected <= seen.keys())
+position, home = seen["GLOBAL_POSITION_INT"], seen["HOME_POSITION"]
+assert abs(position.lat - home.latitude) < 1000 and abs(position.relative_alt) < 3000, (position, home)
+assert 20_000 < seen["SYS_STATUS"].voltage_battery < 30_000, seen["SYS_STATUS"]
+assert seen["GPS_RAW_INT"].fix_type >= 3, seen["GPS_RAW_INT"]
+
+for message in (mavutil.mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, 435):
+    assert command(512, message) == 0
+until("the version", lambda message: "AUTOPILOT_VERSION" in seen and "AVAILABLE_MODES" in seen)
+assert command(511, 31, 50_000) == 0
+until("quaternions", lambda message: message.get_type() == "ATTITUDE_QUATERNION")
+
+assert command(22, NAN, 0, 0, NAN, NAN, NAN, NAN) == 0
+landed_state(2)
+assert command(400, 0, 21196) == 2, "kill in the air"
+vehicle.mav.command_int_send(1, 1, 6, 192, 0, 0, -1, 0, 0, NAN, position.lat + 300_000, position.lon, 15.0)
+assert answer(192) == 0
+mode("OFFBOARD")
+vehicle.set_mode("LOITER")
+mode("LOITER")
+assert command(20) == 0, "return"
+mode("RTL")
+landed_state(1)
+print("all is well")

@@ -1,0 +1,136 @@
+//! `ril run mavlink` beside a real robot, as a ground station sees it.
+
+mod station;
+
+use std::net::UdpSocket;
+
+use ril_tests::process::Signal;
+use ril_tests::{Process, Sandbox, languages};
+
+use crate::common::{end, sandbox};
+use station::Station;
+
+const NAN: f32 = f32::NAN;
+
+/// Modes of PX4, as the heartbeat has them.
+const HOLD: u32 = 0x0304_0000;
+const LAND: u32 = 0x0604_0000;
+const OFFBOARD: u32 = 0x0006_0000;
+
+/// A gateway for this station. What a stall of the machine makes of ages and answers is no part of these tests, unless `lost_s` says so.
+fn gateway(rig: &Sandbox, port: u16, lost_s: f64) -> Process {
+    let config =
+        format!("port = 0\nstations = ['127.0.0.1:{port}']\nlost_s = {lost_s}\nanswer_s = 60.0\n");
+    rig.write("mavlink.toml", &config);
+    rig.start_ready("run mavlink")
+}
+
+#[test]
+fn a_station_arms_takes_off_flies_there_holds_and_lands() {
+    let rig = sandbox();
+    let robot = rig.start_robot(1, 10);
+    let mut station = Station::new();
+    let gateway = gateway(&rig, station.port(), 60.0);
+    station.connect();
+    // A command before the first heartbeat is refused, and so is one that nothing is done for.
+    assert_eq!(station.command(2000, [0.0; 7]), 3);
+    let on_ground = |message: &station::Received| message.is(245) && message.u8(1) == 1;
+    station.until("on the ground", on_ground);
+    assert_eq!(station.command(400, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 0);
+    station.until("armed", |message| message.is(0) && message.u8(6) & 128 != 0);
+    assert_eq!(station.command(22, [NAN, 0.0, 0.0, NAN, NAN, NAN, NAN]), 0);
+    station.until_text("take-off done");
+    station.until("in the air", |message| {
+        message.is(245) && message.u8(1) == 2
+    });
+    // Kill, and "emergency stop" of QGroundControl.
+    assert_eq!(
+        station.command(400, [0.0, 21_196.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        2
+    );
+    rig.run("control show", 0).out_says("control of robot 1: ");
+
+    let here = station.until("a position", |message| {
+        message.is(33) && message.i32(16) > 5_000
+    });
+    let (latitude, longitude) = (here.i32(4), here.i32(8));
+    // 5 km to the north, 15 m above home: it takes minutes.
+    assert_eq!(
+        station.reposition(6, latitude + 450_000, longitude, 15.0),
+        0
+    );
+    station.until_mode(OFFBOARD);
+    assert_eq!(station.command(193, [0.0; 7]), 0);
+    station.until_mode(HOLD);
+    assert_eq!(station.command(21, [0.0, 0.0, 0.0, NAN, NAN, NAN, 0.0]), 0);
+    station.until_mode(LAND);
+    station.until_text("land done");
+    station.until("on the ground", on_ground);
+    end(gateway, Signal::TERM);
+    robot.end();
+}
+
+#[test]
+fn a_helicopter_that_is_not_heard_is_silent_and_its_orders_are_refused() {
+    let rig = sandbox();
+    let robot = rig.start_robot(1, 1);
+    let mut station = Station::new();
+    let gateway = gateway(&rig, station.port(), 2.0);
+    station.connect();
+    end(robot.status, Signal::TERM);
+    // Samples of before may still be new.
+    let arm = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    station.until_refused(400, arm);
+    let between = station.between_command(193, [0.0; 7]);
+    assert!(
+        between
+            .iter()
+            .all(|message| message.is(77) || message.is(253)),
+        "{between:?}"
+    );
+    let status = rig.status(1);
+    station.until("its heartbeat", |message| message.is(0));
+    for process in [gateway, status, robot.bridge, robot.sim] {
+        end(process, Signal::TERM);
+    }
+}
+
+#[test]
+fn a_wrong_configuration_is_refused_and_a_port_has_one_owner() {
+    let rig = sandbox();
+    rig.write("mavlink.toml", "\nstations = ['192.168.0.7:14550']\n");
+    let wrong = rig.run("run mavlink", 78);
+    wrong.err_says("mavlink.toml:2: `192.168.0.7:14550` is no address on loopback");
+    rig.write("mavlink.toml", "take_off_m = 5.0\n");
+    rig.run("run mavlink --check-config", 0)
+        .out_says("take_off_m = 5.0");
+    let other = UdpSocket::bind("127.0.0.1:0").expect("a free port");
+    let port = other.local_addr().expect("an address").port();
+    rig.write("mavlink.toml", &format!("port = {port}\n"));
+    rig.run("mavlink", 1)
+        .err_says(format!("UDP port {port} is in use"));
+}
+
+/// By a library that others wrote: bytes, checksums and a flight.
+#[test]
+fn pymavlink_flies_the_helicopter() {
+    let rig = sandbox();
+    let what = "pymavlink flies the helicopter";
+    let python = match languages::python_with("pymavlink==2.4.50", &rig.path("venv")) {
+        Ok(python) => python,
+        Err(why) => return languages::skip(what, &why),
+    };
+    let robot = rig.start_robot(1, 10);
+    let port = Station::new().port();
+    let gateway = gateway(&rig, port, 60.0);
+    let mut judge = std::process::Command::new(python);
+    judge.arg("-u").arg(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/tests/ril/mavlink/judge.py"
+    ));
+    judge.arg(port.to_string());
+    let judged = rig.spawn(rig.place(judge)).exits(0);
+    judged.out_says("all is well");
+    end(gateway, Signal::TERM);
+    robot.end();
+}

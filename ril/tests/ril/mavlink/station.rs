@@ -1,0 +1,182 @@
+//! A ground station with a UDP socket. Its frames are read and written with the gateway's own `wire`; the judge in Python has another.
+
+use std::net::{SocketAddr, UdpSocket};
+use std::time::{Duration, Instant};
+
+use mavlink_gateway::message::{COMMAND_INT, COMMAND_LONG, HEARTBEAT};
+use mavlink_gateway::wire::{Message, frames};
+use ril_tests::process::WAIT_LIMIT;
+
+/// How often the station says that it is there.
+const HEARTBEAT_PERIOD: Duration = Duration::from_millis(500);
+
+/// A message of the helicopter.
+#[derive(Clone, Debug)]
+pub struct Received {
+    id: u32,
+    payload: Vec<u8>,
+}
+
+impl Received {
+    pub fn is(&self, id: u32) -> bool {
+        self.id == id
+    }
+
+    pub fn u8(&self, at: usize) -> u8 {
+        self.payload.get(at).copied().unwrap_or(0)
+    }
+
+    pub fn i32(&self, at: usize) -> i32 {
+        i32::from_le_bytes(std::array::from_fn(|index| self.u8(at + index)))
+    }
+}
+
+pub struct Station {
+    socket: UdpSocket,
+    vehicle: Option<SocketAddr>,
+    next_heartbeat: Instant,
+    waiting: Vec<Received>,
+}
+
+impl Station {
+    pub fn new() -> Station {
+        let socket = UdpSocket::bind("127.0.0.1:0").expect("a free port");
+        socket
+            .set_read_timeout(Some(HEARTBEAT_PERIOD))
+            .expect("a timeout");
+        Station {
+            socket,
+            vehicle: None,
+            next_heartbeat: Instant::now(),
+            waiting: Vec::new(),
+        }
+    }
+
+    pub fn port(&self) -> u16 {
+        self.socket.local_addr().expect("an address").port()
+    }
+
+    /// Waits for the helicopter, which appears unasked, and for its telemetry.
+    #[track_caller]
+    pub fn connect(&mut self) {
+        self.until("a heartbeat", |message| message.is(0));
+        self.until("telemetry", |message| message.is(30));
+    }
+
+    fn send(&self, message: &Message) {
+        let vehicle = self.vehicle.expect("it was heard");
+        let frame = message.frame(0, 255, 190);
+        self.socket.send_to(&frame, vehicle).expect("it is sent");
+    }
+
+    /// The next message, if one comes within the period of the heartbeat.
+    fn next(&mut self) -> Option<Received> {
+        if self.vehicle.is_some() && Instant::now() >= self.next_heartbeat {
+            self.next_heartbeat = Instant::now() + HEARTBEAT_PERIOD;
+            self.send(&Message::new(HEARTBEAT).u32(0).u8(6).u8(8).u8(0).u8(4).u8(3));
+        }
+        if self.waiting.is_empty() {
+            let mut buffer = [0; 2048];
+            let (length, from) = self.socket.recv_from(&mut buffer).ok()?;
+            self.vehicle = Some(from);
+            for frame in frames(&buffer[..length]) {
+                let frame = frame.expect("a frame");
+                self.waiting.push(Received {
+                    id: frame.kind.id,
+                    payload: frame.payload.0.to_vec(),
+                });
+            }
+        }
+        (!self.waiting.is_empty()).then(|| self.waiting.remove(0))
+    }
+
+    /// Waits for a message; the others are dropped.
+    #[track_caller]
+    pub fn until(&mut self, what: &str, mut is_right: impl FnMut(&Received) -> bool) -> Received {
+        let give_up = Instant::now() + WAIT_LIMIT;
+        while Instant::now() < give_up {
+            if let Some(message) = self.next()
+                && is_right(&message)
+            {
+                return message;
+            }
+        }
+        panic!("{what} did not come");
+    }
+
+    #[track_caller]
+    pub fn until_mode(&mut self, mode: u32) {
+        let what = format!("mode {mode:08x}");
+        self.until(&what, |message| {
+            message.is(0) && message.i32(0) as u32 == mode
+        });
+    }
+
+    #[track_caller]
+    pub fn until_text(&mut self, text: &str) {
+        self.until(text, |message| {
+            message.is(253) && message.payload[1..].starts_with(text.as_bytes())
+        });
+    }
+
+    /// The result of the command that was sent.
+    #[track_caller]
+    fn result(&mut self, command: u16) -> u8 {
+        let what = format!("the answer to {command}");
+        let answer = self.until(&what, |message| {
+            let is_answer = message.is(77) && message.i32(0) as u16 == command;
+            is_answer && message.u8(2) != 5
+        });
+        answer.u8(2)
+    }
+
+    fn send_command(&self, command: u16, params: [f32; 7]) {
+        let message = params
+            .iter()
+            .fold(Message::new(COMMAND_LONG), |message, param| {
+                message.f32(*param)
+            });
+        self.send(&message.u16(command).u8(1).u8(1).u8(0));
+    }
+
+    /// Commands, and gives the result.
+    #[track_caller]
+    pub fn command(&mut self, command: u16, params: [f32; 7]) -> u8 {
+        self.send_command(command, params);
+        self.result(command)
+    }
+
+    /// Commands again and again, until that is refused because the helicopter is not heard.
+    #[track_caller]
+    pub fn until_refused(&mut self, command: u16, params: [f32; 7]) {
+        let give_up = Instant::now() + WAIT_LIMIT;
+        while self.command(command, params) != 1 {
+            assert!(Instant::now() < give_up, "{command} is not refused");
+        }
+    }
+
+    /// Everything that comes until a command is answered.
+    #[track_caller]
+    pub fn between_command(&mut self, command: u16, params: [f32; 7]) -> Vec<Received> {
+        let mut between = Vec::new();
+        self.send_command(command, params);
+        self.until("an answer", |message| {
+            between.push(message.clone());
+            message.is(77) && message.i32(0) as u16 == command
+        });
+        between
+    }
+
+    /// Commands to fly to a place, in 10⁻⁷ degrees.
+    #[track_caller]
+    pub fn reposition(&mut self, frame: u8, x: i32, y: i32, z: f32) -> u8 {
+        let message = Message::new(COMMAND_INT)
+            .f32(-1.0)
+            .f32(0.0)
+            .f32(0.0)
+            .f32(f32::NAN);
+        let message = message.i32(x).i32(y).f32(z).u16(192).u8(1).u8(1);
+        self.send(&message.u8(frame).u8(0).u8(0));
+        self.result(192)
+    }
+}
