@@ -7,6 +7,7 @@
 //! * [`robot`]: what an operator sees of a robot;
 //! * [`render`]: JSON, fields, findings, words, reports as messages, the terminal;
 //! * [`recorded`]: what is in a flight record;
+//! * `view_setup`: what verbs know of a view's configuration and surroundings;
 //! * [`completion`]: what can follow on a command line in bash, zsh and fish;
 //! * [`verbs`]: the verbs, each in a file or folder.
 //!
@@ -37,6 +38,7 @@ pub mod request;
 pub mod robot;
 pub mod session;
 pub mod verbs;
+mod view_setup;
 
 use std::ffi::OsString;
 use std::io::Write;

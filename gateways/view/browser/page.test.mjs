@@ -17,7 +17,7 @@ const orders = (server, kind) => server.received.filter((message) => message.typ
 const text = (page, selector) => page.locator(selector).innerText();
 const progress = (page, words) => timeUntil(page, "#progress", words);
 
-scenario("it loads without an error, asks no other host, and telemetry appears", {}, async ({ page, problems, shot }) => {
+scenario("it loads without an error, asks no other host, and telemetry appears", { ci: true }, async ({ page, problems, shot }) => {
   await live(page);
   assert.match(await text(page, "#fresh-word"), /LIVE/);
   assert.match(await text(page, "#robot-name"), /Robot \d/);
@@ -48,12 +48,11 @@ scenario("a refusal is shown in its own words", { needs: "stand-in" }, async ({ 
 });
 
 for (const [name, needs, act] of [["killed", "stand-in", (server) => server.stop()], ["frozen, with its connection open", "freeze", (server) => server.freeze()]]) {
-  scenario(`a server that is ${name}: NO CONTACT over everything, an order is NOT SENT, and all comes back`, { needs }, async ({ page, server }) => {
+  scenario(`a server that is ${name}: NO CONTACT over everything, an order is NOT SENT, and all comes back`, { needs, ci: true }, async ({ page, server }) => {
     await live(page);
     await act(server);
     const took = await timeUntil(page, "#cover-word", /NO.CONTACT/);
     assert.ok(took < STALE_MS + SLACK_MS, `${took} ms`);
-    assert.ok(took > STALE_MS - 600, `${took} ms`);
     const cover = await page.locator("#cover").boundingBox();
     const main = await page.locator("#main").boundingBox();
     assert.ok(cover.y === 0 && cover.height >= main.y + main.height - 1, "it covers banner and values");
@@ -100,7 +99,7 @@ scenario("a page that hangs is covered without script", {}, async ({ page, conte
   assert.equal(await page.evaluate(() => getComputedStyle(document.getElementById("dead")).opacity), "0");
 });
 
-scenario("stale and gone are as the server says, with age and question marks", { needs: "stand-in" }, async ({ page, server, shot }) => {
+scenario("stale and gone are as the server says, with age and question marks", { needs: "stand-in", ci: true }, async ({ page, server, shot }) => {
   await live(page);
   for (const [freshness, word] of [["stale", "STALE"], ["gone", "GONE"]]) {
     server.telemetry = { freshness, age_ms: 4200 };
@@ -158,7 +157,7 @@ scenario("hold is answered", {}, async ({ page }) => {
   await progress(page, /Hold robot \d+: (DONE|REFUSED|ABORTED|REPLACED)/);
 });
 
-scenario("hold: one press by mouse, by keyboard, by touch", { needs: "stand-in" }, async ({ page, server, open }) => {
+scenario("hold: one press by mouse, by keyboard, by touch", { needs: "stand-in", ci: true }, async ({ page, server, open }) => {
   await live(page);
   await page.click("#order-hold");
   await progress(page, "Hold robot 1: DONE");
@@ -298,7 +297,7 @@ scenario("stop wants its word", { needs: "stand-in" }, async ({ page, server }) 
   assert.equal(orders(server, "stop")[0].confirm, "stop");
 });
 
-scenario("two pages and the lease: asked, kept, given", { needs: "stand-in" }, async ({ page, server, open }) => {
+scenario("two pages and the lease: asked, kept, given", { needs: "stand-in", ci: true }, async ({ page, server, open }) => {
   const second = await open();
   await Promise.all([live(page), live(second)]);
   await page.click("#order-more");
@@ -409,7 +408,7 @@ scenario("a replay: its banner, its scrubber, and no orders", { needs: "stand-in
   assert.equal(server.received.filter(({ type }) => type === "order").length, 0);
 });
 
-scenario("a hidden page closes its connection after 30 s and begins anew when it is back", { needs: "stand-in" }, async ({ page, server }) => {
+scenario("a hidden page closes its connection after 30 s and begins anew when it is back", { needs: "stand-in", ci: true }, async ({ page, server }) => {
   await live(page);
   await page.clock.install();
   await page.clock.resume();
@@ -430,7 +429,7 @@ scenario("a hidden page closes its connection after 30 s and begins anew when it
 });
 
 for (const [name, context] of [["360 px", PHONE], ["1920 px", WIDE]]) {
-  scenario(`${name}: all fits, nothing overlaps, every target is large`, { context, server: { robots: [1, 2, 3] } }, async ({ page, server, shot }) => {
+  scenario(`${name}: all fits, nothing overlaps, every target is large`, { ci: true, context, server: { robots: [1, 2, 3] } }, async ({ page, server, shot }) => {
     await live(page);
     if (!server.isReal) {
       server.alarms = [LINK_ALARM];
@@ -463,7 +462,7 @@ for (const [name, context] of [["360 px", PHONE], ["1920 px", WIDE]]) {
 
 for (const theme of ["light", "dark", "sun"]) {
   for (const [size, context] of [["360", PHONE], ["1920", WIDE]]) {
-    scenario(`axe-core finds nothing: ${theme}, ${size} px`, { server: { robots: [1, 2, 3] }, context: { ...context, colorScheme: theme === "dark" ? "dark" : "light", contrast: theme === "sun" ? "more" : "no-preference", bypassCSP: true } }, async ({ page, server, shot }) => {
+    scenario(`axe-core finds nothing: ${theme}, ${size} px`, { ci: `${theme}${size}` === "light360" || `${theme}${size}` === "dark1920", server: { robots: [1, 2, 3] }, context: { ...context, colorScheme: theme === "dark" ? "dark" : "light", contrast: theme === "sun" ? "more" : "no-preference", bypassCSP: true } }, async ({ page, server, shot }) => {
       await live(page);
       assert.equal(await page.getAttribute("html", "data-theme"), theme, "the system's wish is followed");
       await page.addScriptTag({ path: AXE });

@@ -335,9 +335,9 @@ export function draw() {
     const lease = { you: "This page commands.", other: "Another page commands.", none: "No page commands." }[model.holder];
     return line.replaceChildren(make("span", { class: "quiet" }, page.isLive() ? `No order under way. ${lease}` : "NO CONTACT: what is pressed now is not sent"));
   }
-  line.replaceChildren(...shown.map(({ kind, robot, stage, text }) => {
+  line.replaceChildren(...shown.map(({ order, kind, robot, stage, text }) => {
     const severity = severityOf(stage);
-    return make("span", { class: "entry", "data-severity": severity, "data-kind": kind, "data-stage": stage },
+    return make("span", { class: "entry", "data-severity": severity, "data-kind": kind, "data-stage": stage, "data-order": order },
       make("strong", {}, `${mark(severity)} ${NAMES[kind] ?? kind} robot ${robot}: ${stageWords(stage)}`), text ? ` ${text}` : "");
   }));
 }

@@ -102,6 +102,14 @@ impl Connection {
         }
     }
 
+    /// Its bytes are those of TLS. Only the first call counts, so that a handshake cannot go on for ever.
+    pub fn encrypted(&mut self, now: MonotonicNs) {
+        if !self.peer.is_encrypted {
+            self.peer.is_encrypted = true;
+            self.heard_at = now;
+        }
+    }
+
     /// Whether it is a WebSocket that is open.
     pub fn is_socket(&self) -> bool {
         matches!(self.stage, Stage::Socket { .. })

@@ -31,7 +31,7 @@ pub use connection::{ANSWER_TIME, HEAD_TIME, IDLE_TIME, PING_PERIOD, SILENCE};
 pub use event::Event;
 pub use foxglove::channels::{Channel, MAX_CHANNELS};
 pub use foxglove::services::Service;
-pub use http::refusal::BUSY;
+pub use http::refusal::{BUSY, PLAIN};
 pub use http::request::MAX_HEAD_BYTES;
 pub use id::{Call, ChannelId, ConnectionId, ViewerId};
 pub use outbox::{MAX_TEXTS, MAX_UNSEEN};

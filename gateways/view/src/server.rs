@@ -122,6 +122,14 @@ impl Server {
         Some(id)
     }
 
+    /// Takes note that the bytes of a connection are those of TLS, before the first of them is given.
+    pub fn encrypted(&mut self, id: ConnectionId, now: MonotonicNs) {
+        self.clock = now;
+        if let Some(entry) = self.connections.get_mut(&id) {
+            entry.connection.encrypted(now);
+        }
+    }
+
     /// Takes bytes that have come.
     pub fn receive(&mut self, id: ConnectionId, bytes: &[u8], now: MonotonicNs) {
         self.clock = now;

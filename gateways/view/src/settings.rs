@@ -1,6 +1,6 @@
 //! What a server is given at its start, and what it gets to know of each peer.
 
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 
 use crate::page::{ReplayInfo, Role};
 
@@ -28,8 +28,6 @@ pub struct Settings {
     pub origins: Vec<String>,
     /// Who may do what.
     pub tokens: Vec<Token>,
-    /// Whether orders are taken from other machines without encryption, too.
-    pub insecure: bool,
     /// Whether Foxglove clients whose token allows to order may call services and set parameters.
     pub foxglove_commands: bool,
     /// Whether Foxglove clients may read parameters.
@@ -43,6 +41,8 @@ pub struct Settings {
 pub struct Peer {
     /// Its address.
     pub address: SocketAddr,
+    /// The address of this machine at which it has come.
+    pub at: IpAddr,
     /// Whether it is a process of the user that the server runs as, on this machine.
     pub is_own_user: bool,
     /// Whether the bytes are those of a TLS connection.

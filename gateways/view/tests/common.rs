@@ -67,6 +67,7 @@ pub fn replay() -> ReplayInfo {
 pub fn peer(address: &str, is_own_user: bool) -> Peer {
     Peer {
         address: address.parse::<SocketAddr>().unwrap(),
+        at: [127, 0, 0, 1].into(),
         is_own_user,
         is_encrypted: false,
     }

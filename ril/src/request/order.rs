@@ -18,6 +18,10 @@ pub enum RobotOrder {
     Start,
     /// As `ril stop`.
     Stop,
+    /// As `ril control take`.
+    TakeControl,
+    /// As `ril control release`.
+    ReleaseControl,
     /// Climb to this height above take-off, m, as `ril takeoff`.
     TakeOff(f64),
     /// Fly straight there; replaces a path, as `ril goto --preempt`.
@@ -40,6 +44,8 @@ impl RobotOrder {
             RobotOrder::Land => Verb::Land,
             RobotOrder::Start => Verb::Start,
             RobotOrder::Stop => Verb::Stop,
+            RobotOrder::TakeControl => Verb::TakeControl,
+            RobotOrder::ReleaseControl => Verb::ReleaseControl,
             RobotOrder::TakeOff(_) => Verb::TakeOff,
             RobotOrder::GoTo(_) => Verb::GoTo,
         }
@@ -48,14 +54,12 @@ impl RobotOrder {
     /// Its one request, to be begun within `deadline_ms` of now.
     pub(crate) fn request(self, deadline_ms: u32) -> OrderRequest {
         let id = fresh_request_id();
+        let control = |command| OrderRequest::Control(control_request(command, deadline_ms));
         let movement = match self {
-            RobotOrder::Start | RobotOrder::Stop => {
-                let command = match self {
-                    RobotOrder::Start => ControlCommand::Start,
-                    _ => ControlCommand::Stop,
-                };
-                return OrderRequest::Control(control_request(command, deadline_ms));
-            }
+            RobotOrder::Start => return control(ControlCommand::Start),
+            RobotOrder::Stop => return control(ControlCommand::Stop),
+            RobotOrder::TakeControl => return control(ControlCommand::TakeControl),
+            RobotOrder::ReleaseControl => return control(ControlCommand::ReleaseControl),
             RobotOrder::Hold => MovementData::hold(id),
             RobotOrder::Land => MovementData::land(id),
             RobotOrder::TakeOff(height_m) => MovementData::take_off(id, height_m),

@@ -35,7 +35,7 @@ libfuzzer_sys::fuzz_target!(|data: &[u8]| {
     };
     let mut server = server();
     let mut now = MonotonicNs(1_000_000_000);
-    let peer = Peer { address: ([127, 0, 0, 1], 5).into(), is_own_user: true, is_encrypted: false };
+    let peer = Peer { address: ([127, 0, 0, 1], 5).into(), at: [127, 0, 0, 1].into(), is_own_user: true, is_encrypted: false };
     let Some(id) = server.accept(peer, now) else {
         return;
     };

@@ -3,6 +3,8 @@
 //! A loopback port is open to every user of the machine and, by script, to every web page that a browser has open there. Host ends the
 //! pages that a foreign name leads here (DNS rebinding), Origin all others; the token ends other users.
 
+use std::net::IpAddr;
+
 use crate::http::refusal::Refusal;
 use crate::http::request::Request;
 use crate::page::Role;
@@ -28,7 +30,6 @@ pub(crate) struct Access {
     names: Vec<String>,
     origins: Vec<String>,
     tokens: Vec<Token>,
-    insecure: bool,
 }
 
 impl Access {
@@ -37,7 +38,6 @@ impl Access {
             names: settings.names.clone(),
             origins: settings.origins.clone(),
             tokens: settings.tokens.clone(),
-            insecure: settings.insecure,
         }
     }
 
@@ -45,7 +45,10 @@ impl Access {
     pub fn enter(&self, request: &Request, peer: &Peer) -> Result<(), Refusal> {
         let name = name_of(&request.host).ok_or(Refusal::ForeignHost)?;
         let is = |known: &str| known.eq_ignore_ascii_case(name);
-        if !LOOPBACK_NAMES.into_iter().any(is) && !self.names.iter().any(|known| is(known)) {
+        let is_known = LOOPBACK_NAMES.into_iter().any(is)
+            || is_address(name, peer)
+            || self.names.iter().any(|known| is(known));
+        if !is_known {
             return Err(Refusal::ForeignHost);
         }
         let Some(origin) = &request.origin else {
@@ -76,7 +79,7 @@ impl Access {
             });
         };
         // Over the network, a token that can be read on the way must not fly a helicopter.
-        let is_safe = is_local || peer.is_encrypted || self.insecure;
+        let is_safe = is_local || peer.is_encrypted;
         let may_order = is_safe && token.role == Role::Command;
         Some(Permit {
             role: if may_order {
@@ -110,6 +113,13 @@ fn is_same(secret: &[u8], given: &[u8]) -> bool {
     std::hint::black_box(difference) == 0
 }
 
+/// Whether `name` is the address at which the peer has come: a page of a foreign name never calls this machine so.
+fn is_address(name: &str, peer: &Peer) -> bool {
+    let name = name.trim_start_matches('[').trim_end_matches(']');
+    let address = name.parse().map(|address: IpAddr| address.to_canonical());
+    address == Ok(peer.at.to_canonical())
+}
+
 /// The name in a Host, without its port; `None` if it has other characters than names and addresses do.
 fn name_of(host: &str) -> Option<&str> {
     let (name, port) = match host.strip_prefix('[') {
@@ -135,7 +145,7 @@ mod tests {
     const SECRET: &str = "0123456789abcdef0123456789abcdef";
     const WATCH: &str = "fedcba9876543210fedcba9876543210";
 
-    fn access(insecure: bool) -> Access {
+    fn access() -> Access {
         let token = |name: &str, role, secret: &str| Token {
             name: name.into(),
             role,
@@ -149,7 +159,6 @@ mod tests {
                 token("phone", Role::Watch, WATCH),
                 token("empty", Role::Command, ""),
             ],
-            insecure,
             ..Settings::default()
         })
     }
@@ -157,6 +166,7 @@ mod tests {
     fn peer(address: &str, is_own_user: bool, is_encrypted: bool) -> Peer {
         Peer {
             address: address.parse().unwrap(),
+            at: "10.0.0.9".parse().unwrap(),
             is_own_user,
             is_encrypted,
         }
@@ -186,6 +196,10 @@ mod tests {
             ("[::1]", true),
             ("robot.local:8765", true),
             ("192.168.1.5", true),
+            ("10.0.0.9:8765", true),
+            ("10.0.0.8:8765", false),
+            ("[::ffff:10.0.0.9]:8765", true),
+            ("[::2]", false),
             ("evil.example", false),
             ("localhost.evil.example:8765", false),
             ("localhost:8765.evil.example", false),
@@ -201,7 +215,7 @@ mod tests {
             ("", false),
             (":8765", false),
         ] {
-            let entered = access(false).enter(&request(host, None), &local);
+            let entered = access().enter(&request(host, None), &local);
             assert_eq!(entered == Ok(()), is_known, "{host}: {entered:?}");
             assert!(is_known || entered == Err(Refusal::ForeignHost), "{host}");
         }
@@ -234,7 +248,7 @@ mod tests {
             (Some("file://"), &far, foreign),
             (Some("file:///home"), &plain, foreign),
         ] {
-            let entered = access(false).enter(&request("localhost:8765", origin), peer);
+            let entered = access().enter(&request("localhost:8765", origin), peer);
             assert_eq!(entered, expected, "{origin:?}");
         }
     }
@@ -259,7 +273,7 @@ mod tests {
             (&far_tls, [None, None, None, watch, command]),
         ] {
             for (token, expected) in all.into_iter().zip(expected) {
-                let permit = access(false).permit(peer, token);
+                let permit = access().permit(peer, token);
                 assert_eq!(
                     permit.map(|permit| permit.role),
                     expected,
@@ -267,15 +281,10 @@ mod tests {
                 );
             }
         }
-        let insecure = access(true).permit(&far, Some(SECRET)).unwrap();
         assert_eq!(
-            insecure,
-            Permit {
-                role: Role::Command,
-                name: Some("page".into())
-            }
+            access().permit(&far_tls, Some(SECRET)).unwrap().name,
+            Some("page".into())
         );
-        assert_eq!(access(true).permit(&far, None), None);
     }
 
     #[test]

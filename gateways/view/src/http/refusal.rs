@@ -37,6 +37,15 @@ pub const BUSY: &[u8] = refusal!(
 )
 .as_bytes();
 
+/// What is written to a machine that speaks plain HTTP where TLS is spoken, before its connection is closed.
+pub const PLAIN: &[u8] = refusal!(
+    "400 Bad Request",
+    38,
+    "",
+    "This address speaks TLS: use https://\n"
+)
+.as_bytes();
+
 /// Why a request gets nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Refusal {
@@ -149,7 +158,7 @@ mod tests {
 
     #[test]
     fn refusals_are_whole_answers() {
-        for refusal in [
+        let refusals = [
             Refusal::Malformed,
             Refusal::ForeignHost,
             Refusal::ForeignOrigin,
@@ -161,12 +170,13 @@ mod tests {
             Refusal::OtherProtocol,
             Refusal::TooLarge,
             Refusal::Busy,
-        ] {
-            let text = std::str::from_utf8(refusal.bytes()).unwrap();
+        ];
+        for bytes in refusals.map(Refusal::bytes).into_iter().chain([PLAIN]) {
+            let text = std::str::from_utf8(bytes).unwrap();
             let (head, body) = text.split_once("\r\n\r\n").unwrap();
             assert!(
                 head.contains(&format!("\r\nContent-Length: {}\r\n", body.len())),
-                "{refusal:?}: {} bytes",
+                "{text}: {} bytes",
                 body.len()
             );
             assert!(

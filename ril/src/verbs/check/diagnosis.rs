@@ -3,7 +3,7 @@
 //! Notes say what was found to be in order, or what a live process is about to put in order. Warnings keep no process from its
 //! work now: they are cured by the next start, or mislead the operator. Errors keep a process from starting or from its work.
 //!
-//! Here are memory, configuration and repair; `domain`, `services`, `serial` and `relay_link` have the others.
+//! Here are memory, configuration and repair; `domain`, `services`, `serial`, `relay_link` and `view` have the others.
 
 use ipc_types::{LowLimit, Repair};
 use runtime::exit::ExitCode;
@@ -11,7 +11,7 @@ use runtime::finding::{Finding, Severity};
 use serde::Serialize;
 
 use super::facts::{FileContent, FileFacts, FreeMemory, MachineFacts};
-use super::{domain, relay_link, serial, services};
+use super::{domain, relay_link, serial, services, view};
 use crate::render::words::count_irregular;
 use crate::robot::domain::{DomainFacts, Look, Trouble};
 
@@ -33,6 +33,8 @@ pub enum Subject {
     Configuration,
     /// The serial port.
     Serial,
+    /// What the view is set up with.
+    View,
 }
 
 impl Subject {
@@ -46,6 +48,7 @@ impl Subject {
             Subject::Relay => "relay",
             Subject::Configuration => "configuration",
             Subject::Serial => "serial",
+            Subject::View => "view",
         }
     }
 }
@@ -91,6 +94,9 @@ pub fn diagnose(facts: &MachineFacts) -> Vec<(Subject, Finding)> {
             false => finding,
         };
         add(Subject::Serial, vec![finding]);
+    }
+    if let Some(look) = &facts.view {
+        add(Subject::View, view::diagnose(look));
     }
     findings
 }

@@ -25,13 +25,19 @@ use crate::render::words::count;
 pub fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     let common = &args.machine.common;
     runtime::logging::init(common.verbosity())?;
-    let sim = args.sim.as_deref();
+    let (sim, view) = (args.sim.as_deref(), gather::view(args.view.as_deref()));
     let report = match common.check_config {
         true => {
-            let (files, _) = gather::files(&args.machine, sim, None, None);
+            let (mut files, _) = gather::files(&args.machine, sim, None, None);
+            files.extend(view.0);
             DoctorReport::of_files(common.robot().get(), &files)
         }
-        false => DoctorReport::of(&gather::machine(&args.machine, sim, args.repair).0),
+        false => {
+            let (mut facts, _) = gather::machine(&args.machine, sim, args.repair);
+            facts.files.extend(view.0);
+            facts.view = view.1;
+            DoctorReport::of(&facts)
+        }
     };
     let mut out = io::stdout().lock();
     if args.json {

@@ -30,6 +30,8 @@ pub struct MachineFacts {
     pub port: Option<PortFacts>,
     /// The relay's link to the robot; `None` if no process provides one here.
     pub relay: Option<LinkFacts>,
+    /// The view's setup; `None` if it has no file, or a wrong one.
+    pub view: Option<Look<ViewFacts>>,
     /// What was repaired; `None` if that was not asked for.
     pub repair: Option<Look<Repair>>,
 }
@@ -41,6 +43,25 @@ pub struct LinkFacts {
     pub link: Look<Option<RelayLink>>,
     /// When that was looked at.
     pub now: MonotonicNs,
+}
+
+/// What view.toml says, and what is in its places.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ViewFacts {
+    /// The port.
+    pub port: u16,
+    /// Who listens at it, in words.
+    pub holder: Option<String>,
+    /// Whether other machines can connect.
+    pub is_open: bool,
+    /// Whether there are tokens beside that of `ril view`.
+    pub has_tokens: bool,
+    /// The certificate and when it ends, Unix time in s; `None` without TLS.
+    pub certificate: Option<(PathBuf, Result<u64, String>)>,
+    /// The files that this user alone may read and that others may, with the reason.
+    pub open_secrets: Vec<(PathBuf, String)>,
+    /// The time of day, Unix time in s.
+    pub unix_s: u64,
 }
 
 /// What is free in `/dev/shm`.

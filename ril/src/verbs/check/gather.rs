@@ -22,12 +22,15 @@ use status::log::config::LogConfig;
 
 use super::facts::{
     Device, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs, MachineFacts, PortFacts,
-    PortHolders, WallClock,
+    PortHolders, ViewFacts, WallClock,
 };
 use super::options::MachineArgs;
 use super::services::bridge_pid;
 use crate::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, Provided, open_files};
 use crate::robot::running::{ConfigOrigin, RunningBridge, file_of};
+use crate::view_setup::config::{self, ViewConfig};
+use crate::view_setup::peer::holder;
+use crate::view_setup::{certificate, token_key};
 
 /// How long a sample of the relay's link is waited for, which is published once a second: twice that.
 const LINK_TIMEOUT: Duration = Duration::from_secs(2);
@@ -86,6 +89,7 @@ pub(super) fn machine(
         free_memory: memory(),
         port: chosen_port(args, &files, bridge.as_ref(), bridge_process),
         files,
+        view: None,
         repair,
     };
     let bridge_file = &facts.files[0];
@@ -276,6 +280,48 @@ pub(super) fn files(
         files.push(source.facts(command, check.end(LOOK_TIMEOUT)));
     }
     (files, config)
+}
+
+/// The view's configuration, unless there is none, and what it is set up with, if that is right.
+pub(super) fn view(explicit: Option<&Path>) -> (Option<FileFacts>, Option<Look<ViewFacts>>) {
+    let source = ConfigSource::new(explicit, config::DEFAULT_FILE);
+    let explicit = explicit.map(Path::to_owned);
+    let reading = Looking::start(move || match config::load(explicit.as_deref()) {
+        Ok(loaded) if loaded.file.is_none() => (FileContent::Absent, None),
+        Ok(loaded) => (FileContent::Right, Some(loaded.value)),
+        Err(failure) => (FileContent::Wrong(failure.chain().join(": ")), None),
+    });
+    let (content, config) = match reading.end(LOOK_TIMEOUT) {
+        Ok((content, config)) => (Ok(content), config),
+        Err(trouble) => (Err(trouble), None),
+    };
+    let file = source.facts(Some("view"), content);
+    let look = config.map(|config| Looking::start(move || setup(&config)).end(LOOK_TIMEOUT));
+    (Some(file).filter(|file| !file.is_absent()), look)
+}
+
+fn setup(config: &ViewConfig) -> ViewFacts {
+    let tls = config.tls.as_ref();
+    let certificate = tls.map(|tls| {
+        let path = tls.certificate.clone();
+        let end = certificate::end_unix_s(&path);
+        (path, end)
+    });
+    let key_of_tokens = (!config.tokens.is_empty()).then(|| token_key::path(config).ok());
+    let secrets = [tls.map(|tls| tls.key.clone()), key_of_tokens.flatten()];
+    let open_secrets = secrets
+        .into_iter()
+        .flatten()
+        .filter_map(|path| token_key::fault(&path).map(|fault| (path, fault)));
+    ViewFacts {
+        port: config.port,
+        holder: holder(config.port),
+        is_open: config.is_open(),
+        has_tokens: !config.tokens.is_empty(),
+        certificate,
+        open_secrets: open_secrets.collect(),
+        unix_s: clock().unix_s,
+    }
 }
 
 /// The live process `name` of `robot`.

@@ -1,7 +1,7 @@
 //! `ril doctor` and `ril preflight`: what is wrong with a machine, whether a robot is ready to take off, and what to do.
 //!
 //! `gather` looks up [`facts`]; what they mean is pure: [`diagnosis`] judges the machine for the doctor, with `domain`, `services`,
-//! `serial` and `relay_link`; for the preflight `robot`, `helicopter` and `machine` judge the rest. All of them give
+//! `serial`, `relay_link` and `view`; for the preflight `robot`, `helicopter` and `machine` judge the rest. All of them give
 //! [findings](runtime::finding).
 
 pub mod diagnosis;
@@ -19,6 +19,7 @@ mod serial;
 mod services;
 #[cfg(test)]
 mod tests;
+mod view;
 
 use std::io::IsTerminal;
 use std::os::fd::AsFd;

@@ -48,6 +48,10 @@ pub struct DoctorArgs {
     #[arg(long, value_name = "FILE")]
     pub sim: Option<PathBuf>,
 
+    /// Configuration of the view [default: view.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub view: Option<PathBuf>,
+
     /// Remove what dead processes left, then examine
     #[arg(long)]
     pub repair: bool,

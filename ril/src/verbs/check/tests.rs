@@ -60,6 +60,7 @@ fn ready() -> PreflightFacts {
             files: Vec::new(),
             port: None,
             relay: None,
+            view: None,
             repair: None,
         },
         live: Live {

@@ -2,32 +2,33 @@
 //!
 //! The crate `view` speaks HTTP, WebSocket and the protocols on top, as pure values. Here are
 //! * `start`: the command that finds or starts the server; `run_file`: how it finds it; `opener`: opens its page;
-//! * [`server`]: the process; `shell`: its loop, `sockets`: its connections, `peer`: who is at the other end;
+//! * [`server`]: the process; `shell`: its loop, `sockets`: its connections, `tls`: what hides them;
 //! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages` and `held`: what is said of one, `speaker`: when;
 //! * `foxglove`: what Foxglove and Lichtblick get and order;
 //! * `replay`: a recording in the place of the robots; `show_file`: the command that shows it;
-//! * `orders`, `checks`, `check`, `preflight`: what pages order, and what they ask before.
+//! * `orders`, `checks`, `check`, `preflight`: what pages order, and what they ask before; `page_lost`: when no page is there any more;
+//! * `invitation`: the address of the page for another machine.
 
 mod check;
 mod checks;
-mod config;
 mod fleet;
 mod foxglove;
 mod held;
+mod invitation;
 mod messages;
 mod opener;
 pub mod options;
 mod orders;
-mod peer;
+mod page_lost;
 mod preflight;
 mod replay;
 mod run_file;
-mod secret;
 pub mod server;
 mod shell;
 mod show_file;
 mod sockets;
 mod speaker;
 mod start;
+mod tls;
 
 pub use start::view;

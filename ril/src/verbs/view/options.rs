@@ -31,8 +31,12 @@ pub struct ViewArgs {
     #[arg(long)]
     pub json: bool,
 
+    /// Print the address of the page for another machine, with the token NAME of view.toml, and as a QR code; who has it may do what the token allows
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["no_browser", "json"])]
+    pub invite: Option<String>,
+
     /// End the view that runs on the port
-    #[arg(long, conflicts_with_all = ["no_browser", "json"])]
+    #[arg(long, conflicts_with_all = ["no_browser", "json", "invite"])]
     pub stop: bool,
 
     /// Print panels for a robot, which Foxglove and Lichtblick import as a layout
@@ -42,7 +46,7 @@ pub struct ViewArgs {
 
 /// `ril run view`
 ///
-/// The page is at http://127.0.0.1:PORT/, on loopback only.
+/// The page is at http://127.0.0.1:PORT/; view.toml opens it to other machines.
 #[derive(Args, Clone, Debug)]
 pub struct RunViewArgs {
     /// What the server takes.
@@ -57,7 +61,7 @@ pub struct RunViewArgs {
 /// What the server takes, however it is started.
 #[derive(Args, Clone, Debug)]
 pub struct ServerArgs {
-    /// Port on loopback [default: 8765, or view.toml]
+    /// Port [default: 8765, or view.toml]
     #[arg(long, value_name = "PORT", value_parser = clap::value_parser!(u16).range(1..))]
     pub port: Option<u16>,
 

@@ -75,6 +75,14 @@ impl Orders {
         }
     }
 
+    /// Whether a movement that a page has ordered goes on.
+    pub fn moves(&self, robot: u32) -> bool {
+        let is_movement = |kind| matches!(kind, OrderKind::Goto | OrderKind::Takeoff);
+        self.followed
+            .iter()
+            .any(|one| one.robot == robot && is_movement(one.kind))
+    }
+
     /// What `news` of `robot` says of an order of a page; `None` if it is of another one.
     pub fn report(&mut self, robot: u32, news: &OrderNews) -> Option<page::OrderReport> {
         let is_it = |one: &Followed| (one.robot, one.number) == (robot, news.number);

@@ -1,27 +1,27 @@
 //! `ril run view`: the server process in the foreground.
 
 use std::io::ErrorKind;
-use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 
 use ipc_types::{Domain, RobotId, allow_many_files};
 use module_kit::process;
+use runtime::config::Loaded;
 use runtime::config::resulting::{Resulting, given, value_of};
-use runtime::config::{Loaded, load as load_file};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use view::page::{ReplayInfo, Role};
 use view::{Instance, Server, Settings, Token};
 
-use super::config::{DEFAULT_FILE, EXAMPLE, ViewConfig};
 use super::fleet::Fleet;
 use super::options::{RunViewArgs, ServerArgs};
-use super::peer::holder;
 use super::run_file::{RunFile, Running};
-use super::secret;
 use super::shell::ViewShell;
 use super::sockets::Sockets;
+use super::tls::Tls;
+use crate::view_setup::config::{self, DEFAULT_FILE, EXAMPLE, ViewConfig};
+use crate::view_setup::peer::holder;
+use crate::view_setup::token_key::{self, TokenKey, random_hex};
 
 /// What the server would run with.
 ///
@@ -31,13 +31,14 @@ use super::sockets::Sockets;
 pub fn check_config(args: &ServerArgs) -> Result<Resulting, Failure> {
     let (file, default) = (args.config.as_deref(), Path::new(DEFAULT_FILE));
     let resulting = Resulting::load::<ViewConfig>(file, default, EXAMPLE)?;
+    load(args)?;
     let port = given("--port", "").map(|(text, origin)| (value_of(&text), origin));
     Ok(resulting.with("port", port))
 }
 
 /// The configuration with what the command line says.
 pub(super) fn load(args: &ServerArgs) -> Result<Loaded<ViewConfig>, Failure> {
-    let mut loaded = load_file::<ViewConfig>(args.config.as_deref(), Path::new(DEFAULT_FILE))?;
+    let mut loaded = config::load(args.config.as_deref())?;
     if let Some(port) = args.port {
         loaded.value.port = port;
     }
@@ -67,10 +68,10 @@ pub fn run(args: &RunViewArgs) -> Result<(), Failure> {
     let root = domain.root().to_owned();
 
     let mut run_file = RunFile::take(config.port)?;
-    let sockets = listen(config.port)?;
+    let sockets = listen(&config)?;
     let named: Vec<RobotId> = args.robots.iter().copied().map(RobotId::from).collect();
     let fleet = Fleet::join(domain, &named)?;
-    let token = secret::random_hex().or_fail(ExitCode::Internal)?;
+    let token = random_hex().or_fail(ExitCode::Internal)?;
     let running = Running {
         pid: std::process::id(),
         port: config.port,
@@ -89,16 +90,42 @@ pub fn run(args: &RunViewArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-pub(super) fn listen(port: u16) -> Result<Sockets, Failure> {
-    let address = SocketAddr::from((Ipv4Addr::LOCALHOST, port));
-    Sockets::listen(address).map_err(|error| match error.kind() {
+pub(super) fn listen(config: &ViewConfig) -> Result<Sockets, Failure> {
+    let tls = config.tls.as_ref().map(Tls::load).transpose()?;
+    if config.is_open() && tls.is_none() {
+        tracing::warn!(
+            "other machines are served without TLS (`insecure`): anyone in the network can read along and take their tokens; none of them may order"
+        );
+    }
+    let port = config.port;
+    Sockets::listen(&config.addresses(), tls).map_err(|(address, error)| match error.kind() {
         ErrorKind::AddrInUse => {
-            Failure::internal(format!("port {port} is in use{}", holder(port))).with_next_step(
-                format!("take another one: `--port {}`", port.saturating_add(1)),
-            )
+            let by = holder(port).map_or_else(String::new, |holder| format!(" by {holder}"));
+            Failure::internal(format!("port {port} is in use{by}")).with_next_step(format!(
+                "take another one: `--port {}`",
+                port.saturating_add(1)
+            ))
         }
-        _ => Failure::internal(format!("port {port} cannot be used: {error}")),
+        _ => Failure::internal(format!("{address} cannot be used: {error}")),
     })
+}
+
+/// That of `ril view`, which is another one at each start, and those of the configuration.
+fn tokens(config: &ViewConfig, secret: String) -> Result<Vec<Token>, Failure> {
+    let mut tokens = vec![Token {
+        name: "ril view".to_owned(),
+        role: Role::Command,
+        secret,
+    }];
+    if !config.tokens.is_empty() {
+        let key = TokenKey::open(&token_key::path(config)?)?;
+        tokens.extend(config.tokens.iter().map(|(name, role)| Token {
+            name: name.clone(),
+            role: *role,
+            secret: key.token(name),
+        }));
+    }
+    Ok(tokens)
 }
 
 /// A server of robots that are live, or of a recording.
@@ -107,20 +134,14 @@ pub(super) fn server(
     secret: String,
     replay: Option<ReplayInfo>,
 ) -> Result<Server, Failure> {
-    let instance = Instance(secret::random_hex().or_fail(ExitCode::Internal)?);
-    let own = Token {
-        name: "ril view".to_owned(),
-        role: Role::Command,
-        secret,
-    };
+    let instance = Instance(random_hex().or_fail(ExitCode::Internal)?);
     let settings = Settings {
         names: config.names.clone(),
         origins: config.origins.clone(),
-        tokens: vec![own],
+        tokens: tokens(config, secret)?,
         foxglove_commands: config.commands.foxglove,
         foxglove_parameters: config.commands.foxglove && replay.is_none(),
         replay,
-        ..Settings::default()
     };
     Ok(Server::new(settings, instance))
 }

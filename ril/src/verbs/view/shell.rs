@@ -12,18 +12,20 @@ use module_kit::process::{Process, Sources};
 use view::{BUSY, ConnectionId, Event, Peer, Server};
 
 use super::checks::Checks;
-use super::config::ViewConfig;
 use super::fleet::Fleet;
 use super::foxglove::{Foxglove, ServiceCall};
 use super::messages;
 use super::orders::Orders;
-use super::peer::is_own_user;
+use super::page_lost::PageLost;
 use super::replay::Playback;
 use super::sockets::{Arrived, Key, Sockets};
 use super::speaker::Speaker;
 use crate::config::RequestConfig;
+use crate::request::order::RobotOrder;
 use crate::robot::changes::Weight;
 use crate::robot::clock::{Clocks, WallClock};
+use crate::view_setup::config::ViewConfig;
+use crate::view_setup::peer::is_own_user;
 
 /// Time between two looks at the robots while a page looks.
 const WATCHED_PERIOD: Duration = Duration::from_millis(50);
@@ -62,6 +64,7 @@ pub(super) struct ViewShell {
     foxglove: Foxglove,
     orders: Orders,
     checks: Checks,
+    page_lost: PageLost,
     requests: RequestConfig,
     /// When the robots are looked at next.
     next_look: MonotonicNs,
@@ -81,6 +84,7 @@ impl ViewShell {
             foxglove: Foxglove::new(config.commands.foxglove, config.request.clone()),
             orders: Orders::default(),
             checks: Checks::default(),
+            page_lost: PageLost::new(config.page_lost()),
             requests: config.request.clone(),
             next_look: MonotonicNs(0),
             wall_clock: WallClock::default(),
@@ -102,7 +106,15 @@ impl ViewShell {
             };
             match self.sockets.read(key, &mut self.buffer) {
                 None => {}
-                Some(Arrived::Bytes(bytes)) => self.server.receive(id, bytes, now),
+                Some(Arrived::Bytes {
+                    bytes,
+                    is_encrypted,
+                }) => {
+                    if is_encrypted {
+                        self.server.encrypted(id, now);
+                    }
+                    self.server.receive(id, bytes, now);
+                }
                 Some(Arrived::End) => self.close(key, now),
             }
         }
@@ -110,6 +122,7 @@ impl ViewShell {
             while let Some(connection) = self.sockets.accept() {
                 let peer = Peer {
                     address: connection.peer,
+                    at: connection.own.ip(),
                     is_own_user: is_own_user(connection.peer, connection.own),
                     is_encrypted: false,
                 };
@@ -151,11 +164,56 @@ impl ViewShell {
         self.report(now);
     }
 
+    /// Ends the movements of pages that no page commands any more, where the configuration wants that.
+    fn hold_deserted(&mut self, now: MonotonicNs) {
+        let (orders, server) = (&self.orders, &self.server);
+        let is_deserted = |robot| orders.moves(robot) && !server.is_commanded(robot);
+        let robots = self.fleet.ids().into_iter();
+        let due = self
+            .page_lost
+            .due(robots.map(|id| (id, is_deserted(id))), now);
+        for robot in due {
+            let text = "no page commands any more and a movement of one goes on: hold";
+            tracing::warn!(robot, "{text}");
+            if let Some(shown) = self.fleet.get_mut(robot) {
+                shown.robot.journal.add(now, Weight::Alarm, text.to_owned());
+            }
+            self.send_own(robot, RobotOrder::Hold, now);
+        }
+    }
+
+    /// Takes the bridge's control for the page that commands, or gives it back, where control is exclusive.
+    fn pass_control(&mut self, robot: u32, now: MonotonicNs) {
+        let is_commanded = self.server.is_commanded(robot);
+        let state = self.fleet.get_mut(robot).and_then(|one| one.robot.state);
+        if state.is_some_and(|state| state.control.exclusive != 0 && !state.is_replayed()) {
+            let order = match is_commanded {
+                true => RobotOrder::TakeControl,
+                false => RobotOrder::ReleaseControl,
+            };
+            self.send_own(robot, order, now);
+        }
+    }
+
+    /// Orders something that no page has ordered. What becomes of it is in the robot's journal.
+    fn send_own(&mut self, robot: u32, order: RobotOrder, now: MonotonicNs) {
+        let Some(shown) = self.fleet.get_mut(robot) else {
+            return;
+        };
+        let sent = shown
+            .ports
+            .send(order, &self.requests, &mut shown.robot, now);
+        if let Err(failure) = sent {
+            tracing::warn!(robot, chain = ?failure.chain(), "an order of the view itself could not be sent");
+        }
+    }
+
     fn look_at_robots(&mut self, now: MonotonicNs) {
         if self.fleet.look(now) {
             self.server.set_robots(self.fleet.ids());
         }
         self.fleet.drain(now);
+        self.hold_deserted(now);
         let clock = self.clock(now);
         self.speaker
             .speak(self.fleet.seen(), &mut self.server, clock, now);
@@ -216,6 +274,7 @@ impl ViewShell {
                     if let Some(shown) = self.fleet.get_mut(robot) {
                         shown.robot.journal.add(now, Weight::Order, text);
                     }
+                    self.pass_control(robot, now);
                 }
                 Event::Replay { request, .. } => {
                     if let Some(playback) = &mut self.playback {
@@ -286,7 +345,9 @@ impl ViewShell {
             let waits = loop {
                 let output = self.server.output(id);
                 if output.is_empty() {
-                    break false;
+                    let is_flushed = self.sockets.flush(key);
+                    is_gone = is_flushed.is_none();
+                    break is_flushed == Some(false);
                 }
                 match self.sockets.write(key, output) {
                     Some(0) => break true,

@@ -9,14 +9,15 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
-use super::config::ViewConfig;
 use super::fleet::Fleet;
 use super::options::ViewArgs;
 use super::replay::Playback;
 use super::run_file::{RunFile, Running};
 use super::shell::ViewShell;
 use super::sockets::Sockets;
-use super::{opener, secret, server};
+use super::{opener, server};
+use crate::view_setup::config::ViewConfig;
+use crate::view_setup::token_key::random_hex;
 
 /// Ports that are tried behind the wanted one, which the view of live robots may have.
 const MORE_PORTS: u16 = 20;
@@ -40,7 +41,7 @@ pub(super) fn view(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
         tracing::warn!(at_s = event.at_s, "{}", event.text);
     }
     let (mut run_file, sockets, port) = listen(&config, args.server.port.is_some())?;
-    let token = secret::random_hex().or_fail(ExitCode::Internal)?;
+    let token = random_hex().or_fail(ExitCode::Internal)?;
     let running = Running {
         pid: std::process::id(),
         port,
@@ -65,7 +66,10 @@ fn listen(config: &ViewConfig, is_named: bool) -> Result<(RunFile, Sockets, u16)
     let ports = config.port..=config.port.saturating_add(more);
     let try_one = |port| {
         let run_file = RunFile::take(port)?;
-        let sockets = server::listen(port)?;
+        let sockets = server::listen(&ViewConfig {
+            port,
+            ..config.clone()
+        })?;
         Ok((run_file, sockets, port))
     };
     let mut first = None;

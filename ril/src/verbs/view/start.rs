@@ -16,6 +16,7 @@ use runtime::signal::WITH_PARENT;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
+use super::invitation;
 use super::options::{ServerArgs, ViewArgs};
 use super::run_file::{self, Running};
 use super::{opener, server, show_file};
@@ -44,7 +45,11 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
     if let Some(file) = &args.file {
         return show_file::view(args, file);
     }
-    let port = server::load(&args.server)?.value.port;
+    let config = server::load(&args.server)?.value;
+    if let Some(name) = &args.invite {
+        return invitation::print(&config, name);
+    }
+    let port = config.port;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     let running = run_file::find(port)?;
     if args.stop {

@@ -13,11 +13,12 @@ use runtime::exit::ExitCode;
 use super::{has, repository};
 use crate::common::sandbox;
 
-const UNITS: [&str; 5] = [
+const UNITS: [&str; 6] = [
     "ril-bridge@.service",
     "ril-status@.service",
     "ril-record@.service",
     "ril-relay@.service",
+    "ril-view@.service",
     "ril@.target",
 ];
 
@@ -76,6 +77,7 @@ fn each_unit_starts_a_process_that_there_is_with_a_file_that_is_installed() {
     for (name, verb) in [
         ("ril-bridge@.service", "Bridge"),
         ("ril-status@.service", "Status"),
+        ("ril-view@.service", "RunViewArgs"),
     ] {
         let unit = unit(name);
         let line: Vec<&str> = only(&unit, "ExecStart").split(' ').collect();
@@ -203,7 +205,7 @@ fn the_configuration_of_the_package_is_taken_by_the_processes() {
         .output()
         .unwrap();
     assert!(made.status.success(), "{made:?}");
-    for process in ["bridge", "status"] {
+    for process in ["bridge", "status", "view"] {
         rig.run(
             &format!("run {process} --check-config --config etc/{process}.toml"),
             0,
@@ -228,6 +230,11 @@ fn the_configuration_of_the_package_is_taken_by_the_processes() {
         "{folders}"
     );
     assert!(read("relay.toml").contains_key("commands"));
+    let key = read("view.toml")["token_key"].as_str().unwrap().to_owned();
+    let folder = only(&unit("ril-view@.service"), "ReadWritePaths").to_owned();
+    assert_eq!(format!("-{key}"), format!("{folder}/view.key"));
+    let secret = "\nd /var/lib/hero/view 0700 hero hero -\n";
+    assert!(folders.contains(secret), "{folders}");
 }
 
 #[test]

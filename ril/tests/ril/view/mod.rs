@@ -3,6 +3,7 @@
 mod foxglove;
 mod judges;
 mod page;
+mod places;
 mod replayed;
 
 use std::fs;
@@ -50,8 +51,13 @@ fn token(rig: &Sandbox, port: u16) -> String {
 
 impl View {
     fn start(rig: &Sandbox) -> View {
+        View::start_with(rig, "")
+    }
+
+    /// The same with further options.
+    fn start_with(rig: &Sandbox, options: &str) -> View {
         let port = free_port();
-        let mut process = ril(rig, &format!("run view --port {port}"));
+        let mut process = ril(rig, &format!("run view --port {port} {options}"));
         process.wait_for_text("ready");
         let token = token(rig, port);
         View {

@@ -17,9 +17,14 @@ const CLOSE: u8 = 8;
 const PING: u8 = 9;
 const PONG: u8 = 10;
 
+/// What a page is connected by: TCP, or TLS over it.
+pub trait Stream: Read + Write + Send {}
+
+impl<T: Read + Write + Send> Stream for T {}
+
 /// A connection on which `hero.view.v1` is spoken.
 pub struct Page {
-    stream: TcpStream,
+    stream: Box<dyn Stream>,
     /// Bytes that came behind the last frame.
     rest: Vec<u8>,
 }
@@ -63,7 +68,7 @@ pub fn request(port: u16, path: &str, headers: &[(&str, &str)]) -> (String, Stri
     }
 }
 
-fn connect(port: u16) -> TcpStream {
+pub fn connect(port: u16) -> TcpStream {
     let stream = TcpStream::connect(("127.0.0.1", port)).expect("a server");
     stream.set_read_timeout(Some(WATCHDOG)).expect("a time-out");
     stream
@@ -114,6 +119,17 @@ impl Page {
         host: &str,
         origin: Option<&str>,
     ) -> Result<Page, String> {
+        Page::over(Box::new(connect(port)), path, protocol, host, origin)
+    }
+
+    /// The same over a connection that is there.
+    pub fn over(
+        mut stream: Box<dyn Stream>,
+        path: &str,
+        protocol: &str,
+        host: &str,
+        origin: Option<&str>,
+    ) -> Result<Page, String> {
         let mut headers = vec![
             ("Host", host),
             ("Upgrade", "websocket"),
@@ -123,7 +139,6 @@ impl Page {
             ("Sec-WebSocket-Protocol", protocol),
         ];
         headers.extend(origin.map(|origin| ("Origin", origin)));
-        let mut stream = connect(port);
         // A server that turns away may have closed already: then nothing is read.
         let _ = write!(stream, "GET {path} HTTP/1.1\r\n{}\r\n", lines(&headers));
         let mut rest = Vec::new();

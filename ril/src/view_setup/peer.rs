@@ -26,26 +26,23 @@ struct Row {
 }
 
 /// Whether the process at the other end of the connection from `peer` to `own` is this user's.
-pub(super) fn is_own_user(peer: SocketAddr, own: SocketAddr) -> bool {
+pub(crate) fn is_own_user(peer: SocketAddr, own: SocketAddr) -> bool {
     let uid = rustix::process::getuid().as_raw();
     peer.ip().to_canonical().is_loopback()
         && tables().any(|table| uid_of(&table, peer, own) == Some(uid))
 }
 
-/// Who listens at `port`, as the end of a sentence; empty if that cannot be known.
-pub(super) fn holder(port: u16) -> String {
-    let listener = tables().find_map(|table| {
+/// Who listens at `port`, in words; `None` if no process does.
+pub(crate) fn holder(port: u16) -> Option<String> {
+    let (uid, inode) = tables().find_map(|table| {
         let mut rows = rows(&table);
         rows.find(|row| row.state == LISTENS && row.local.port() == port)
             .map(|row| (row.uid, row.inode))
-    });
-    let Some((uid, inode)) = listener else {
-        return String::new();
-    };
-    match process_with(inode) {
-        Some((pid, name)) => format!(" by {name} (process {pid})"),
-        None => format!(" by a process of user {uid}"),
-    }
+    })?;
+    Some(match process_with(inode) {
+        Some((pid, name)) => format!("{name} (process {pid})"),
+        None => format!("a process of user {uid}"),
+    })
 }
 
 /// The process that has the socket of this inode open, and its name; those of other users cannot be looked at.
@@ -160,7 +157,7 @@ mod tests {
         let stream = TcpStream::connect(own).unwrap();
         let peer = stream.local_addr().unwrap();
         assert!(is_own_user(peer, own));
-        let holder = holder(own.port());
+        let holder = holder(own.port()).unwrap();
         assert!(
             holder.ends_with(&format!("(process {})", std::process::id())),
             "{holder}"

@@ -1,0 +1,101 @@
+//! [`Tls`] and [`Session`]: rustls with the cryptography of ring, which the relay has, too. Nothing here blocks.
+
+use std::fmt::Display;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::sync::Arc;
+
+use runtime::exit::{ExitCode, Failure};
+use rustls::pki_types::pem::PemObject;
+use rustls::pki_types::{CertificateDer, PrivateKeyDer};
+use rustls::{ServerConfig, ServerConnection};
+
+use crate::view_setup::config::TlsConfig;
+
+/// What the server's end of all connections is made of.
+#[derive(Clone)]
+pub(in super::super) struct Tls(Arc<ServerConfig>);
+
+/// TLS of one connection.
+pub(in super::super) struct Session(Box<ServerConnection>);
+
+impl Tls {
+    /// Reads the certificates and the key.
+    ///
+    /// # Errors
+    ///
+    /// Code 78 when a file cannot be used, or the key is another one's.
+    pub fn load(config: &TlsConfig) -> Result<Tls, Failure> {
+        let (chain, key) = (&config.certificate, &config.key);
+        let certificates = CertificateDer::pem_file_iter(chain)
+            .and_then(Iterator::collect::<Result<Vec<_>, _>>)
+            .map_err(|error| unusable(chain, error))?;
+        if certificates.is_empty() {
+            return Err(unusable(chain, "it has no certificate in PEM"));
+        }
+        let secret = PrivateKeyDer::from_pem_file(key).map_err(|error| unusable(key, error))?;
+        let provider = Arc::new(rustls::crypto::ring::default_provider());
+        let config = ServerConfig::builder_with_provider(provider)
+            .with_safe_default_protocol_versions()
+            .map_err(|error| unusable(chain, error))?
+            .with_no_client_auth()
+            .with_single_cert(certificates, secret)
+            .map_err(|error| unusable(chain, error))?;
+        Ok(Tls(Arc::new(config)))
+    }
+
+    /// For a connection that begins.
+    pub fn session(&self) -> io::Result<Session> {
+        let connection = ServerConnection::new(self.0.clone()).map_err(io::Error::other)?;
+        Ok(Session(Box::new(connection)))
+    }
+}
+
+impl Session {
+    /// Reads what has come, and puts what it means into `plain`. False at the end.
+    pub fn read(&mut self, stream: &mut TcpStream, plain: &mut Vec<u8>) -> io::Result<bool> {
+        plain.clear();
+        let is_open = self.0.read_tls(stream)? > 0;
+        let state = match self.0.process_new_packets() {
+            Ok(state) => state,
+            Err(error) => {
+                // The other end is told why, as far as the kernel takes it.
+                let _ = self.flush(stream);
+                return Err(io::Error::new(ErrorKind::InvalidData, error));
+            }
+        };
+        plain.resize(state.plaintext_bytes_to_read(), 0);
+        self.0.reader().read_exact(plain)?;
+        Ok(is_open && !(plain.is_empty() && state.peer_has_closed()))
+    }
+
+    /// Takes what can be written now, and says how much that was.
+    pub fn write(&mut self, stream: &mut TcpStream, plain: &[u8]) -> io::Result<usize> {
+        // What waits here cannot become newer: nothing more is taken before it is gone.
+        if !self.flush(stream)? {
+            return Ok(0);
+        }
+        let count = self.0.writer().write(plain)?;
+        self.flush(stream)?;
+        Ok(count)
+    }
+
+    /// Whether all that was taken, and what the handshake says, is gone to the kernel.
+    pub fn flush(&mut self, stream: &mut TcpStream) -> io::Result<bool> {
+        while self.0.wants_write() {
+            match self.0.write_tls(stream) {
+                Ok(_) => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(false),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(true)
+    }
+}
+
+fn unusable(file: &Path, why: impl Display) -> Failure {
+    let text = format!("`[tls]` cannot be used: {}: {why}", file.display());
+    Failure::new(ExitCode::Configuration, text)
+        .with_next_step("`ril relay certify` makes a certificate and its key")
+}

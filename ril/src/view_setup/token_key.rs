@@ -1,0 +1,142 @@
+//! [`TokenKey`]: the secret from which the tokens of `[tokens]` are made, in a file that its owner alone can read.
+//!
+//! view.toml has the names of tokens and what they allow, and no secret: a token is a hash of the key and of its name. So the
+//! server and `ril view --invite` agree on it without speaking with each other, and a file that is read by others gives nothing away.
+
+use std::fs::{self, DirBuilder, OpenOptions};
+use std::io::{self, ErrorKind, Write};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use runtime::exit::{ExitCode, Failure};
+use sha2::{Digest, Sha256};
+
+use super::config::ViewConfig;
+
+/// Random bits of the key, in bytes.
+const KEY_BYTES: usize = 32;
+
+/// Bits of a token, in bytes.
+const TOKEN_BYTES: usize = 16;
+
+/// See the module's documentation.
+pub(crate) struct TokenKey(String);
+
+impl TokenKey {
+    /// Reads the key, or makes one if there is none.
+    ///
+    /// # Errors
+    ///
+    /// Code 8 when others may read the file, it is another user's, or it has no key.
+    pub fn open(path: &Path) -> Result<TokenKey, Failure> {
+        if !path.exists() {
+            make(path).map_err(|error| unusable(path, &error.to_string()))?;
+        }
+        if let Some(fault) = fault(path) {
+            return Err(unusable(path, &fault));
+        }
+        let text = fs::read_to_string(path).map_err(|error| unusable(path, &error.to_string()))?;
+        let key = text.trim_end();
+        match key.len() == 2 * KEY_BYTES && key.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+            true => Ok(TokenKey(key.to_owned())),
+            false => Err(unusable(path, "it has no key")),
+        }
+    }
+
+    /// The token of this name.
+    pub fn token(&self, name: &str) -> String {
+        let hash = Sha256::digest(format!("{}{name}", self.0));
+        hex(&hash[..TOKEN_BYTES])
+    }
+}
+
+/// Where the key of this configuration is.
+///
+/// # Errors
+///
+/// Code 78 when it has no path and this user has no home.
+pub(crate) fn path(config: &ViewConfig) -> Result<PathBuf, Failure> {
+    if let Some(path) = &config.token_key {
+        return Ok(path.clone());
+    }
+    let folder = |name| std::env::var_os(name).filter(|path| !path.is_empty());
+    let state = folder("XDG_STATE_HOME").map(PathBuf::from);
+    let state = state.or_else(|| Some(PathBuf::from(folder("HOME")?).join(".local/state")));
+    let file = state.map(|state| state.join("ril/view.key"));
+    file.ok_or_else(|| {
+        let text = "this user has no home for the key of tokens";
+        Failure::new(ExitCode::Configuration, text)
+            .with_next_step("name a file by `token_key` of view.toml")
+    })
+}
+
+/// Why what is in this file is no secret of this user; `None` if it is, or there is no such file.
+pub(crate) fn fault(path: &Path) -> Option<String> {
+    let there = match fs::symlink_metadata(path) {
+        Ok(there) => there,
+        Err(error) if error.kind() == ErrorKind::NotFound => return None,
+        Err(error) => return Some(error.to_string()),
+    };
+    if !there.is_file() {
+        return Some("it is no file".to_owned());
+    }
+    if there.mode() & 0o077 != 0 {
+        let mode = there.mode() & 0o777;
+        return Some(format!(
+            "its mode is {mode:o}: other users may read or write it"
+        ));
+    }
+    let own = rustix::process::getuid().as_raw();
+    (there.uid() != own).then(|| format!("it belongs to user {}", there.uid()))
+}
+
+/// 128 random bits as 32 hexadecimal digits.
+pub(crate) fn random_hex() -> io::Result<String> {
+    random::<TOKEN_BYTES>().map(|bytes| hex(&bytes))
+}
+
+fn random<const N: usize>() -> io::Result<[u8; N]> {
+    let mut bytes = [0; N];
+    let mut file = fs::File::open("/dev/urandom")?;
+    io::Read::read_exact(&mut file, &mut bytes)?;
+    Ok(bytes)
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Makes the file at once with its key, so that another process that makes it too reads the same one.
+fn make(path: &Path) -> io::Result<()> {
+    let folder = path.parent().unwrap_or(Path::new("."));
+    if !folder.as_os_str().is_empty() {
+        DirBuilder::new()
+            .recursive(true)
+            .mode(0o700)
+            .create(folder)?;
+    }
+    let made = path.with_extension(format!("{}.new", std::process::id()));
+    let mut file = OpenOptions::new()
+        .write(true)
+        .create(true)
+        .truncate(true)
+        .mode(0o600)
+        .open(&made)?;
+    writeln!(file, "{}", hex(&random::<KEY_BYTES>()?))?;
+    file.sync_all()?;
+    let linked = fs::hard_link(&made, path);
+    fs::remove_file(&made)?;
+    match linked {
+        Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(()),
+        linked => linked,
+    }
+}
+
+fn unusable(path: &Path, why: &str) -> Failure {
+    let text = format!(
+        "the key of tokens, {}, cannot be used: {why}",
+        path.display()
+    );
+    Failure::new(ExitCode::NotInOrder, text)
+        .with_next_step("`chmod 600` it, or remove it: the next start makes another one, and all tokens are new then")
+}
