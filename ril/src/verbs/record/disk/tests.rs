@@ -112,7 +112,7 @@ fn a_file_without_a_message_goes() {
         messages: 0,
     });
     assert!(matches!(&closed.notes[..], [Note::NothingCame(_)]));
-    assert_eq!(records_in(&place.folder), [PathBuf::new(); 0]);
+    assert!(records_in(&place.folder).is_empty());
 }
 
 #[test]

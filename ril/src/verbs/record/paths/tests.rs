@@ -110,10 +110,10 @@ impl World {
 
 fn places(message: &[u8]) -> Vec<[i64; 3]> {
     let mut reader = Reader::new(message).unwrap();
-    (reader.i32(), reader.u32(), reader.string());
+    let _header = (reader.i32(), reader.u32(), reader.string());
     let count = reader.u32().unwrap();
     let mut place = || {
-        (reader.i32(), reader.u32(), reader.string());
+        let _header = (reader.i32(), reader.u32(), reader.string());
         let numbers: [f64; 7] = std::array::from_fn(|_| reader.f64().unwrap());
         std::array::from_fn(|axis| (numbers[axis] * 100.0).round() as i64)
     };
