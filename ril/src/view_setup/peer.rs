@@ -3,6 +3,7 @@
 //! A loopback port is open to every user of the machine. A peer of another machine, or of another network namespace such as a
 //! container's, is not in the table and is no own user.
 
+use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io::Read;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
@@ -25,11 +26,22 @@ struct Row {
     inode: u64,
 }
 
-/// Whether the process at the other end of the connection from `peer` to `own` is this user's.
-pub(crate) fn is_own_user(peer: SocketAddr, own: SocketAddr) -> bool {
-    let uid = rustix::process::getuid().as_raw();
-    peer.ip().to_canonical().is_loopback()
-        && tables().any(|table| uid_of(&table, peer, own) == Some(uid))
+/// The connections of this user's processes: local and remote address. Read once for all connections that came together, because
+/// a table is as long as the machine has connections.
+pub(crate) struct OwnConnections(HashSet<(SocketAddr, SocketAddr)>);
+
+impl OwnConnections {
+    /// Those of now.
+    pub fn read() -> OwnConnections {
+        let uid = rustix::process::getuid().as_raw();
+        OwnConnections(tables().flat_map(|table| of_user(&table, uid)).collect())
+    }
+
+    /// Whether the process at the other end of the connection from `peer` to `own` is this user's.
+    pub fn has(&self, peer: SocketAddr, own: SocketAddr) -> bool {
+        peer.ip().to_canonical().is_loopback()
+            && self.0.contains(&(canonical(peer), canonical(own)))
+    }
 }
 
 /// Who listens at `port`, in words; `None` if no process does.
@@ -68,12 +80,10 @@ fn tables() -> impl Iterator<Item = String> {
     })
 }
 
-/// The user of the socket from `local` to `remote` in a table of the kernel; `None` if it is not in there.
-fn uid_of(table: &str, local: SocketAddr, remote: SocketAddr) -> Option<u32> {
-    let (local, remote) = (canonical(local), canonical(remote));
-    rows(table)
-        .find(|row| row.local == local && row.remote == remote)
-        .map(|row| row.uid)
+/// The connections of a user in a table of the kernel.
+fn of_user(table: &str, uid: u32) -> HashSet<(SocketAddr, SocketAddr)> {
+    let of_user = rows(table).filter(|row| row.uid == uid);
+    of_user.map(|row| (row.local, row.remote)).collect()
 }
 
 fn rows(table: &str) -> impl Iterator<Item = Row> {
@@ -132,19 +142,18 @@ mod tests {
     #[cfg(target_endian = "little")]
     fn the_user_of_the_other_end_is_found_in_either_table() {
         for (local, remote, uid) in [
-            ("127.0.0.1:50000", "127.0.0.1:8765", Some(1001)),
-            ("127.0.0.1:50001", "127.0.0.1:8765", Some(1002)),
-            ("[::ffff:127.0.0.1]:50001", "127.0.0.1:8765", Some(1002)),
-            ("[::1]:50002", "[::1]:8765", Some(1003)),
-            ("127.0.0.1:50000", "127.0.0.1:8766", None),
-            ("127.0.0.1:8765", "127.0.0.1:50000", None),
+            ("127.0.0.1:50000", "127.0.0.1:8765", 1001),
+            ("127.0.0.1:50001", "127.0.0.1:8765", 1002),
+            ("[::ffff:127.0.0.1]:50001", "127.0.0.1:8765", 1002),
+            ("[::1]:50002", "[::1]:8765", 1003),
         ] {
             let address = |text: &str| text.parse().unwrap();
-            assert_eq!(
-                uid_of(TABLE, address(local), address(remote)),
-                uid,
-                "{local}"
-            );
+            let [local, remote] = [local, remote].map(address);
+            for other in [1000, 1001, 1002, 1003] {
+                let own = OwnConnections(of_user(TABLE, other));
+                assert_eq!(own.has(local, remote), other == uid, "{local} of {other}");
+                assert!(!own.has(remote, local));
+            }
         }
         assert_eq!(address("7F:1"), None);
         assert_eq!(address(""), None);
@@ -156,12 +165,12 @@ mod tests {
         let own = listener.local_addr().unwrap();
         let stream = TcpStream::connect(own).unwrap();
         let peer = stream.local_addr().unwrap();
-        assert!(is_own_user(peer, own));
+        assert!(OwnConnections::read().has(peer, own));
         let holder = holder(own.port()).unwrap();
         assert!(
             holder.ends_with(&format!("(process {})", std::process::id())),
             "{holder}"
         );
-        assert!(!is_own_user("10.0.0.1:5".parse().unwrap(), own));
+        assert!(!OwnConnections::read().has("10.0.0.1:5".parse().unwrap(), own));
     }
 }

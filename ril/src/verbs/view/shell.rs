@@ -25,7 +25,7 @@ use crate::request::order::RobotOrder;
 use crate::robot::changes::Weight;
 use crate::robot::clock::{Clocks, WallClock};
 use crate::view_setup::config::ViewConfig;
-use crate::view_setup::peer::is_own_user;
+use crate::view_setup::peer::OwnConnections;
 
 /// Time between two looks at the robots while a page looks.
 const WATCHED_PERIOD: Duration = Duration::from_millis(50);
@@ -119,24 +119,30 @@ impl ViewShell {
             }
         }
         if wants_to_connect {
-            while let Some(connection) = self.sockets.accept() {
-                let peer = Peer {
-                    address: connection.peer,
-                    at: connection.own.ip(),
-                    is_own_user: is_own_user(connection.peer, connection.own),
-                    is_encrypted: false,
-                };
-                match self.server.accept(peer, now) {
-                    Some(id) => _ = self.connections.insert(connection.key, id),
-                    None => {
-                        // What the kernel does not take of so few bytes is not worth waiting for.
-                        let _ = self.sockets.write(connection.key, BUSY);
-                        self.sockets.close(connection.key);
-                    }
+            self.take_connections(now);
+        }
+        Ok(())
+    }
+
+    fn take_connections(&mut self, now: MonotonicNs) {
+        let came: Vec<_> = std::iter::from_fn(|| self.sockets.accept()).collect();
+        let own_user = OwnConnections::read();
+        for connection in came {
+            let peer = Peer {
+                address: connection.peer,
+                at: connection.own.ip(),
+                is_own_user: own_user.has(connection.peer, connection.own),
+                is_encrypted: false,
+            };
+            match self.server.accept(peer, now) {
+                Some(id) => _ = self.connections.insert(connection.key, id),
+                None => {
+                    // What the kernel does not take of so few bytes is not worth waiting for.
+                    let _ = self.sockets.write(connection.key, BUSY);
+                    self.sockets.close(connection.key);
                 }
             }
         }
-        Ok(())
     }
 
     fn close(&mut self, key: Key, now: MonotonicNs) {
