@@ -60,7 +60,9 @@ fn false_connections(address: &str, is_over: &AtomicBool) -> usize {
     let mut connections: VecDeque<_> = (0..FALSE_AT_ONCE).map(|_| open()).collect();
     let mut closed = 0;
     while !is_over.load(Ordering::Relaxed) {
-        connections.pop_front().map(until_closed);
+        if let Some(oldest) = connections.pop_front() {
+            until_closed(oldest);
+        }
         connections.push_back(open());
         closed += 1;
     }
