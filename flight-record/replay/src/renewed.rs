@@ -32,29 +32,44 @@ fn renewed<C: Core>(journal: Vec<u8>, streams: &mut Streams) -> Result<Vec<u8>, 
     let mut reader = Reader::of(journal);
     let mut writer = Writer::new(ROOM);
     let (mut core, mut said, mut bytes) = (None, VecDeque::new(), Vec::new());
-    while let Some(record) = reader
-        .next::<C::Kept<'_>, Digest>()
-        .map_err(|_| NotKept::Damaged)?
-    {
-        match (record.entry, &mut core) {
-            (Entry::Snapshot(beginning), _) => {
+    // Outputs of the last input that were recorded.
+    let mut recorded = 0;
+    loop {
+        let record = reader
+            .next::<C::Kept<'_>, Digest>()
+            .map_err(|_| NotKept::Damaged)?;
+        let is_end = record.is_none();
+        let entry = record.map(|record| (record.at, record.entry));
+        match &entry {
+            Some((_, Entry::Output(_))) => recorded += 1,
+            // What was said before a loss, and at the end, may be more than what was recorded.
+            None | Some((_, Entry::Snapshot(_))) => said.truncate(recorded),
+            Some(_) => {}
+        }
+        if !matches!(entry, Some((_, Entry::Output(_)))) {
+            for output in said.drain(..) {
+                C::note(&output, streams);
+                writer.output(&Digest::of(&output));
+            }
+            recorded = 0;
+        }
+        match (entry, &mut core) {
+            (Some((at, Entry::Snapshot(beginning))), _) => {
                 core = Some(C::begin(beginning, None).ok_or(NotKept::Damaged)?);
                 writer.start();
-                writer.snapshot(record.at, beginning);
+                writer.snapshot(at, beginning);
             }
-            (Entry::Input(kept), Some(core)) => {
-                writer.input(record.at, &kept);
-                if !core.apply_kept(record.at, kept, streams, &mut said) {
+            (Some((at, Entry::Input(kept))), Some(core)) => {
+                writer.input(at, &kept);
+                if !core.apply_kept(at, kept, streams, &mut said) {
                     return Err(NotKept::Damaged);
-                }
-                for output in said.drain(..) {
-                    C::note(&output, streams);
-                    writer.output(&Digest::of(&output));
                 }
             }
             _ => {}
         }
         drain(&mut writer, &mut bytes);
+        if is_end {
+            return Ok(bytes);
+        }
     }
-    Ok(bytes)
 }

@@ -184,7 +184,7 @@ impl<C: Core> Track<C> {
                 Ok(Some(record)) => match record.entry {
                     Entry::Snapshot(beginning) => drive.begin(record.at, beginning),
                     Entry::Input(kept) => drive.kept(record.at, kept, streams),
-                    Entry::Output(digest) => drive.digest(digest),
+                    Entry::Output(digest) => drive.digest(digest, streams),
                     Entry::Line(_) => {}
                 },
                 Ok(None) => return,
@@ -275,8 +275,6 @@ impl<C: Core> Drive<C> {
     /// An input of a kept flight.
     fn kept(&mut self, at: MonotonicNs, kept: C::Kept<'_>, streams: &mut Streams) {
         self.drive(at, |core, said| core.apply_kept(at, kept, streams, said));
-        let said = self.said.iter();
-        said.for_each(|output| C::note(output, streams));
     }
 
     fn output(&mut self, recorded: &C::Output<'_>) {
@@ -286,12 +284,15 @@ impl<C: Core> Drive<C> {
         }
     }
 
-    /// What a kept flight has of an output.
-    fn digest(&mut self, recorded: Digest) {
+    /// What a kept flight has of an output. Only what was recorded is noted: before a loss that may be less than what was said.
+    fn digest(&mut self, recorded: Digest, streams: &mut Streams) {
+        let replayed = self.said.pop_front();
+        if let Some(output) = &replayed {
+            C::note(output, streams);
+        }
         if self.is_differing || self.core.is_none() {
             return;
         }
-        let replayed = self.said.pop_front();
         let of_replayed = replayed.as_ref().map(Digest::of);
         if of_replayed == Some(recorded) {
             return self.compare(replayed.as_ref(), replayed.as_ref());

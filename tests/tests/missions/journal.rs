@@ -269,17 +269,25 @@ fn a_kept_flight_begins_with_a_snapshot_where_its_recording_does() {
         verdict.is_verified() && verdict.samples > 100,
         "{verdict:?}"
     );
-    // After a loss it goes on with a snapshot, too.
-    let is_there = |index: usize| !(3..6).contains(&index);
-    let pieces = mission.bridge.iter().enumerate();
-    let lossy = keep(
-        pieces.filter_map(|(index, piece)| is_there(index).then_some(piece)),
-        &mission.status,
-    );
-    assert!(!lossy.is_from_the_start);
-    let verdict = verify_kept(Verifier::new(), &lossy);
-    assert!(verdict.is_verified(), "{verdict:?}");
-    assert_eq!(verdict.bridge.spans.len(), 2);
+}
+
+#[test]
+fn a_kept_flight_goes_on_after_a_loss_wherever_it_is() {
+    let mission = &*MISSION;
+    let last_snapshot = mission.bridge.iter().rposition(|piece| piece.begins == 1);
+    // What is lost begins between an input and what was said to it, too.
+    for lost in (1..last_snapshot.expect("snapshots")).step_by(5) {
+        let pieces = mission.bridge.iter().enumerate();
+        let lossy = keep(
+            pieces.filter_map(|(index, piece)| (index != lost).then_some(piece)),
+            &mission.status,
+        );
+        assert!(!lossy.is_from_the_start);
+        let verdict = verify_kept(Verifier::new(), &lossy);
+        assert!(verdict.is_verified(), "without {lost}: {verdict:?}");
+        assert_eq!(verdict.bridge.spans.len(), 2);
+        assert_eq!(renew(&lossy.file), Ok(lossy.file.clone()), "{lost}");
+    }
 }
 
 #[test]
