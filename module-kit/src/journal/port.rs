@@ -83,13 +83,13 @@ impl<P: JournalPiece> Port<P> {
         }
         let joins = self.publisher.joins();
         let has_joined = std::mem::replace(&mut self.joins, joins) != joins;
-        // The first one gets what begins with the process.
-        let is_first = std::mem::take(&mut self.is_beginning);
+        // The first one gets what begins with the process, and, as each one, how it is now.
+        self.is_beginning = false;
         if !writer.is_started() {
             writer.start();
             self.want_log(true);
             tracing::debug!(topic = P::KEY, "the journal is recorded");
-        } else if has_joined && !is_first {
+        } else if has_joined {
             writer.ask_for_snapshot();
         }
     }

@@ -264,6 +264,18 @@ const MAST: &str = "[fence]\nceiling_m = 120.0\n[[fence.area]]\nname = \"north m
                     centre = [37.4115, -6.001]\nradius_m = 5.0\nceiling_m = 60.0\n";
 
 #[test]
+fn the_first_program_that_asks_a_bridge_that_has_just_begun_is_answered() {
+    let rig = sandbox();
+    rig.write("bridge.toml", MAST);
+    let sim = rig.sim(1, "");
+    let bridge = rig.start_ready("run bridge --port dsp-1");
+    rig.run("fence show --timeout 8s", 0).out_says("north mast");
+    for process in [bridge, sim] {
+        end(process, Signal::INT);
+    }
+}
+
+#[test]
 fn the_fence_in_force_is_shown_its_areas_are_named_and_a_mistake_reaches_who_reloads_it() {
     let rig = sandbox();
     rig.run("fence show", 3).err_says("bridge is not running");
