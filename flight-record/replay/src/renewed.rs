@@ -34,42 +34,46 @@ fn renewed<C: Core>(journal: Vec<u8>, streams: &mut Streams) -> Result<Vec<u8>, 
     let (mut core, mut said, mut bytes) = (None, VecDeque::new(), Vec::new());
     // Outputs of the last input that were recorded.
     let mut recorded = 0;
-    loop {
-        let record = reader
-            .next::<C::Kept<'_>, Digest>()
-            .map_err(|_| NotKept::Damaged)?;
-        let is_end = record.is_none();
-        let entry = record.map(|record| (record.at, record.entry));
-        match &entry {
-            Some((_, Entry::Output(_))) => recorded += 1,
-            // What was said before a loss, and at the end, may be more than what was recorded.
-            None | Some((_, Entry::Snapshot(_))) => said.truncate(recorded),
-            Some(_) => {}
-        }
-        if !matches!(entry, Some((_, Entry::Output(_)))) {
-            for output in said.drain(..) {
-                C::note(&output, streams);
-                writer.output(&Digest::of(&output));
-            }
-            recorded = 0;
-        }
-        match (entry, &mut core) {
-            (Some((at, Entry::Snapshot(beginning))), _) => {
+    while let Some(record) = reader
+        .next::<C::Kept<'_>, Digest>()
+        .map_err(|_| NotKept::Damaged)?
+    {
+        match (record.entry, &mut core) {
+            (Entry::Output(_), _) => recorded += 1,
+            (Entry::Snapshot(beginning), _) => {
+                // Before a loss less may have been recorded than the core says.
+                said.truncate(recorded);
+                write_outputs::<C>(&mut said, &mut writer, streams);
                 core = Some(C::begin(beginning, None).ok_or(NotKept::Damaged)?);
                 writer.start();
-                writer.snapshot(at, beginning);
+                writer.snapshot(record.at, beginning);
             }
-            (Some((at, Entry::Input(kept))), Some(core)) => {
-                writer.input(at, &kept);
-                if !core.apply_kept(at, kept, streams, &mut said) {
+            (Entry::Input(kept), Some(core)) => {
+                write_outputs::<C>(&mut said, &mut writer, streams);
+                recorded = 0;
+                writer.input(record.at, &kept);
+                if !core.apply_kept(record.at, kept, streams, &mut said) {
                     return Err(NotKept::Damaged);
                 }
             }
             _ => {}
         }
         drain(&mut writer, &mut bytes);
-        if is_end {
-            return Ok(bytes);
-        }
+    }
+    // The same at the end.
+    said.truncate(recorded);
+    write_outputs::<C>(&mut said, &mut writer, streams);
+    drain(&mut writer, &mut bytes);
+    Ok(bytes)
+}
+
+fn write_outputs<C: Core>(
+    said: &mut VecDeque<C::Output<'static>>,
+    writer: &mut Writer,
+    streams: &mut Streams,
+) {
+    for output in said.drain(..) {
+        C::note(&output, streams);
+        writer.output(&Digest::of(&output));
     }
 }
