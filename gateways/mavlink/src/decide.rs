@@ -6,9 +6,9 @@ use plans::mavlink::{FRAMES_HOME, FRAMES_SEA, command_name};
 
 use crate::event::OrderKind;
 use crate::home::Home;
-use crate::message::Command;
 use crate::mode::Mode;
 use crate::number::{MavResult, Severity, command};
+use crate::received::Command;
 use crate::settings::Settings;
 use crate::vehicle::Known;
 use crate::verdict::Answer;
@@ -426,7 +426,8 @@ impl Facts<'_> {
 fn has_zeros(asked: &Command) -> bool {
     matches!(
         asked.place,
-        crate::message::Place::Integer { x: 0, y: 0, .. } | crate::message::Place::Float(0.0, 0.0)
+        crate::received::Place::Integer { x: 0, y: 0, .. }
+            | crate::received::Place::Float(0.0, 0.0)
     )
 }
 

@@ -4,7 +4,7 @@
 //! datagrams, [`Order`]s, [`Event`]s and a deadline. `ril run mavlink` is the program around it. `docs/mavlink.md` describes what stations
 //! see.
 //!
-//! * [`wire`]: frames and their checksums; [`message`]: the messages; [`number`]: the protocol's numbers;
+//! * [`wire`]: frames and their checksums; [`message`]: the messages; `received`: what is read of one; [`number`]: the protocol's numbers;
 //! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`, `identity`: the same in messages;
 //! * `stations`, `streams`, `texts`: to whom what is sent, and when;
 //! * `decide`: what a command asks for; `commands`: each at most once; `verdict`: how it is answered;
@@ -19,6 +19,7 @@ mod identity;
 pub mod message;
 mod mode;
 pub mod number;
+mod received;
 mod settings;
 mod stations;
 mod streams;

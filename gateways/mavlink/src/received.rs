@@ -1,0 +1,241 @@
+//! [`Received`]: what is read of a message.
+
+use crate::message::{
+    COMMAND_INT, COMMAND_LONG, HEARTBEAT, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_REQUEST_LIST,
+    PING, SET_MODE, TIMESYNC,
+};
+use crate::number::{AUTOPILOT_INVALID, TYPE_PROGRAM, TYPE_STATION};
+use crate::wire::{Frame, Payload};
+
+/// What a station sends, as far as it is read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Received {
+    /// A system is there.
+    Heartbeat {
+        /// Whether the system is a station or a program, and no vehicle.
+        is_station: bool,
+    },
+    /// A command in one of its two forms.
+    Command(Command),
+    /// SET_MODE, for a system.
+    SetMode {
+        /// For which system.
+        system: u8,
+        /// The mode.
+        custom: u32,
+    },
+    /// PING, if it asks.
+    Ping {
+        /// To be repeated.
+        time_us: u64,
+        /// To be repeated.
+        sequence: u32,
+    },
+    /// TIMESYNC, if it asks.
+    TimeSync {
+        /// To be repeated.
+        theirs_ns: i64,
+    },
+    /// Asks for a mission, brings one or clears it.
+    Mission {
+        /// For which system.
+        system: u8,
+        /// What is asked.
+        request: MissionRequest,
+        /// Mission, fence or rally points; to be repeated.
+        mission_type: u8,
+    },
+}
+
+/// What is asked about missions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MissionRequest {
+    /// How many items are there?
+    List,
+    /// So many items will come.
+    Count,
+    /// None shall be there.
+    Clear,
+}
+
+/// COMMAND_LONG or COMMAND_INT.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Command {
+    /// For which system; 0 for all.
+    pub system: u8,
+    /// For which component; 0 for all.
+    pub component: u8,
+    /// MAV_CMD.
+    pub command: u16,
+    /// Parameters 1 to 4, and 7.
+    pub params: [f32; 5],
+    /// Parameters 5 and 6 as degrees or as integers: see [`Place`].
+    pub place: Place,
+}
+
+/// Parameters 5 and 6.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// Of COMMAND_LONG.
+    Float(f32, f32),
+    /// Of COMMAND_INT, with its frame.
+    Integer {
+        /// Latitude in 10⁻⁷ degrees.
+        x: i32,
+        /// Longitude in 10⁻⁷ degrees.
+        y: i32,
+        /// MAV_FRAME.
+        frame: u8,
+    },
+}
+
+impl Command {
+    /// Parameter 1, 2, 3, 4 or 7.
+    pub fn param(&self, number: usize) -> f32 {
+        match number {
+            7 => self.params[4],
+            number => self.params[number - 1],
+        }
+    }
+
+    /// Latitude and longitude in degrees; `None` if the command names no place. Stations write "none" in many ways: not a number, the
+    /// ends of the integers' range, and zero, of which the place is in the sea.
+    pub fn degrees(&self) -> Option<(f64, f64)> {
+        let (latitude, longitude) = match self.place {
+            Place::Float(x, y) => (f64::from(x), f64::from(y)),
+            Place::Integer { x, y, .. } => (f64::from(x) / 1e7, f64::from(y) / 1e7),
+        };
+        let is_place = latitude.abs() <= 90.0 && longitude.abs() <= 180.0;
+        (is_place && (latitude != 0.0 || longitude != 0.0)).then_some((latitude, longitude))
+    }
+
+    /// MAV_FRAME; that of COMMAND_LONG is above sea.
+    pub fn frame(&self) -> u8 {
+        match self.place {
+            Place::Float(..) => 0,
+            Place::Integer { frame, .. } => frame,
+        }
+    }
+
+    /// What tells two commands apart: the bits of all that was sent.
+    pub fn bits(&self) -> [u32; 8] {
+        let (x, y, frame) = match self.place {
+            Place::Float(x, y) => (x.to_bits(), y.to_bits(), u32::MAX),
+            Place::Integer { x, y, frame } => (x as u32, y as u32, u32::from(frame)),
+        };
+        let [a, b, c, d, e] = self.params.map(f32::to_bits);
+        [a, b, c, d, x, y, e, frame]
+    }
+}
+
+impl Received {
+    /// What a frame says; `None` if it is nothing that is read.
+    pub fn of(frame: &Frame<'_>) -> Option<Received> {
+        let payload = frame.payload;
+        if frame.is_version_1 && frame.kind != HEARTBEAT {
+            return None;
+        }
+        Some(match frame.kind {
+            HEARTBEAT => Received::Heartbeat {
+                is_station: payload.u8(5) == AUTOPILOT_INVALID
+                    || matches!(payload.u8(4), TYPE_STATION | TYPE_PROGRAM),
+            },
+            COMMAND_LONG => Received::Command(long(payload)),
+            COMMAND_INT => Received::Command(int(payload)),
+            SET_MODE => Received::SetMode {
+                system: payload.u8(4),
+                custom: payload.u32(0),
+            },
+            // With a target it is an answer.
+            PING if payload.u8(12) == 0 => Received::Ping {
+                time_us: payload.u64(0),
+                sequence: payload.u32(8),
+            },
+            TIMESYNC if payload.i64(0) == 0 => Received::TimeSync {
+                theirs_ns: payload.i64(8),
+            },
+            MISSION_REQUEST_LIST => mission(MissionRequest::List, payload, 0),
+            MISSION_COUNT => mission(MissionRequest::Count, payload, 2),
+            MISSION_CLEAR_ALL => mission(MissionRequest::Clear, payload, 0),
+            _ => return None,
+        })
+    }
+}
+
+/// A message with its target at `at`.
+fn mission(request: MissionRequest, payload: Payload<'_>, at: usize) -> Received {
+    Received::Mission {
+        system: payload.u8(at),
+        request,
+        mission_type: payload.u8(at + 2),
+    }
+}
+
+fn long(payload: Payload<'_>) -> Command {
+    let [a, b, c, d, x, y, e] = std::array::from_fn(|index| payload.f32(4 * index));
+    Command {
+        system: payload.u8(30),
+        component: payload.u8(31),
+        command: payload.u16(28),
+        params: [a, b, c, d, e],
+        place: Place::Float(x, y),
+    }
+}
+
+fn int(payload: Payload<'_>) -> Command {
+    let [a, b, c, d] = std::array::from_fn(|index| payload.f32(4 * index));
+    Command {
+        system: payload.u8(30),
+        component: payload.u8(31),
+        command: payload.u16(28),
+        params: [a, b, c, d, payload.f32(24)],
+        place: Place::Integer {
+            x: payload.i32(16),
+            y: payload.i32(20),
+            frame: payload.u8(32),
+        },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_place_is_written_in_many_ways() {
+        let with = |place| Command {
+            system: 1,
+            component: 1,
+            command: 192,
+            params: [0.0; 5],
+            place,
+        };
+        let frame = 6;
+        let none = [
+            Place::Float(f32::NAN, f32::NAN),
+            Place::Float(0.0, 0.0),
+            Place::Integer { x: 0, y: 0, frame },
+            Place::Integer {
+                x: i32::MAX,
+                y: i32::MAX,
+                frame,
+            },
+            Place::Integer {
+                x: i32::MIN,
+                y: i32::MIN,
+                frame,
+            },
+            Place::Integer {
+                x: 0x7ff8_0000,
+                y: 0x7ff8_0000,
+                frame,
+            },
+        ];
+        for place in none {
+            assert_eq!(with(place).degrees(), None, "{place:?}");
+        }
+        let (x, y) = (374_112_000, -60_010_000);
+        let place = with(Place::Integer { x, y, frame }).degrees();
+        assert_eq!(place, Some((37.4112, -6.001)));
+    }
+}
