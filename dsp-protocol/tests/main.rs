@@ -3,6 +3,7 @@
 mod accuracy;
 mod common;
 mod contract;
+mod firmware;
 mod integrity;
 mod round_trip;
 mod stream;

@@ -17,14 +17,14 @@ use crate::common;
 
 const DOWNLINK: &str = include_str!("../vectors/downlink.tsv");
 const UPLINK: &str = include_str!("../vectors/uplink.tsv");
-const ENCODE: &str = include_str!("../vectors/encode.tsv");
+pub const ENCODE: &str = include_str!("../vectors/encode.tsv");
 const REFUSALS: &str = include_str!("../vectors/refusals.tsv");
 const EXTENDED_DOWNLINK: &str = include_str!("../vectors/extended_downlink.tsv");
 const EXTENDED_UPLINK: &str = include_str!("../vectors/extended_uplink.tsv");
 const EXTENDED_REFUSALS: &str = include_str!("../vectors/extended_refusals.tsv");
 
 /// The files of a profile: downlink, uplink, refusals.
-fn files(profile: Profile) -> [&'static str; 3] {
+pub fn files(profile: Profile) -> [&'static str; 3] {
     match profile {
         Profile::Classic => [DOWNLINK, UPLINK, REFUSALS],
         Profile::Extended => [EXTENDED_DOWNLINK, EXTENDED_UPLINK, EXTENDED_REFUSALS],
@@ -32,7 +32,7 @@ fn files(profile: Profile) -> [&'static str; 3] {
 }
 
 /// The rows of a file, each cut into its four columns; the names are unique.
-fn rows(file: &'static str) -> Vec<[&'static str; 4]> {
+pub fn rows(file: &'static str) -> Vec<[&'static str; 4]> {
     let rows: Vec<[&str; 4]> = file
         .lines()
         .skip(1)
@@ -48,7 +48,7 @@ fn rows(file: &'static str) -> Vec<[&'static str; 4]> {
     rows
 }
 
-fn bytes_of(hex: &str) -> Vec<u8> {
+pub fn bytes_of(hex: &str) -> Vec<u8> {
     hex.split(' ')
         .map(|byte| u8::from_str_radix(byte, 16).expect("two hexadecimal digits"))
         .collect()
