@@ -266,7 +266,7 @@ fn damaged_and_cut_files_give_what_can_be_read_and_say_so() {
     ] {
         finished.out_says(expected);
     }
-    finished.err_says("1 damaged lines and ends with 8 bytes");
+    finished.err_says("1 damaged line and ends with 8 bytes");
     let finished = rig.run("log csv", 8);
     assert_eq!(finished.stdout.len(), 3, "{finished:#?}");
     assert!(
@@ -277,7 +277,7 @@ fn damaged_and_cut_files_give_what_can_be_read_and_say_so() {
         "{finished:#?}"
     );
     rig.run("log report --output damaged.html", 8)
-        .err_says("1 damaged lines and ends with 8 bytes");
+        .err_says("1 damaged line and ends with 8 bytes");
     let page = fs::read_to_string(rig.folder().join("damaged.html")).unwrap();
     assert!(page.contains("the recording is damaged: line 3"), "{page}");
     let finished = rig.run("log tail", 0);

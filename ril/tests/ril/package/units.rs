@@ -222,6 +222,7 @@ fn the_configuration_of_the_package_is_taken_by_the_processes() {
     let logs = read("status.toml")["log"].as_array().unwrap().clone();
     assert_eq!(logs.len(), 1);
     assert_eq!(logs[0]["directory"].as_str(), Some("/var/log/hero"));
+    assert_eq!(logs[0]["file_name"].as_str(), Some("sortable"));
     // That is where the unit lets it write, and who may read it.
     assert_eq!(only(&unit("ril-status@.service"), "LogsDirectory"), "hero");
     let folders = fs::read_to_string(repository("package/etc/tmpfiles.conf")).unwrap();
