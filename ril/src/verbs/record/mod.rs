@@ -11,6 +11,7 @@ mod log;
 mod loss_events;
 pub mod options;
 mod paths;
+mod process_watch;
 mod report;
 mod shell;
 mod sinks;
