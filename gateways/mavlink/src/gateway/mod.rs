@@ -11,10 +11,12 @@
 //!
 //! What becomes of it later is a text to all stations.
 //!
-//! `orders`: commands become orders, and reports become answers; `output`: what is sent; `pending`: an order on its way.
+//! `orders`: commands become orders, and reports become answers; `lost`: what becomes of those of a station that is lost; `output`: what is sent; `parameters`: what is asked about them; `pending`: an order on its way.
 
+mod lost;
 mod orders;
 mod output;
+mod parameters;
 mod pending;
 
 use std::collections::VecDeque;
@@ -30,7 +32,8 @@ use crate::commands::Commands;
 use crate::event::{Datagram, Event, Order};
 use crate::home::Home;
 use crate::message::{MISSION_ACK, MISSION_COUNT, PING, TIMESYNC};
-use crate::number::Severity;
+use crate::number::{COMPONENT, Severity};
+use crate::parameters::Parameters;
 use crate::received::{MissionRequest, Received};
 use crate::settings::Settings;
 use crate::stations::{Entry, Sender, Stations};
@@ -52,6 +55,7 @@ pub struct Gateway {
     stations: Stations,
     commands: Commands,
     texts: Texts,
+    parameters: Parameters,
     pending: Vec<Pending>,
     last_number: u64,
     last_hold: Option<MonotonicNs>,
@@ -67,12 +71,13 @@ impl Gateway {
     pub fn new(settings: Settings, robot: u32) -> Gateway {
         Gateway {
             vehicle: Vehicle::new(settings.lost_after),
-            stations: Stations::new(&settings.stations),
+            stations: Stations::new(&settings.stations, settings.station_lost_after),
             settings,
             robot,
             home: Home::default(),
             commands: Commands::default(),
             texts: Texts::default(),
+            parameters: Parameters::default(),
             pending: Vec::new(),
             last_number: 0,
             last_hold: None,
@@ -174,7 +179,14 @@ impl Gateway {
             } if system == self.settings.system => {
                 self.mission(sender, request, mission_type, now);
             }
-            Received::SetMode { .. } | Received::Mission { .. } => {}
+            Received::Parameter {
+                system,
+                component,
+                asked,
+            } if system == self.settings.system && matches!(component, 0 | COMPONENT) => {
+                self.parameter(sender, is_station, &asked, now);
+            }
+            Received::SetMode { .. } | Received::Mission { .. } | Received::Parameter { .. } => {}
         }
     }
 
@@ -230,11 +242,16 @@ impl Gateway {
     /// Does what is due. To be called after every input, and at the deadline.
     pub fn advance(&mut self, now: MonotonicNs) {
         self.look(now);
+        self.look_for_lost_stations(now);
         for gone in self.stations.expire(now) {
             self.commands.forget(gone);
+            if !self.stations.is_heard(gone.address) {
+                self.parameters.forget(gone.address);
+            }
             self.note(Event::Note(format!("{gone} at {} is gone", gone.address)));
         }
         self.remind(now);
+        self.advance_parameters(now);
         self.send_streams(now);
     }
 
@@ -257,6 +274,7 @@ impl Gateway {
             streams,
             self.vehicle.deadline(),
             self.stations.deadline(),
+            self.parameters.deadline(),
         ]
         .into_iter()
         .flatten()
