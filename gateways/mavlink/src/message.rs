@@ -61,6 +61,8 @@ kinds! {
     COMMAND_LONG = 76, 152;
     /// The answer to a command.
     COMMAND_ACK = 77, 143;
+    /// Files.
+    FILE_TRANSFER_PROTOCOL = 110, 84;
     /// Asks for the clock.
     TIMESYNC = 111, 34;
     /// Altitudes.

@@ -3,8 +3,9 @@
 use arrayvec::ArrayString;
 
 use crate::message::{
-    COMMAND_INT, COMMAND_LONG, HEARTBEAT, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_REQUEST_LIST,
-    PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, SET_MODE, TIMESYNC,
+    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MISSION_CLEAR_ALL, MISSION_COUNT,
+    MISSION_REQUEST_LIST, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, SET_MODE,
+    TIMESYNC,
 };
 use crate::number::{AUTOPILOT_INVALID, TYPE_PROGRAM, TYPE_STATION};
 use crate::parameters::NAME;
@@ -47,6 +48,17 @@ pub enum Received {
         request: MissionRequest,
         /// Mission, fence or rally points; to be repeated.
         mission_type: u8,
+    },
+    /// Asks for a file.
+    File {
+        /// For which system.
+        system: u8,
+        /// Counts the requests of the sender.
+        sequence: u16,
+        /// To be repeated.
+        session: u8,
+        /// What is asked.
+        opcode: u8,
     },
     /// Asks for parameters, or sets one.
     Parameter {
@@ -195,6 +207,12 @@ impl Received {
             MISSION_REQUEST_LIST => mission(MissionRequest::List, payload, 0),
             MISSION_COUNT => mission(MissionRequest::Count, payload, 2),
             MISSION_CLEAR_ALL => mission(MissionRequest::Clear, payload, 0),
+            FILE_TRANSFER_PROTOCOL => Received::File {
+                system: payload.u8(1),
+                sequence: payload.u16(3),
+                session: payload.u8(5),
+                opcode: payload.u8(6),
+            },
             PARAM_REQUEST_LIST => parameter(payload, 0, Asked::List),
             PARAM_REQUEST_READ => {
                 let index = payload.u16(0).cast_signed();

@@ -3,7 +3,8 @@
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 use mavlink_gateway::message::{
-    PARAM_ERROR, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PARAM_VALUE,
+    FILE_TRANSFER_PROTOCOL, PARAM_ERROR, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET,
+    PARAM_VALUE,
 };
 use mavlink_gateway::wire::Message;
 use mavlink_gateway::{Order, OrderKind, Settings};
@@ -225,6 +226,28 @@ fn what_is_refused_here_is_an_error_with_its_reason_and_no_order() {
     let sent = world.sent();
     assert_eq!((values(&sent).len(), texts(&sent).len()), (0, 1));
     assert!(world.orders().is_empty());
+}
+
+/// MAVProxy asks for a file with all of them first, and for a list when there is none.
+#[test]
+fn a_request_for_a_file_is_refused_at_once() {
+    let mut world = World::with_station();
+    let request = |system: u8, opcode: u8| {
+        let message = Message::new(FILE_TRANSFER_PROTOCOL).u8(0).u8(system).u8(1);
+        QGC.frame(&message.u16(8).u8(3).u8(opcode))
+    };
+    world.receive(QGC, &request(1, 4));
+    let sent = world.sent();
+    let [nak] = &sent[..] else { panic!("{sent:?}") };
+    assert_eq!(nak.bytes::<3>(0), [0, QGC.system, 190]);
+    assert_eq!(
+        (nak.bytes::<6>(3), nak.bytes::<1>(15)),
+        ([9, 0, 3, 129, 1, 4], [7])
+    );
+    for (system, opcode) in [(2, 4), (1, 128), (1, 129)] {
+        world.receive(QGC, &request(system, opcode));
+        assert_eq!(world.sent(), []);
+    }
 }
 
 #[test]

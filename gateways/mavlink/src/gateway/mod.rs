@@ -31,7 +31,7 @@ use self::pending::Pending;
 use crate::commands::Commands;
 use crate::event::{Datagram, Event, Order};
 use crate::home::Home;
-use crate::message::{MISSION_ACK, MISSION_COUNT, PING, TIMESYNC};
+use crate::message::{FILE_TRANSFER_PROTOCOL, MISSION_ACK, MISSION_COUNT, PING, TIMESYNC};
 use crate::number::{COMPONENT, Severity};
 use crate::parameters::Parameters;
 use crate::received::{MissionRequest, Received};
@@ -44,6 +44,9 @@ use crate::wire::{Frame, Message, frames};
 
 /// Frames that were rejected are logged at most so often.
 const REJECTED_PERIOD: Duration = Duration::from_secs(10);
+
+/// The first opcode of a file's messages that is an answer.
+const FILE_ANSWERS: u8 = 128;
 
 /// See the module's documentation.
 #[derive(Clone, Debug)]
@@ -186,7 +189,20 @@ impl Gateway {
             } if system == self.settings.system && matches!(component, 0 | COMPONENT) => {
                 self.parameter(sender, is_station, &asked, now);
             }
-            Received::SetMode { .. } | Received::Mission { .. } | Received::Parameter { .. } => {}
+            // There are no files: whoever asks goes on at once.
+            Received::File {
+                system,
+                sequence,
+                session,
+                opcode,
+            } if system == self.settings.system && opcode < FILE_ANSWERS => {
+                let answer = no_file(sender, sequence.wrapping_add(1), session, opcode);
+                self.send(sender.address, &answer);
+            }
+            Received::SetMode { .. }
+            | Received::File { .. }
+            | Received::Mission { .. }
+            | Received::Parameter { .. } => {}
         }
     }
 
@@ -300,6 +316,18 @@ impl Gateway {
     pub fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
+}
+
+/// The refusal of a request for a file.
+fn no_file(sender: Sender, sequence: u16, session: u8, opcode: u8) -> Message {
+    const NAK: u8 = 129;
+    const UNKNOWN_COMMAND: u8 = 7;
+    let to = Message::new(FILE_TRANSFER_PROTOCOL)
+        .u8(0)
+        .u8(sender.system)
+        .u8(sender.component);
+    let header = to.u16(sequence).u8(session).u8(NAK).u8(1).u8(opcode);
+    header.u8(0).u8(0).u32(0).u8(UNKNOWN_COMMAND)
 }
 
 /// What stations are told of two states, one after the other.

@@ -80,7 +80,10 @@ impl Gateway {
                 Err((ParameterError::TypeMismatch, text))
             }
             (_, Some(value), Some((min, max))) if !(min..=max).contains(&value.number()) => {
-                let text = format!("{} is not from {min} to {max}", value.number());
+                let text = {
+                    let (min, max) = (parameter.value(min), parameter.value(max));
+                    format!("{value} is not from {min} to {max}")
+                };
                 Err((ParameterError::OutOfRange, text))
             }
             (_, Some(value), _) => Ok(value),
@@ -106,7 +109,7 @@ impl Gateway {
                     to: None,
                     message: value_message(index, value),
                 });
-                let text = format!("{} = {} by {sender}", parameter.name, value.number());
+                let text = format!("{} = {value} by {sender}", parameter.name);
                 self.note(Event::Commanded(text));
             }
             Ok(None) => {}
@@ -146,12 +149,10 @@ impl Gateway {
         let (issued, begin_by) = match work {
             Work::Read(_) => (now, None),
             Work::Write(write) => {
-                let text = format!(
-                    "{} = {} by {}",
-                    ALL[write.index].name,
-                    write.value.number(),
-                    write.by
-                );
+                let Write {
+                    by, index, value, ..
+                } = write;
+                let text = format!("{} = {value} by {by}", ALL[index].name);
                 self.note(Event::Commanded(text));
                 let limit = write.asked + self.settings.answer_within;
                 (write.asked, Some(limit))

@@ -3,6 +3,7 @@
 //! Those of the DSP are its virtual ports. Those that no DSP has are the gateway's own: one that can be set, and some that can only be
 //! read, because stations ask for them before they show the vehicle as ready. Their names are those of PX4.
 
+use std::fmt;
 use std::sync::LazyLock;
 
 use dsp_protocol::port::{self, Port};
@@ -93,6 +94,15 @@ impl Value {
         match self {
             Value::Int(value) => f64::from(value),
             Value::Real(value) => f64::from(value),
+        }
+    }
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Value::Int(value) => value.fmt(f),
+            Value::Real(value) => value.fmt(f),
         }
     }
 }
