@@ -8,6 +8,7 @@
 //! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`, `identity`: the same in messages;
 //! * `stations`, `streams`, `texts`: to whom what is sent, and when;
 //! * `decide`: what a command asks for; `commands`: each at most once; `verdict`: how it is answered;
+//! * `parameters`: the DSP's ports and some values of our own, by name;
 //! * `gateway`: all of it as one value.
 
 mod commands;
@@ -19,6 +20,7 @@ mod identity;
 pub mod message;
 mod mode;
 pub mod number;
+mod parameters;
 mod received;
 mod settings;
 mod stations;
@@ -33,7 +35,7 @@ pub use commands::MEMORY;
 pub use event::{Datagram, Event, Order, OrderKind};
 pub use gateway::Gateway;
 pub use mode::Mode;
-pub use settings::Settings;
+pub use settings::{Settings, StationLost};
 pub use stations::{MAX_STATIONS, SILENCE};
 pub use streams::Stream;
 pub use verdict::{Answer, answer_of};

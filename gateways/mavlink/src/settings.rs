@@ -3,6 +3,18 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+/// What becomes of a movement when the station that ordered it says nothing any more.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StationLost {
+    /// It goes on.
+    #[default]
+    Continue,
+    /// The helicopter stops and hovers.
+    Hold,
+    /// It lands on the spot.
+    Land,
+}
+
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -20,6 +32,10 @@ pub struct Settings {
     pub lost_after: Duration,
     /// How long the bridge has for its first answer, and until when an order that is no stop may begin.
     pub answer_within: Duration,
+    /// What becomes of a movement of a station that is lost.
+    pub station_lost: StationLost,
+    /// A station is lost when nothing of it came for so long; at most [`SILENCE`](crate::SILENCE), after which it is gone.
+    pub station_lost_after: Duration,
 }
 
 impl Default for Settings {
@@ -32,6 +48,8 @@ impl Default for Settings {
             take_off_m: 10.0,
             lost_after: Duration::from_secs(2),
             answer_within: Duration::from_secs(1),
+            station_lost: StationLost::Continue,
+            station_lost_after: Duration::from_secs(10),
         }
     }
 }

@@ -3,5 +3,7 @@
 mod chance;
 mod commands;
 mod common;
+mod parameters;
 mod script;
+mod stations;
 mod telemetry;

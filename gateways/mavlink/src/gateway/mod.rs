@@ -11,10 +11,12 @@
 //!
 //! What becomes of it later is a text to all stations.
 //!
-//! `orders`: commands become orders, and reports become answers; `output`: what is sent; `pending`: an order on its way.
+//! `orders`: commands become orders, and reports become answers; `lost`: what becomes of those of a station that is lost; `output`: what is sent; `parameters`: what is asked about them; `pending`: an order on its way.
 
+mod lost;
 mod orders;
 mod output;
+mod parameters;
 mod pending;
 
 use std::collections::VecDeque;
@@ -29,8 +31,9 @@ use self::pending::Pending;
 use crate::commands::Commands;
 use crate::event::{Datagram, Event, Order};
 use crate::home::Home;
-use crate::message::{MISSION_ACK, MISSION_COUNT, PING, TIMESYNC};
-use crate::number::Severity;
+use crate::message::{FILE_TRANSFER_PROTOCOL, MISSION_ACK, MISSION_COUNT, PING, TIMESYNC};
+use crate::number::{COMPONENT, Severity};
+use crate::parameters::Parameters;
 use crate::received::{MissionRequest, Received};
 use crate::settings::Settings;
 use crate::stations::{Entry, Sender, Stations};
@@ -42,6 +45,9 @@ use crate::wire::{Frame, Message, frames};
 /// Frames that were rejected are logged at most so often.
 const REJECTED_PERIOD: Duration = Duration::from_secs(10);
 
+/// The first opcode of a file's messages that is an answer.
+const FILE_ANSWERS: u8 = 128;
+
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct Gateway {
@@ -52,6 +58,7 @@ pub struct Gateway {
     stations: Stations,
     commands: Commands,
     texts: Texts,
+    parameters: Parameters,
     pending: Vec<Pending>,
     last_number: u64,
     last_hold: Option<MonotonicNs>,
@@ -67,12 +74,13 @@ impl Gateway {
     pub fn new(settings: Settings, robot: u32) -> Gateway {
         Gateway {
             vehicle: Vehicle::new(settings.lost_after),
-            stations: Stations::new(&settings.stations),
+            stations: Stations::new(&settings.stations, settings.station_lost_after),
             settings,
             robot,
             home: Home::default(),
             commands: Commands::default(),
             texts: Texts::default(),
+            parameters: Parameters::default(),
             pending: Vec::new(),
             last_number: 0,
             last_hold: None,
@@ -174,7 +182,27 @@ impl Gateway {
             } if system == self.settings.system => {
                 self.mission(sender, request, mission_type, now);
             }
-            Received::SetMode { .. } | Received::Mission { .. } => {}
+            Received::Parameter {
+                system,
+                component,
+                asked,
+            } if system == self.settings.system && matches!(component, 0 | COMPONENT) => {
+                self.parameter(sender, is_station, &asked, now);
+            }
+            // There are no files: whoever asks goes on at once.
+            Received::File {
+                system,
+                sequence,
+                session,
+                opcode,
+            } if system == self.settings.system && opcode < FILE_ANSWERS => {
+                let answer = no_file(sender, sequence.wrapping_add(1), session, opcode);
+                self.send(sender.address, &answer);
+            }
+            Received::SetMode { .. }
+            | Received::File { .. }
+            | Received::Mission { .. }
+            | Received::Parameter { .. } => {}
         }
     }
 
@@ -230,11 +258,16 @@ impl Gateway {
     /// Does what is due. To be called after every input, and at the deadline.
     pub fn advance(&mut self, now: MonotonicNs) {
         self.look(now);
+        self.look_for_lost_stations(now);
         for gone in self.stations.expire(now) {
             self.commands.forget(gone);
+            if !self.stations.is_heard(gone.address) {
+                self.parameters.forget(gone.address);
+            }
             self.note(Event::Note(format!("{gone} at {} is gone", gone.address)));
         }
         self.remind(now);
+        self.advance_parameters(now);
         self.send_streams(now);
     }
 
@@ -257,6 +290,7 @@ impl Gateway {
             streams,
             self.vehicle.deadline(),
             self.stations.deadline(),
+            self.parameters.deadline(),
         ]
         .into_iter()
         .flatten()
@@ -282,6 +316,18 @@ impl Gateway {
     pub fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
+}
+
+/// The refusal of a request for a file.
+fn no_file(sender: Sender, sequence: u16, session: u8, opcode: u8) -> Message {
+    const NAK: u8 = 129;
+    const UNKNOWN_COMMAND: u8 = 7;
+    let to = Message::new(FILE_TRANSFER_PROTOCOL)
+        .u8(0)
+        .u8(sender.system)
+        .u8(sender.component);
+    let header = to.u16(sequence).u8(session).u8(NAK).u8(1).u8(opcode);
+    header.u8(0).u8(0).u32(0).u8(UNKNOWN_COMMAND)
 }
 
 /// What stations are told of two states, one after the other.

@@ -266,6 +266,9 @@ impl Gateway {
             return;
         };
         let reason = report.reason().unwrap_or(Reason::None);
+        if self.parameter_report(number, (stage, reason), report.value(), words, now) {
+            return;
+        }
         let answer = answer_of(stage, reason);
         let Some(index) = self.pending.iter().position(|one| one.number == number) else {
             return;
@@ -279,7 +282,16 @@ impl Gateway {
             if stage.is_final()
                 && let Some(kind) = pending.then.take()
             {
-                self.send_order(Pending { kind, ..pending });
+                // What follows by itself, long after the command, is an order of now.
+                let issued = match pending.is_answered {
+                    true => now,
+                    false => pending.issued,
+                };
+                self.send_order(Pending {
+                    kind,
+                    issued,
+                    ..pending
+                });
             }
             return;
         }

@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use ipc_types::RobotId;
-use mavlink_gateway::Settings;
+use mavlink_gateway::{SILENCE, Settings, StationLost};
 use runtime::config::in_range;
 use runtime::exit::{ExitCode, Failure};
 use serde::de::Error as _;
@@ -45,8 +45,26 @@ pub struct MavlinkConfig {
     /// How long the bridge has for its first answer, s.
     #[serde(deserialize_with = "seconds")]
     pub answer_s: f64,
+    /// What becomes of a movement when the station that ordered it says nothing any more.
+    pub station_lost: StationLostConfig,
+    /// When a station counts as lost, s.
+    #[serde(deserialize_with = "station_lost_s")]
+    pub station_lost_s: f64,
     /// Who may command.
     pub commands: CommandsConfig,
+}
+
+/// `station_lost`
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StationLostConfig {
+    /// It goes on.
+    #[default]
+    Continue,
+    /// The helicopter stops and hovers.
+    Hold,
+    /// It lands on the spot.
+    Land,
 }
 
 /// `[commands]`
@@ -60,6 +78,8 @@ pub struct CommandsConfig {
 runtime::ranged! {
     fn take_off_m(f64) in 0.5..=200.0;
     fn seconds(f64) in 0.1..=600.0;
+    // Stations send a heartbeat each second.
+    fn station_lost_s(f64) in 2.0..=SILENCE.as_secs_f64();
 }
 
 fn system<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<u8>, D::Error> {
@@ -104,6 +124,8 @@ impl Default for MavlinkConfig {
             take_off_m: 10.0,
             lost_s: 2.0,
             answer_s: 1.0,
+            station_lost: StationLostConfig::Continue,
+            station_lost_s: 10.0,
             commands: CommandsConfig::default(),
         }
     }
@@ -146,6 +168,12 @@ impl MavlinkConfig {
             take_off_m: self.take_off_m,
             lost_after: Duration::from_secs_f64(self.lost_s),
             answer_within: Duration::from_secs_f64(self.answer_s),
+            station_lost: match self.station_lost {
+                StationLostConfig::Continue => StationLost::Continue,
+                StationLostConfig::Hold => StationLost::Hold,
+                StationLostConfig::Land => StationLost::Land,
+            },
+            station_lost_after: Duration::from_secs_f64(self.station_lost_s),
         })
     }
 }
@@ -170,6 +198,8 @@ mod tests {
             "system = 251",
             "system = 0",
             "answer_s = 0",
+            "station_lost = 'return'",
+            "station_lost_s = 31",
             "stations = ['192.168.0.7:14550']",
             "stations = ['0.0.0.0:14550']",
             "stations = ['127.0.0.1']",
