@@ -52,8 +52,7 @@ pub fn of_plan(finding: &Finding, width: usize, columns: usize) -> String {
     first += &format!(": {}", finding.id);
     match finding.amount_m {
         // What a rule cannot judge has none.
-        None => {}
-        Some(amount_m) if amount_m == 0.0 => {}
+        None | Some(0.0) => {}
         // A breach of centimetres must not look like none.
         Some(amount_m) if amount_m.abs() < 0.1 => first += &format!(" by {amount_m:.3} m"),
         Some(amount_m) if amount_m.abs() < 9_999.5 => first += &format!(" by {amount_m:.1} m"),

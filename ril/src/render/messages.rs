@@ -183,7 +183,7 @@ pub const fn explain(reason: Reason) -> &'static str {
         }
         Reason::NotFinite => "a coordinate or altitude is not finite",
         Reason::OutOfRange => {
-            "a coordinate or altitude is out of range; the limits are in `[movement]` of bridge.toml"
+            "a coordinate or altitude is out of range: altitudes are from `min_altitude_m` to `max_altitude_m` of `[movement]` in bridge.toml"
         }
         Reason::TooFar => {
             "the waypoint is farther away than `[movement] max_distance_m` of bridge.toml allows: fly there in two paths"

@@ -26,6 +26,9 @@ const RISE: f64 = 1.1;
 /// See [`RISE`]. It speeds up by some tenths of a metre per second in a second at least.
 const STEADY: Duration = Duration::from_secs(2);
 
+/// A turn takes no longer. A speed that is not reached again in that time is not the one of this path: the path before it was faster.
+const TURN: Duration = Duration::from_secs(5);
+
 /// The way of a path, along the ground.
 #[derive(Debug)]
 struct Way {
@@ -57,27 +60,38 @@ impl Way {
     }
 }
 
-/// At which speed the path is flown: the highest one, once the helicopter has sped up. In turns it is slower for a while.
+/// At which speed the path is flown: the highest of late, once the helicopter has sped up. In turns it is slower for a while.
 #[derive(Debug, Default)]
 struct Pace {
-    /// The highest speed so far, m/s, and since when it is no lower than that but for [`RISE`].
-    highest: Option<(f64, MonotonicNs)>,
+    /// The highest speed in this and in the last span of [`TURN`], m/s.
+    highest_mps: [f64; 2],
+    /// When this span began.
+    began: MonotonicNs,
+    /// To which speed it has risen last, m/s, and when.
+    risen: (f64, MonotonicNs),
 }
 
 impl Pace {
     fn take(&mut self, speed_mps: f64, now: MonotonicNs) {
-        let is_higher = self
-            .highest
-            .is_none_or(|(highest_mps, _)| speed_mps > highest_mps * RISE);
-        if speed_mps >= MIN_SPEED_MPS && is_higher {
-            self.highest = Some((speed_mps, now));
+        if now.since(self.began) >= TURN {
+            self.highest_mps = [0.0, self.highest_mps[0]];
+            self.began = now;
+        }
+        self.highest_mps[0] = self.highest_mps[0].max(speed_mps);
+        self.risen.0 = self.risen.0.min(self.highest());
+        if speed_mps > self.risen.0 * RISE {
+            self.risen = (speed_mps, now);
         }
     }
 
-    /// `None` before the helicopter has that speed.
+    fn highest(&self) -> f64 {
+        self.highest_mps[0].max(self.highest_mps[1])
+    }
+
+    /// `None` while the helicopter hovers or speeds up.
     fn speed_mps(&self, now: MonotonicNs) -> Option<f64> {
-        let (highest_mps, since) = self.highest?;
-        (now.since(since) >= STEADY).then_some(highest_mps)
+        let is_steady = now.since(self.risen.1) >= STEADY;
+        Some(self.highest()).filter(|speed_mps| is_steady && *speed_mps >= MIN_SPEED_MPS)
     }
 }
 
@@ -253,23 +267,25 @@ mod tests {
     fn the_time_to_go_is_said_once_the_helicopter_has_sped_up() {
         let mut pace = Pace::default();
         let at = |seconds: f64| MonotonicNs((seconds * 1e9) as u64);
-        // Half a metre per second more in each second, as far as 5 m/s; then a turn.
-        for tenth in 0..200 {
+        // Half a metre per second more in each second, as far as 5 m/s; then a turn; then a slower path.
+        for tenth in 0..400 {
             let seconds = f64::from(tenth) / 10.0;
             let speed_mps = match seconds {
-                15.0.. => 1.0,
-                _ => (0.5 * seconds).min(5.0),
+                ..15.0 => (0.5 * seconds).min(5.0),
+                ..19.0 => 1.0,
+                ..24.0 => 5.0,
+                _ => 3.0,
             };
             pace.take(speed_mps, at(seconds));
             let expected = match seconds {
                 // The last rise by a tenth is that to 4.6 m/s or more.
                 ..11.0 => None,
                 ..13.0 => continue,
-                _ => Some(()),
+                ..24.0 => Some(5.0),
+                ..35.0 => continue,
+                _ => Some(3.0),
             };
-            let speed_mps = pace.speed_mps(at(seconds));
-            assert_eq!(speed_mps.map(drop), expected, "{seconds}");
-            assert!(speed_mps.is_none_or(|mps| mps > 4.5), "{speed_mps:?}");
+            assert_eq!(pace.speed_mps(at(seconds)), expected, "{seconds}");
         }
     }
 }

@@ -113,6 +113,6 @@ fn mistakes_are_usage_errors_and_a_signal_is_no_success() {
     let mut waiting = rig.start("wait --for up --timeout 600s");
     until_joined(&rig, "ril");
     waiting.signal(Signal::INT);
-    waiting.exits(7).err_says("interrupted: up (");
+    waiting.exits(7).err_says("interrupted: not up (");
     end(bridge, Signal::INT);
 }
