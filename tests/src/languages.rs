@@ -214,6 +214,39 @@ impl Compiler {
     }
 }
 
+/// Compiles the DSP of `examples/firmware` with the codec of `bindings/firmware` into `program`; `board` is the file with `main`.
+///
+/// # Errors
+///
+/// Why there is no compiler.
+///
+/// # Panics
+///
+/// When the compiler rejects one of the files.
+pub fn firmware(board: &Path, program: &Path) -> Result<(), String> {
+    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_owned());
+    run(Command::new(&compiler).arg("--version"))?;
+    let compile = |options: &[&str]| {
+        let mut command = Command::new(&compiler);
+        command.args(["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]);
+        command.args(options).arg("-o").arg(program).arg(board);
+        for (folder, source) in [
+            ("bindings/firmware", "hero_dsp.c"),
+            ("examples/firmware", "dsp.c"),
+        ] {
+            let folder = root().join(folder);
+            command.arg("-I").arg(&folder).arg(folder.join(source));
+        }
+        run(&mut command)
+    };
+    // What C does not define ends the program, where the compiler can see to it.
+    let checked = compile(&["-O1", "-fsanitize=undefined", "-fno-sanitize-recover=all"]);
+    if checked.is_err() {
+        compile(&["-O1"]).expect("the firmware compiles");
+    }
+    Ok(())
+}
+
 /// An interpreter that has the package `hero_ril`.
 ///
 /// # Errors

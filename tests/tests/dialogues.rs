@@ -1,4 +1,5 @@
-//! Plays the conversations of `dsp-protocol/vectors/dialogues/` against the simulated DSP and against the bridge's core.
+//! Plays the conversations of `dsp-protocol/vectors/dialogues/` against the simulated DSP, against the DSP in C of `examples/firmware`,
+//! and against the bridge's core.
 //!
 //! Each side is given what the other end says, at the stated times, and must say its own part byte by byte at the stated
 //! times. The files were derived by hand from `docs/protocol.md`; their format stands in `dsp-protocol/vectors/README.md`.
@@ -7,7 +8,9 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::fmt::Write as _;
 use std::fs;
+use std::io::{BufRead, BufReader, Write as _};
 use std::path::Path;
+use std::process::{Child, ChildStdout, Command as Program, Stdio};
 use std::time::Duration;
 
 use bridge::{Bridge, BridgeConfig, Input, RequestKey, Sender};
@@ -20,6 +23,7 @@ use dsp_sim::simulator::Simulator;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ControlCommand, MovementKind};
 use ipc_types::payload::{ModuleControl, MovementData};
+use ril_tests::languages::{firmware, skip};
 
 /// The host's clock at time 0 of a dialogue: far from zero, so that neither clock is taken for the other.
 const HOST_EPOCH_NS: u64 = 86_400_000_000_000;
@@ -43,6 +47,21 @@ fn every_frame_of_every_dialogue_is_one_message() {
 #[test]
 fn the_simulated_dsp_plays_every_dialogue() {
     play_all(|dialogue| play(dialogue, &mut DspSide::new(dialogue)));
+}
+
+#[test]
+fn the_dsp_in_c_plays_every_dialogue() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let program = folder.path().join("dsp");
+    let board = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dialogues/board.c");
+    if let Err(why) = firmware(&board, &program) {
+        return skip("the DSP in C", &why);
+    }
+    play_all(|dialogue| match dialogue.header("dsp pc_timeout") {
+        // It always has port 10004.
+        Some("no") => Ok(()),
+        _ => play(dialogue, &mut FirmwareSide::new(dialogue, &program)),
+    });
 }
 
 #[test]
@@ -349,6 +368,74 @@ impl Side for DspSide {
         let taken = self.simulator.receive(self.simulator.now(), bytes);
         assert_eq!(taken, bytes.len());
         self.collect(at_ms);
+    }
+
+    fn sent(&mut self) -> &mut Sent {
+        &mut self.sent
+    }
+}
+
+/// The DSP in C. It answers each line with the bytes that it sends.
+struct FirmwareSide {
+    child: Child,
+    answers: BufReader<ChildStdout>,
+    sent: Sent,
+}
+
+impl FirmwareSide {
+    fn new(dialogue: &Dialogue, program: &Path) -> FirmwareSide {
+        let is_flying = dialogue.header("flying") == Some("yes");
+        let mut command = Program::new(program);
+        command.arg(dialogue.dsp.name());
+        command.arg(if is_flying { "flying" } else { "ground" });
+        command.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut child = command.spawn().expect("it was compiled a moment ago");
+        let answers = BufReader::new(child.stdout.take().expect("it is piped"));
+        FirmwareSide {
+            child,
+            answers,
+            sent: Sent::default(),
+        }
+    }
+
+    fn ask(&mut self, at_ms: u64, question: &str) {
+        let questions = self.child.stdin.as_mut().expect("it is piped");
+        writeln!(questions, "{question}").expect("it lives");
+        let mut answer = String::new();
+        self.answers.read_line(&mut answer).expect("it answers");
+        assert!(answer.ends_with('\n'), "it died of `{question}`");
+        let bytes: Vec<u8> = answer
+            .split_whitespace()
+            .map(|byte| u8::from_str_radix(byte, 16).expect("a byte"))
+            .collect();
+        self.sent.push(at_ms, &bytes);
+    }
+}
+
+impl Drop for FirmwareSide {
+    fn drop(&mut self) {
+        // The end of its input ends it.
+        drop(self.child.stdin.take());
+        let _ = self.child.wait();
+    }
+}
+
+impl Side for FirmwareSide {
+    const IS_PC: bool = false;
+
+    fn advance(&mut self, at_ms: u64) {
+        self.ask(at_ms, &format!("advance {at_ms}"));
+    }
+
+    fn event(&mut self, at_ms: u64, event: &str) {
+        if event == "reboot" {
+            self.ask(at_ms, &format!("reboot {at_ms}"));
+        }
+    }
+
+    fn receive(&mut self, at_ms: u64, bytes: &[u8]) {
+        let bytes: String = bytes.iter().map(|byte| format!(" {byte:02X}")).collect();
+        self.ask(at_ms, &format!("receive {at_ms}{bytes}"));
     }
 
     fn sent(&mut self) -> &mut Sent {

@@ -12,7 +12,7 @@ use tempfile::TempDir;
 use super::source::{c_place, path};
 
 /// How the codec itself is compiled: as a firmware compiles it.
-const FREESTANDING: [&str; 7] = [
+pub const FREESTANDING: [&str; 7] = [
     "-std=c99",
     "-pedantic",
     "-Wall",

@@ -13,6 +13,7 @@ mod control;
 mod demo;
 mod doctor;
 mod documents;
+mod firmware;
 mod flight;
 mod hostile;
 mod limits;
