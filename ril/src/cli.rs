@@ -19,6 +19,7 @@ use runtime::manual::ManualArgs;
 
 use crate::options::{EXIT_CODES, duration};
 use crate::verbs::check::options::{DoctorArgs, PreflightArgs};
+use crate::verbs::conform::ConformArgs;
 use crate::verbs::demo;
 use crate::verbs::log::options::LogArgs;
 use crate::verbs::mavlink::run::MavlinkArgs;
@@ -228,6 +229,8 @@ pub enum Command {
     Doctor(DoctorArgs),
     /// Check whether the robot is ready to take off: each check with its value, its limit and what to do
     Preflight(PreflightArgs),
+    /// Play the PC against a DSP on the bench: which sentences of docs/protocol.md does it keep?
+    Conform(ConformArgs),
     /// Wait until the robot is up, flies, hovers or has landed, or a value of its telemetry is reached
     Wait(WaitArgs),
     /// Record everything that a robot publishes, as MCAP files

@@ -54,7 +54,8 @@ use verbs::check::{doctor, preflight};
 use verbs::topic::meter::Quantity;
 use verbs::topic::{self, echo, measure};
 use verbs::{
-    demo, log, mavlink, order, param, plan, record, relay, replay, robots, view, wait, watch,
+    conform, demo, log, mavlink, order, param, plan, record, relay, replay, robots, view, wait,
+    watch,
 };
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
@@ -148,6 +149,7 @@ fn run(command: cli::Command) -> Result<(), Failure> {
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Preflight(args) => preflight::preflight(&args),
+        Command::Conform(args) => conform::conform(&args),
         Command::Wait(args) => wait::wait(&args),
         Command::Record(args) => record::record(&args),
         Command::Log(args) => log::log(&args),

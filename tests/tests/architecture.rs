@@ -12,7 +12,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// Each crate and the crates of this workspace that it may depend on.
-const ARROWS: [(&str, &[&str]); 19] = [
+const ARROWS: [(&str, &[&str]); 20] = [
     ("dsp-protocol", &[]),
     ("ipc-types", &[]),
     ("runtime", &[]),
@@ -32,6 +32,7 @@ const ARROWS: [(&str, &[&str]); 19] = [
     ("ros-messages", &["ipc-types"]),
     ("recording", &["ipc-types", "ros-messages"]),
     ("dsp-sim", &["dsp-protocol", "runtime"]),
+    ("conform", &["dsp-protocol"]),
     ("mavlink-gateway", &["dsp-protocol", "ipc-types", "plans"]),
     ("plans", &["bridge", "dsp-protocol", "ipc-types", "runtime"]),
     ("flight-report", &[]),
@@ -40,6 +41,7 @@ const ARROWS: [(&str, &[&str]); 19] = [
         "ril",
         &[
             "bridge",
+            "conform",
             "dsp-protocol",
             "dsp-sim",
             "flight-report",
@@ -106,6 +108,7 @@ const BANS: [Ban; 5] = [
             "module-kit/src",
             "dsp-protocol/src",
             "dsp-sim/src",
+            "conform/src",
             "flight-record/report/src",
             "plans/src",
             "flight-record/recording/src",
@@ -127,6 +130,7 @@ const BANS: [Ban; 5] = [
             "module-kit/src",
             "dsp-protocol/src",
             "dsp-sim/src",
+            "conform/src",
             "flight-record/recording/src",
             "flight-record/replay/src",
             "gateways/relay/src",
@@ -160,6 +164,7 @@ const BANS: [Ban; 5] = [
     Ban {
         paths: &[
             "bridge/src",
+            "conform/src",
             "status/src",
             "plans/src",
             "flight-record/report/src",
