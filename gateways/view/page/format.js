@@ -90,3 +90,17 @@ export function mark(severity) {
 export function word(severity) {
   return (SEVERITIES[severity] ?? SEVERITIES.note)[1];
 }
+
+/** A number with as many digits as a person compares. @param {number|null|undefined} value */
+export function compared(value) {
+  if (!known(value)) return UNKNOWN;
+  const size = Math.abs(/** @type {number} */ (value));
+  return number(value, size === 0 ? 0 : size < 0.01 ? 4 : size < 0.1 ? 3 : size < 1 ? 2 : size < 100 ? 1 : 0);
+}
+
+/** A time since the beginning of a recording, such as 7.3 s or 1:05. @param {number|null|undefined} seconds */
+export function moment(seconds) {
+  if (!known(seconds)) return UNKNOWN;
+  const s = /** @type {number} */ (seconds);
+  return s < 59.95 ? `${s.toFixed(1)} s` : position(Math.round(s));
+}
