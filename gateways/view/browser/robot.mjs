@@ -73,14 +73,13 @@ export class Robot {
     return spawn(RIL, words, { cwd: this.folder, env, stdio });
   }
 
-  /** A command, until its end; gives its exit code, which must be one of these. @param {string} words @param {number[]} codes */
+  /** A command, until its end. Its exit code must be one of these. @param {string} words @param {number[]} codes */
   async command(words, codes = [0]) {
     const child = this.#spawn(words.split(" "), ["ignore", "ignore", "pipe"]);
     let said = "";
     child.stderr.on("data", (bytes) => { said += bytes; });
     const code = await new Promise((done) => child.once("exit", done));
     if (!codes.includes(code)) throw new Error(`ril ${words} ended with ${code}: ${said}`);
-    return code;
   }
 
   /** Starts a process that goes on, and waits until it says this. @param {string} name @param {string[]} words @param {RegExp} sign */

@@ -61,10 +61,10 @@ export function metres(metres) {
   return Math.abs(m) < 1000 ? `${number(m, 0)} m` : `${number(m / 1000, Math.abs(m) < 10000 ? 2 : 1)} km`;
 }
 
-/** Time of day, UTC. @param {number|null|undefined} unixMs */
-export function clock(unixMs) {
+/** Time of day, UTC. @param {number|null|undefined} unixMs @param {boolean} [tenths] whether tenths of a second are of interest */
+export function clock(unixMs, tenths = false) {
   if (!known(unixMs) || Math.abs(/** @type {number} */ (unixMs)) > 8.64e15) return UNKNOWN;
-  return `${new Date(/** @type {number} */ (unixMs)).toISOString().slice(11, 19)}Z`;
+  return `${new Date(/** @type {number} */ (unixMs)).toISOString().slice(11, tenths ? 21 : 19)}Z`;
 }
 
 /** @param {readonly number[]|null|undefined} place */

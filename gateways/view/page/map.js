@@ -207,6 +207,23 @@ function trace(pen, places, closed) {
   if (closed) pen.closePath();
 }
 
+/**
+ * For dashes: only what is near the view, since a browser makes every dash of a line, and one round the Earth has millions.
+ * @param {CanvasRenderingContext2D} pen @param {readonly (readonly number[])[]} places @param {boolean} closed
+ */
+function traceSeen(pen, places, closed) {
+  const seen = L.bounds([-50, -50], map.getSize().add([50, 50]));
+  const all = places.map((at) => L.point(pixel(at)));
+  if (closed) all.push(all[0]);
+  pen.beginPath();
+  for (let index = 1; index < all.length; index++) {
+    const part = L.LineUtil.clipSegment(all[index - 1], all[index], seen);
+    if (!part) continue;
+    pen.moveTo(part[0].x, part[0].y);
+    pen.lineTo(part[1].x, part[1].y);
+  }
+}
+
 /** @param {CanvasRenderingContext2D} pen @param {string} colour @param {number} width @param {number[]} dashes */
 function stroke(pen, colour, width, dashes = []) {
   pen.setLineDash(dashes);
@@ -253,8 +270,9 @@ function drawGrid(pen, zero) {
     return metres(zero, [lat, lng]);
   };
   const [[west, south], [east, north]] = [at(0, height), at(width, 0)];
-  if (!(east > west) || east - west > 4e6) return () => {};
   const step = gridStep((east - west) / width, GRID_PIXELS);
+  // No grid of half the Earth, nor at a pole, where metres to the east are nothing.
+  if (!(east > west) || east - west > 4e6 || (north - south) / step > height) return () => {};
   const lines = [];
   pen.beginPath();
   for (let e = Math.ceil(west / step) * step; e <= east; e += step) {
@@ -293,7 +311,7 @@ function drawArea(pen, area) {
     pen.clip();
     hatch(pen, area.corners);
     pen.restore();
-    trace(pen, area.corners, true);
+    traceSeen(pen, area.corners, true);
     stroke(pen, ink.outside, 2.5, [2, 6]);
   }
   const ceiling = area.ceiling_m === null ? "" : `, up to ${inMetres(area.ceiling_m)}`;
@@ -336,7 +354,7 @@ function hatch(pen, corners) {
 /** @param {CanvasRenderingContext2D} pen @param {[number, number, number][]} path */
 function drawPath(pen, path) {
   if (path.length === 0) return;
-  trace(pen, path, false);
+  traceSeen(pen, path, false);
   stroke(pen, ink.path, 2.5, [9, 7]);
   const reached = model.robot?.movement?.waypoints_reached ?? 0;
   let last = [-99, -99];
@@ -410,7 +428,7 @@ function drawMoving() {
 function drawTarget(pen, from, to) {
   const [x, y] = pixel(to);
   if (from) {
-    trace(pen, [from, to], false);
+    traceSeen(pen, [from, to], false);
     stroke(pen, ink.text, 1.5, [2, 5]);
   }
   pen.beginPath();

@@ -195,7 +195,7 @@ fn no_text_of_a_file_becomes_more_than_text() {
             "{harm}"
         );
         let shown = data(&page)["summary"][0].as_str().unwrap().to_owned();
-        let plain = shown.replace('\u{fffd}', "").replace(' ', "");
+        let plain = shown.replace(['\u{fffd}', ' '], "");
         let letters = harm.chars().filter(|letter| {
             !letter.is_control() && !matches!(letter, ' ' | '\u{202e}' | '\u{feff}' | '\u{ffff}')
         });

@@ -153,9 +153,9 @@ function valueAxis(isLog, low, high) {
   return { ...plot.axis(ink), size: SIDE, space: 30, ...(isLog ? { splits: decades } : {}), values: (_, at) => at.map(label) };
 }
 
-/** @param {number} value */
+/** What stands at a value of an axis; uPlot leaves some of a logarithmic one out. @param {number|null} value */
 function label(value) {
-  return (Math.abs(value) >= 1e6 ? value.toExponential(0) : String(Number(value.toPrecision(6)))).replace("-", "\u2212");
+  return value === null ? "" : (Math.abs(value) >= 1e6 ? value.toExponential(0) : String(Number(value.toPrecision(6)))).replace("-", "\u2212");
 }
 
 /** From which value to which one an axis goes. @param {any} of @param {any[]} curves @returns {[number, number]} */

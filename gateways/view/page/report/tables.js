@@ -77,7 +77,7 @@ function events(flight, jump) {
     const hasClock = flight.start_unix_ms !== null;
     const rows = flight.events.map(({ at_s, weight, text }, index) => make("tr", { id: `event-${index + 1}` },
       make("td", { class: "number" }, String(index + 1)), make("td", { class: "time" }, jumping(flight, index, jump)),
-      ...(hasClock ? [make("td", { class: "time spare" }, clock(flight.start_unix_ms + at_s * 1000))] : []),
+      ...(hasClock ? [make("td", { class: "time spare" }, clock(flight.start_unix_ms + at_s * 1000, true))] : []),
       make("td", { class: "kind", "data-severity": weight }, `${mark(weight)} ${weight}`), make("td", {}, text)));
     const columns = /** @type {[string, string?][]} */ ([["#", "number"], ["Time"], ...(hasClock ? [["UTC", "spare"]] : []), ["Kind"], ["What happened"]]);
     box.append(make("table", {}, head(columns), make("tbody", {}, ...rows)));
