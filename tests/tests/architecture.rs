@@ -12,7 +12,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// Each crate and the crates of this workspace that it may depend on.
-const ARROWS: [(&str, &[&str]); 20] = [
+const ARROWS: [(&str, &[&str]); 19] = [
     ("dsp-protocol", &[]),
     ("ipc-types", &[]),
     ("runtime", &[]),
@@ -35,7 +35,6 @@ const ARROWS: [(&str, &[&str]); 20] = [
     ("conform", &["dsp-protocol"]),
     ("mavlink-gateway", &["dsp-protocol", "ipc-types", "plans"]),
     ("plans", &["bridge", "dsp-protocol", "ipc-types", "runtime"]),
-    ("flight-report", &[]),
     ("replay", &["bridge", "ipc-types", "module-kit", "status"]),
     (
         "ril",
@@ -44,7 +43,6 @@ const ARROWS: [(&str, &[&str]); 20] = [
             "conform",
             "dsp-protocol",
             "dsp-sim",
-            "flight-report",
             "ipc-types",
             "mavlink-gateway",
             "module-kit",
@@ -109,7 +107,6 @@ const BANS: [Ban; 5] = [
             "dsp-protocol/src",
             "dsp-sim/src",
             "conform/src",
-            "flight-record/report/src",
             "plans/src",
             "flight-record/recording/src",
             "flight-record/replay/src",
@@ -167,7 +164,6 @@ const BANS: [Ban; 5] = [
             "conform/src",
             "status/src",
             "plans/src",
-            "flight-record/report/src",
             "module-kit/src/rules.rs",
             "module-kit/src/manager.rs",
             "module-kit/src/completed.rs",

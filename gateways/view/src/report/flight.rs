@@ -1,10 +1,13 @@
 //! [`Flight`]: everything that a report shows, as a plain value. Times are seconds since the beginning of the recording.
 
-use crate::bins::Bins;
-use crate::envelope::Envelope;
+use serde::Serialize;
+
+use super::bins::Bins;
+use super::envelope::Envelope;
+use crate::page::Area;
 
 /// A recorded flight. What the recording does not have is empty, and the report says so.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Flight {
     /// Heading of the report.
     pub title: String,
@@ -31,6 +34,7 @@ pub struct Flight {
     /// Spans without a sample, from and to, s.
     pub gaps: Vec<[f64; 2]>,
     /// Values over time.
+    #[serde(skip)]
     pub plots: Vec<Plot>,
     /// The flight seen from above.
     pub map: Map,
@@ -76,7 +80,8 @@ impl Flight {
 }
 
 /// A colour by its role; the page has each in a light and a dark shade.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Ink {
     /// The first value of a plot.
     Blue,
@@ -95,7 +100,7 @@ pub enum Ink {
 }
 
 /// A state that lasts.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Span {
     /// Its beginning, s.
     pub from_s: f64,
@@ -108,7 +113,7 @@ pub struct Span {
 }
 
 /// A state over time, with a name.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Lane {
     /// What it is the state of, such as `link`.
     pub name: String,
@@ -117,7 +122,8 @@ pub struct Lane {
 }
 
 /// How a request ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// As it was asked for.
     Done,
@@ -129,20 +135,8 @@ pub enum Outcome {
     Open,
 }
 
-impl Outcome {
-    /// In a word.
-    pub fn name(self) -> &'static str {
-        match self {
-            Outcome::Done => "done",
-            Outcome::Refused => "refused",
-            Outcome::Aborted => "aborted",
-            Outcome::Open => "open",
-        }
-    }
-}
-
 /// What the helicopter was asked for.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Request {
     /// When it came, s.
     pub from_s: f64,
@@ -159,7 +153,8 @@ pub struct Request {
 }
 
 /// How much an event matters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Weight {
     /// Something went on as it should.
     Note,
@@ -169,19 +164,8 @@ pub enum Weight {
     Alarm,
 }
 
-impl Weight {
-    /// In a word.
-    pub fn name(self) -> &'static str {
-        match self {
-            Weight::Note => "note",
-            Weight::Warning => "warning",
-            Weight::Alarm => "alarm",
-        }
-    }
-}
-
 /// Something that happened.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Event {
     /// When, s.
     pub at_s: f64,
@@ -189,10 +173,13 @@ pub struct Event {
     pub weight: Weight,
     /// What.
     pub text: String,
+    /// Where, degrees north and east; `None` if it is not known.
+    pub place: Option<[f64; 2]>,
 }
 
 /// How the values of a plot become heights.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Scale {
     /// From the least value to the greatest.
     Auto {
@@ -312,19 +299,10 @@ impl Curve {
             Data::Bars(counts) => counts.total() == 0.0,
         }
     }
-
-    /// The least and the greatest value; `None` if there is none.
-    pub fn range(&self, span_s: f64) -> Option<(f64, f64)> {
-        match &self.data {
-            Data::Line(values) | Data::Dashes(values) => values.range(),
-            Data::Bars(_) if self.is_empty() => None,
-            Data::Bars(counts) => Some((0.0, counts.greatest_rate(span_s))),
-        }
-    }
 }
 
 /// A line across a plot.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Limit {
     /// Its name.
     pub name: String,
@@ -332,41 +310,21 @@ pub struct Limit {
     pub value: f64,
 }
 
-/// A place, metres east and north of the first place of the flight.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
-    /// m.
-    pub east_m: f64,
-    /// m.
-    pub north_m: f64,
-}
-
-/// An area of a fence.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Area {
-    /// Whether the helicopter must stay inside; otherwise it must stay outside.
-    pub is_inclusion: bool,
-    /// Corners in order; the last one is joined with the first.
-    pub corners: Vec<Place>,
-}
-
-/// The flight seen from above.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// The flight seen from above. Places are degrees north and east.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Map {
     /// Where the helicopter was, in order.
-    pub track: Vec<Place>,
+    pub track: Vec<[f64; 2]>,
+    /// When it was there, s; beside each place of `track`.
+    pub track_s: Vec<f64>,
     /// Waypoints of a plan, in order.
-    pub plan: Vec<Place>,
+    pub plan: Vec<[f64; 2]>,
     /// The fence.
     pub fence: Vec<Area>,
-    /// Where something happened: the number of an event in [`Flight::events`], from 0.
-    pub events: Vec<(usize, Place)>,
-    /// Where the zero lies: degrees north and east, if it is known.
-    pub zero_deg: Option<[f64; 2]>,
 }
 
 /// A table of names and values.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Table {
     /// What it is about.
     pub title: String,
