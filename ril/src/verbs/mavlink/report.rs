@@ -277,8 +277,8 @@ mod tests {
             "robot       1, system 1\n\
              helicopter  heard for 12.3s\n\
              station     255/190 at 127.0.0.1:14550, there for 30s, may command, last message 450 ms ago\n            \
-             4 commands taken, 1 refused, last 2s ago; the movement under way is its own\n\
-             station     245/190 at 127.0.0.1:40000, there for 20s, may not command, last message 11s ago (lost)\n            \
+             4 commands taken, 1 refused, last 2000 ms ago; the movement under way is its own\n\
+             station     245/190 at 127.0.0.1:40000, there for 20s, may not command, last message 11000 ms ago (lost)\n            \
              0 commands taken, 0 refused, last never\n\
              frames      990 read; 4711 datagrams sent, 0 dropped\n\
              refused     7 with a message that is not read, 3 with a wrong checksum\n\
