@@ -5,6 +5,7 @@
 //! see.
 //!
 //! * [`wire`]: frames and their checksums; [`message`]: the messages; `received`: what is read of one; [`number`]: the protocol's numbers;
+//! * `signing`: whose frames they are;
 //! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`, `identity`: the same in messages;
 //! * `stations`, `streams`, `texts`: to whom what is sent, and when;
 //! * `decide`: what a command asks for; `commands`: each at most once; `verdict`: how it is answered;
@@ -12,6 +13,7 @@
 //! * `gateway`: all of it as one value.
 
 mod commands;
+mod counts;
 mod decide;
 mod event;
 mod gateway;
@@ -23,6 +25,7 @@ pub mod number;
 mod parameters;
 mod received;
 mod settings;
+mod signing;
 mod stations;
 mod streams;
 mod telemetry;
@@ -36,6 +39,7 @@ pub use event::{Datagram, Event, Order, OrderKind};
 pub use gateway::Gateway;
 pub use mode::Mode;
 pub use settings::{Settings, StationLost};
+pub use signing::{Key, Signing, timestamp};
 pub use stations::{MAX_STATIONS, SILENCE};
 pub use streams::Stream;
 pub use verdict::{Answer, answer_of};

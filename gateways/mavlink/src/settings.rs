@@ -22,8 +22,10 @@ pub struct Settings {
     pub system: u8,
     /// Stations that are sent a heartbeat unasked.
     pub stations: Vec<SocketAddr>,
-    /// Systems that may command; all if it is empty.
+    /// Systems that may command; if it is empty, all on this machine and all that sign.
     pub commanders: Vec<u8>,
+    /// Whether stations on other machines are taken that do not sign.
+    pub is_insecure: bool,
     /// Altitude above sea of telemetry's zero, m, if it is known.
     pub zero_above_sea_m: Option<f64>,
     /// Height of a take-off that names none, m.
@@ -44,6 +46,7 @@ impl Default for Settings {
             system: 1,
             stations: Vec::new(),
             commanders: Vec::new(),
+            is_insecure: false,
             zero_above_sea_m: None,
             take_off_m: 10.0,
             lost_after: Duration::from_secs(2),

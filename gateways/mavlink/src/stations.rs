@@ -84,6 +84,14 @@ pub struct Station {
     pub heard: MonotonicNs,
     /// Whether that was too long ago.
     pub is_lost: bool,
+    /// Since when it is there.
+    pub since: MonotonicNs,
+    /// When its last command became an order.
+    pub last_command: Option<MonotonicNs>,
+    /// How many of its commands did.
+    pub commands: u64,
+    /// How many were answered with a refusal.
+    pub refused: u64,
 }
 
 impl Stations {
@@ -115,6 +123,10 @@ impl Stations {
             sender,
             heard: now,
             is_lost: false,
+            since: now,
+            last_command: None,
+            commands: 0,
+            refused: 0,
         });
         match self.route(sender.address) {
             // What the new station has not seen is sent at once.
@@ -135,6 +147,26 @@ impl Stations {
         let known = self.heard.iter_mut().find(|one| one.sender == sender);
         let touch = |one: &mut Station| (one.heard, one.is_lost) = (now, false);
         known.map(touch).is_some()
+    }
+
+    /// A command of a station became an order.
+    pub fn count_command(&mut self, sender: Sender, now: MonotonicNs) {
+        if let Some(one) = self.heard.iter_mut().find(|one| one.sender == sender) {
+            one.commands += 1;
+            one.last_command = Some(now);
+        }
+    }
+
+    /// A command of a station was refused.
+    pub fn count_refusal(&mut self, sender: Sender) {
+        if let Some(one) = self.heard.iter_mut().find(|one| one.sender == sender) {
+            one.refused += 1;
+        }
+    }
+
+    /// All that are there.
+    pub fn all(&self) -> &[Station] {
+        &self.heard
     }
 
     /// Those that are lost since the last call.

@@ -5,5 +5,6 @@ mod commands;
 mod common;
 mod parameters;
 mod script;
+mod signing;
 mod stations;
 mod telemetry;

@@ -1,6 +1,7 @@
 //! Several stations, and a station that is lost.
 
-use ipc_types::code::{Functionality, Reason, Stage};
+use ipc_types::code::{Functionality, LinkState, MavlinkVehicle, Reason, Stage};
+use ipc_types::payload::MavlinkStations;
 use mavlink_gateway::{Order, OrderKind, Settings, StationLost};
 
 use crate::common::{HERE, QGC, SCRIPT, Sent, Station, World, acks, reposition, texts};
@@ -185,4 +186,51 @@ fn two_stations_share_the_helicopter() {
     world.tick(3_000);
     world.receive(QGC, &QGC.frame(&there));
     assert!(world.orders()[0].preempts, "a hold may be replaced by each");
+}
+
+#[test]
+fn the_gateway_says_which_stations_there_are_and_what_it_did_not_take() {
+    let mut world = flying(StationLost::Continue);
+    let path = go_to(&mut world, SCRIPT);
+    // A refusal, and what is no frame, no message of ours, and no right checksum.
+    world.command(QGC, 400, [0.0; 7]);
+    let mut unknown = QGC.frame(&reposition(0, 1, 1, 1.0));
+    unknown[8] = 99;
+    let mut wrong = QGC.frame(&reposition(0, 1, 1, 1.0));
+    wrong[12] ^= 1;
+    for bytes in [vec![0x55; 9], unknown, wrong] {
+        world.receive(QGC, &bytes);
+    }
+    let mut sample = MavlinkStations {
+        sequence: 7,
+        ..MavlinkStations::default()
+    };
+    world.gateway.describe(&mut sample, world.now);
+    assert_eq!(sample.sequence, 7, "that is the publisher's");
+    assert!(sample.is_heard() && sample.frames_read > 3 && sample.datagrams_sent > 3);
+    assert_eq!(
+        [
+            sample.refused_unreadable,
+            sample.refused_unknown,
+            sample.refused_checksum,
+            sample.refused_full
+        ],
+        [1, 1, 1, 0]
+    );
+    let [qgc, script] = sample.stations() else {
+        panic!("{:?}", sample.stations())
+    };
+    assert_eq!(qgc.address(), Some("127.0.0.1:14550"));
+    assert_eq!((qgc.refused, qgc.commands, qgc.has_movement), (1, 0, 0));
+    assert_eq!((script.commands, script.has_movement), (1, 1));
+    assert_eq!(script.last_command(), Some(path.issued));
+    world.report(&path, Stage::Done, Reason::None);
+    silence_but_of(&mut world, QGC, 11);
+    world.state.link.state = LinkState::Silent.code();
+    world.tick(20);
+    world.gateway.describe(&mut sample, world.now);
+    assert_eq!(sample.vehicle(), Some(MavlinkVehicle::LinkDown));
+    assert_eq!(sample.since_ns, world.now.0);
+    let script = sample.stations()[1];
+    assert_eq!((script.is_lost, script.has_movement), (1, 0));
 }

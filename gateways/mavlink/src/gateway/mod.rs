@@ -11,24 +11,27 @@
 //!
 //! What becomes of it later is a text to all stations.
 //!
-//! `orders`: commands become orders, and reports become answers; `lost`: what becomes of those of a station that is lost; `output`: what is sent; `parameters`: what is asked about them; `pending`: an order on its way.
+//! `orders`: commands become orders, and reports become answers; `lost`: what becomes of those of a station that is lost; `output`: what is sent; `parameters`: what is asked about them; `pending`: an order on its way;
+//! `shown`: what the gateway says of itself.
 
 mod lost;
 mod orders;
 mod output;
 mod parameters;
 mod pending;
+mod shown;
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ModuleStatus, SafetyAction};
+use ipc_types::code::{MavlinkVehicle, ModuleStatus, SafetyAction};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 
 use self::pending::Pending;
 use crate::commands::Commands;
+use crate::counts::Counts;
 use crate::event::{Datagram, Event, Order};
 use crate::home::Home;
 use crate::message::{FILE_TRANSFER_PROTOCOL, MISSION_ACK, MISSION_COUNT, PING, TIMESYNC};
@@ -36,6 +39,7 @@ use crate::number::{COMPONENT, Severity};
 use crate::parameters::Parameters;
 use crate::received::{MissionRequest, Received};
 use crate::settings::Settings;
+use crate::signing::{Forged, Signing};
 use crate::stations::{Entry, Sender, Stations};
 use crate::telemetry::Signature;
 use crate::texts::Texts;
@@ -58,13 +62,19 @@ pub struct Gateway {
     stations: Stations,
     commands: Commands,
     texts: Texts,
+    signing: Option<Signing>,
+    /// Of the newest input.
+    moment: MonotonicNs,
     parameters: Parameters,
     pending: Vec<Pending>,
     last_number: u64,
     last_hold: Option<MonotonicNs>,
     shown: Option<Signature>,
-    rejected: u64,
-    rejected_logged: MonotonicNs,
+    counts: Counts,
+    /// What of them is in the log, and since when.
+    rejected_logged: (u64, MonotonicNs),
+    /// Whether the helicopter is heard, in the words for programs, and since when.
+    told_vehicle: (MavlinkVehicle, MonotonicNs),
     datagrams: VecDeque<Datagram>,
     orders: VecDeque<Order>,
     events: VecDeque<Event>,
@@ -80,17 +90,32 @@ impl Gateway {
             home: Home::default(),
             commands: Commands::default(),
             texts: Texts::default(),
+            signing: None,
+            moment: MonotonicNs(0),
             parameters: Parameters::default(),
             pending: Vec::new(),
             last_number: 0,
             last_hold: None,
             shown: None,
-            rejected: 0,
-            rejected_logged: MonotonicNs(0),
+            counts: Counts::default(),
+            rejected_logged: (0, MonotonicNs(0)),
+            told_vehicle: (MavlinkVehicle::NoState, MonotonicNs(0)),
             datagrams: VecDeque::new(),
             orders: VecDeque::new(),
             events: VecDeque::new(),
         }
+    }
+
+    /// The same, which signs its frames, and takes none of other machines without a signature.
+    #[must_use]
+    pub fn signing(mut self, signing: Signing) -> Gateway {
+        self.signing = Some(signing);
+        self
+    }
+
+    /// A timestamp of signatures that is to be kept for the next start, if there is another one.
+    pub fn poll_timestamp(&mut self) -> Option<u64> {
+        self.signing.as_mut()?.take_kept()
     }
 
     /// A sample of telemetry has come.
@@ -127,20 +152,44 @@ impl Gateway {
 
     /// A datagram has come.
     pub fn datagram(&mut self, from: SocketAddr, bytes: &[u8], now: MonotonicNs) {
+        self.moment = now;
         for frame in frames(bytes) {
             match frame {
-                Ok(frame) => self.frame(from, &frame, now),
-                Err(_) => self.rejected += 1,
+                Ok(frame) if self.is_taken(from, &frame, now) => {
+                    self.counts.frames_read += 1;
+                    self.frame(from, &frame, now);
+                }
+                Ok(_) => {}
+                Err(why) => self.counts.reject(why),
             }
         }
-        if self.rejected > 0 && now.since(self.rejected_logged) >= REJECTED_PERIOD {
+        let (logged, moment) = self.rejected_logged;
+        let rejected = self.counts.suspicious();
+        if rejected > logged && now.since(moment) >= REJECTED_PERIOD {
+            self.rejected_logged = (rejected, now);
             let text = format!(
-                "{} frames were not read, the last from {from}",
-                self.rejected
+                "{} frames were not taken, the last from {from}: `ril mavlink status` shows why",
+                rejected - logged
             );
-            (self.rejected, self.rejected_logged) = (0, now);
             self.note(Event::Warning(text));
         }
+    }
+
+    /// Whether a frame comes from where its sender may be without a signature, or has a right one.
+    fn is_taken(&mut self, from: SocketAddr, frame: &Frame<'_>, now: MonotonicNs) -> bool {
+        let count = match (&mut self.signing, &frame.signature) {
+            (Some(signing), Some(signature)) => {
+                match signing.check((frame.system, frame.component), signature, now) {
+                    Ok(()) => return true,
+                    Err(Forged::Signature) => &mut self.counts.signature,
+                    Err(Forged::Replayed) => &mut self.counts.replayed,
+                }
+            }
+            _ if from.ip().is_loopback() || self.settings.is_insecure => return true,
+            _ => &mut self.counts.unsigned,
+        };
+        *count += 1;
+        false
     }
 
     fn frame(&mut self, from: SocketAddr, frame: &Frame<'_>, now: MonotonicNs) {
@@ -211,7 +260,7 @@ impl Gateway {
             Entry::Known => return,
             Entry::New => format!("{sender} at {} has come", sender.address),
             Entry::Full => {
-                self.rejected += 1;
+                self.counts.full += 1;
                 return;
             }
         };
@@ -244,6 +293,7 @@ impl Gateway {
     }
 
     fn look(&mut self, now: MonotonicNs) {
+        self.moment = now;
         match self.vehicle.look(now) {
             None => {}
             Some(Heard::Lost) => {
@@ -252,6 +302,10 @@ impl Gateway {
                 self.shown = None;
             }
             Some(_) => self.say_to_all(Severity::Info, "the helicopter is heard", now),
+        }
+        let vehicle = self.vehicle.shown(now);
+        if vehicle != self.told_vehicle.0 || self.told_vehicle.1.0 == 0 {
+            self.told_vehicle = (vehicle, now);
         }
     }
 
