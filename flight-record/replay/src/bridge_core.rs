@@ -171,7 +171,7 @@ impl Core for BridgeCore {
 
     fn count(output: &Output<'_>, verdict: &mut JournalVerdict) {
         match output {
-            Output::Telemetry(_) => verdict.samples += 1,
+            Output::Telemetry(sample) => verdict.count_sample(sample.received_ns),
             Output::State(_) => verdict.states += 1,
             Output::Report(..) => verdict.reports += 1,
             Output::Sent(bytes) => verdict.bytes_sent += bytes.len() as u64,

@@ -115,7 +115,7 @@ impl Core for Snapshot {
 
     fn count(output: &Output, verdict: &mut JournalVerdict) {
         match output {
-            Output::Telemetry(_) => verdict.samples += 1,
+            Output::Telemetry(sample) => verdict.count_sample(sample.received_ns),
             Output::State(_) => verdict.states += 1,
         }
     }

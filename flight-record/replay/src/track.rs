@@ -142,6 +142,11 @@ impl<C: Core> Track<C> {
         }
     }
 
+    /// See [`JournalVerdict::since`].
+    pub fn since(&mut self, first: MonotonicNs) {
+        self.drive.tally.verdict.since = first;
+    }
+
     /// Takes the next sample of the topic.
     pub fn take<P: JournalPiece>(&mut self, piece: &P) {
         let Track { reader, drive } = self;

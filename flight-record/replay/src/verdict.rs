@@ -32,6 +32,11 @@ pub struct JournalVerdict {
     pub inputs: u64,
     /// Samples that are the same.
     pub samples: u64,
+    /// Of these, samples that the bridge received before `since`, of which the recording has nothing but the journal: that begins with
+    /// its process, and waits for the first recorder.
+    pub samples_before: u64,
+    /// When the first sample of the recording was received; 0 if that is not known.
+    pub since: MonotonicNs,
     /// States that are the same.
     pub states: u64,
     /// Reports that are the same.
@@ -79,6 +84,12 @@ impl JournalVerdict {
             && self.difference_count == 0
             && self.damaged == 0
             && self.foreign == 0
+    }
+
+    /// Counts a sample that is the same.
+    pub(crate) fn count_sample(&mut self, received_ns: u64) {
+        self.samples += 1;
+        self.samples_before += u64::from(received_ns < self.since.0);
     }
 
     /// Whether there is nothing of this journal.

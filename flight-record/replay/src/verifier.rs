@@ -1,8 +1,8 @@
 //! [`Verifier`]: the journals of a robot to a verdict.
 
 use bridge::BridgeConfig;
-use ipc_types::Topic;
 use ipc_types::payload::{BridgeJournal, SharedStruct, StatusJournal};
+use ipc_types::{MonotonicNs, Topic};
 use status::config::Config;
 use status::journal::Snapshot;
 
@@ -47,6 +47,14 @@ impl Verifier {
     #[must_use]
     pub fn against_status(mut self, config: Config) -> Verifier {
         self.status = Track::new(Some(config));
+        self
+    }
+
+    /// The recording has samples from these moments on, of bridge and status: when the first of each was received.
+    #[must_use]
+    pub fn since(mut self, [bridge, status]: [MonotonicNs; 2]) -> Verifier {
+        self.bridge.since(bridge);
+        self.status.since(status);
         self
     }
 

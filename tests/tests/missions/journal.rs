@@ -4,8 +4,8 @@ use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
 use bridge::BridgeConfig;
-use ipc_types::Topic;
 use ipc_types::payload::{BridgeJournal, HeroTelemetry, SharedStruct, StatusJournal};
+use ipc_types::{MonotonicNs, Topic};
 use proptest::prelude::*;
 use replay::{Comparison, JournalVerdict, Keeper, Kept, Verifier, renew};
 use status::config::Config;
@@ -87,6 +87,29 @@ fn a_mission_is_verified_in_one_span_with_all_that_was_said() {
         bytes(verdict.bytes),
         bytes(verdict_of_status.status.bytes),
         seconds / took.as_secs_f64(),
+    );
+}
+
+/// A recorder that joins late gets the whole journal, and samples from then on.
+#[test]
+fn samples_of_before_the_recording_are_counted_apart() {
+    let mission = &*MISSION;
+    let span = verify(&mission.bridge).spans[0];
+    let middle = MonotonicNs(span.from.0 / 2 + span.to.0 / 2);
+    let mut verifier = Verifier::new().since([middle, span.to + Duration::from_secs(1)]);
+    for piece in &mission.bridge {
+        verifier.take(BridgeJournal::KEY, piece.bytes());
+    }
+    for piece in &mission.status {
+        verifier.take(StatusJournal::KEY, piece.bytes());
+    }
+    let both = verifier.finish();
+    let (bridge, status) = (&both.bridge, &both.status);
+    let share = bridge.samples_before as f64 / bridge.samples as f64;
+    assert!((0.4..0.6).contains(&share), "{share}");
+    assert_eq!(
+        (status.samples_before, status.samples),
+        (bridge.samples, bridge.samples)
     );
 }
 

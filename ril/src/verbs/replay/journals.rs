@@ -4,8 +4,9 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
 
-use ipc_types::RobotId;
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
+use ipc_types::{MonotonicNs, RobotId, Topic};
 use recording::play::key_of;
 use recording::read::{ReadError, RecordFile, RecordedMessage, messages};
 use replay::kept::{MAGIC, NotKept, is_kept};
@@ -13,6 +14,9 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 
 /// Topics of which verification needs every message.
 const JOURNALS: [&str; 2] = ["bridge/journal", "status/journal"];
+
+/// Telemetry comes within some hundred messages of a recording, unless the robot was started later: then its journals begin later, too.
+const MOST_LOOKED_AT: usize = 100_000;
 
 /// Opens a recording.
 pub(super) fn open(file: &Path) -> Result<RecordFile, Failure> {
@@ -53,6 +57,32 @@ pub(super) fn piece(message: &RecordedMessage, robot: RobotId) -> Option<(&str, 
     let (of, key) = key_of(message.topic())?;
     let sample = message.data().strip_prefix(&CDR_HEADER)?;
     (of == robot && JOURNALS.contains(&key)).then_some((key, sample))
+}
+
+/// When the first sample of bridge and of status in the record was received, by the clock of then; 0 without one among the first
+/// [`MOST_LOOKED_AT`] messages.
+pub(super) fn first_samples(record: &RecordFile, robot: RobotId) -> [MonotonicNs; 2] {
+    let mut first = [None; 2];
+    for message in messages(record).take(MOST_LOOKED_AT).flatten() {
+        let Some(sample) = message.data().strip_prefix(&CDR_HEADER) else {
+            continue;
+        };
+        match key_of(message.topic()) {
+            Some((of, DspTelemetry::KEY)) if of == robot => {
+                let sample = DspTelemetry::from_bytes(sample);
+                first[0] = first[0].or(sample.map(|sample| sample.received_ns));
+            }
+            Some((of, HeroTelemetry::KEY)) if of == robot => {
+                let sample = HeroTelemetry::from_bytes(sample);
+                first[1] = first[1].or(sample.map(|sample| sample.received_ns));
+            }
+            _ => {}
+        }
+        if first.iter().all(Option::is_some) {
+            break;
+        }
+    }
+    first.map(|received_ns| MonotonicNs(received_ns.unwrap_or_default()))
 }
 
 /// The bytes of a file that is a kept flight by its first bytes; `None` for everything else.

@@ -5,10 +5,9 @@ mod tests;
 
 use std::fmt;
 use std::io::{self, Write};
-use std::path::Path;
 use std::time::Duration;
 
-use ipc_types::MonotonicNs;
+use ipc_types::{MonotonicNs, RobotId};
 use recording::play::{anchor_of, key_of};
 use recording::read::{RecordFile, messages};
 use replay::{Comparison, Difference, JournalVerdict, Verifier};
@@ -16,7 +15,7 @@ use runtime::duration::Shown;
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
-use super::journals::{first_robot, kept_flight, open, piece, refuse_kept};
+use super::journals::{first_robot, first_samples, kept_flight, open, piece, refuse_kept};
 use super::options::ReplayArgs;
 use crate::render::fields::Meaning;
 use crate::render::json_line;
@@ -45,7 +44,12 @@ pub(super) fn verify(args: &ReplayArgs) -> Result<(), Failure> {
             taken.map_err(|error| refuse_kept(&args.file, &error))?;
             Driven::default()
         }
-        None => drive(&open(&args.file)?, &args.file, &mut verifier)?,
+        None => {
+            let record = open(&args.file)?;
+            let robot = first_robot(&record, &args.file)?;
+            verifier = verifier.since(first_samples(&record, robot));
+            drive(&record, robot, &mut verifier)
+        }
     };
     let verdict = verifier.finish();
     let name = args.file.display().to_string();
@@ -88,8 +92,7 @@ struct Driven {
 }
 
 /// Gives the journals to the verifier.
-fn drive(record: &RecordFile, file: &Path, verifier: &mut Verifier) -> Result<Driven, Failure> {
-    let robot = first_robot(record, file)?;
+fn drive(record: &RecordFile, robot: RobotId, verifier: &mut Verifier) -> Driven {
     let anchor = anchor_of(record);
     let mut first_ns = None;
     let mut recorded = [0; 2];
@@ -119,7 +122,7 @@ fn drive(record: &RecordFile, file: &Path, verifier: &mut Verifier) -> Result<Dr
             .saturating_sub(before_ns)
     });
     let start = Some(MonotonicNs(ahead_ns.unwrap_or_default()));
-    Ok(Driven { start, recorded })
+    Driven { start, recorded }
 }
 
 /// Name of the JSON object's layout.
@@ -152,6 +155,8 @@ pub struct Verification {
 struct JournalFigures {
     inputs: u64,
     samples: u64,
+    /// Of these, samples of before the first one in the file.
+    samples_before: u64,
     /// Samples in the file, the compared ones among them; 0 if it has the journals alone.
     samples_recorded: u64,
     states: u64,
@@ -263,6 +268,7 @@ impl JournalFigures {
         JournalFigures {
             inputs: verdict.inputs,
             samples: verdict.samples,
+            samples_before: verdict.samples_before,
             samples_recorded: recorded,
             states: verdict.states,
             reports: verdict.reports,
@@ -279,9 +285,15 @@ impl JournalFigures {
 }
 
 impl JournalFigures {
-    /// Whether the file has samples that were not compared: before the first snapshot, and after a loss.
+    /// Whether the file has samples that were not compared: before the first snapshot, after a loss, and at the end, of which the
+    /// journal comes later than the samples.
     fn is_part(&self) -> bool {
-        self.samples_recorded > self.samples
+        self.samples_recorded > self.of_file()
+    }
+
+    /// Samples that are the same, of those in the file.
+    fn of_file(&self) -> u64 {
+        self.samples.saturating_sub(self.samples_before)
     }
 
     /// Samples that are the same, of those that the file has.
@@ -289,7 +301,7 @@ impl JournalFigures {
         match self.is_part() {
             true => format!(
                 "{} of {}",
-                self.samples,
+                self.of_file(),
                 count(self.samples_recorded, "sample")
             ),
             false => count(self.samples, "sample"),

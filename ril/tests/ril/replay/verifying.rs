@@ -19,7 +19,9 @@ fn rig() -> Sandbox {
     fs::write(rig.path("real.mcap"), &RECORDED.file).unwrap();
     fs::copy(kept(), rig.path("demo.kept")).unwrap();
     rig.write("same.toml", &RECORDED.config);
-    let other = format!("{}\n[safety.battery_v]\nwarn = 99.0\n", RECORDED.config);
+    // The flight may be shorter than a supply must be low by default.
+    let other = "[safety]\nsupply_for_s = 0.1\nbattery_v = { warn = 99.0 }\n";
+    let other = format!("{}\n{other}", RECORDED.config);
     rig.write("other.toml", &other);
     rig.write("wrong.toml", "[movement]\nnonsense = 1\n");
     rig

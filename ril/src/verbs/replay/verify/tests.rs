@@ -118,6 +118,18 @@ fn a_journal_that_does_not_reach_over_the_whole_file_is_no_proof_of_the_whole() 
     }
 }
 
+/// A journal begins with its process: what it has of before the recording is no part of that.
+#[test]
+fn samples_of_before_the_recording_hide_none_that_is_missing_in_it() {
+    let mut journal = verdict(175, Vec::new());
+    journal.bridge.samples_before = 10;
+    let part = Verification::new(&journal, &of([170, 0], false)).to_string();
+    assert!(part.contains("as far as the journals reach\n"), "{part}");
+    assert!(part.contains("the same: 165 of 170 samples,"), "{part}");
+    let whole = Verification::new(&journal, &of([165, 0], false)).to_string();
+    assert!(whole.contains("the same, bit for bit\n"), "{whole}");
+}
+
 #[test]
 fn with_another_configuration_only_the_first_difference_is_sure() {
     let two = || vec![difference("requests", "waypoint", "1", "2"); 2];
