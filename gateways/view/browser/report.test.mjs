@@ -298,6 +298,7 @@ attempted("a recorded flight has its phases, its requests and the fence that was
     for (const phase of ["taking off", "flying the path", "landing"]) assert.ok(timeline.includes(phase), timeline);
     const requests = await page.locator("#requests tbody tr").allInnerTexts();
     for (const request of ["takeoff", "goto", "land"]) assert.ok(requests.some((row) => row.includes(request)), JSON.stringify(requests));
+    assert.match(await text(page, "#plot-altitude figcaption"), /GPS[^]*asked for/);
     assert.match(await text(page, "#track-key"), /fence: stay inside/);
     assert.match(await text(page, "#map-words"), /plan of \d waypoints?; fence of \d areas/);
     assert.match(await text(page, "#events"), /took off/);

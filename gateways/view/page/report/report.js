@@ -145,7 +145,11 @@ function paper(is) {
     map.resized();
     map.whole();
   }
-  document.querySelectorAll("details").forEach((one) => { one.open = is; });
+  // Paper has the table that is folded on the screen.
+  for (const one of document.querySelectorAll(is ? "details:not([open])" : "details[data-unfolded]")) {
+    one.toggleAttribute("open", is);
+    one.toggleAttribute("data-unfolded", is);
+  }
 }
 
 function main() {

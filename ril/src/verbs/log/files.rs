@@ -175,6 +175,7 @@ pub(super) fn of_flight() -> LogGroups {
         TelemetryGroup::GpsQuality,
         TelemetryGroup::Supply,
         TelemetryGroup::RotorSpeed,
+        TelemetryGroup::References,
     ];
     LogGroups {
         telemetry: groups.into_iter().collect(),

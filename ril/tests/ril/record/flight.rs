@@ -204,7 +204,14 @@ fn a_flight_is_recorded_as_a_consumer_saw_it() {
     let report = json(&rig.run(&report, 0).stdout[0]);
     assert_eq!(report["samples"], summary["rows"], "{report:#}");
     let page = std::fs::read_to_string(rig.folder().join("report.html")).unwrap();
-    for expected in ["taking off", "landing", "Requests", "takeoff", "ril.flight"] {
+    for expected in [
+        "taking off",
+        "landing",
+        "Requests",
+        "takeoff",
+        "\"name\":\"asked for\"",
+        "ril.flight",
+    ] {
         assert!(page.contains(expected), "{expected}");
     }
     // A file that its recorder did not finish says what its chunks have.
