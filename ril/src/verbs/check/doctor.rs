@@ -26,7 +26,7 @@ pub fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     let common = &args.machine.common;
     runtime::logging::init(common.verbosity())?;
     let (sim, view) = (args.sim.as_deref(), gather::view(args.view.as_deref()));
-    let report = match common.check_config {
+    let report = match common.settings.check_config {
         true => {
             let (mut files, _) = gather::files(&args.machine, sim, None, None);
             files.extend(view.0);

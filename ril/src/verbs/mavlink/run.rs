@@ -30,7 +30,10 @@ pub struct MavlinkArgs {
 ///
 /// Exit code 78 when the configuration is wrong.
 pub fn check_config(args: &MavlinkArgs) -> Result<Resulting, Failure> {
-    let (file, default) = (args.common.config.as_deref(), Path::new(DEFAULT_FILE));
+    let (file, default) = (
+        args.common.settings.config.as_deref(),
+        Path::new(DEFAULT_FILE),
+    );
     Ok(Resulting::load::<MavlinkConfig>(file, default, EXAMPLE)?)
 }
 
@@ -40,7 +43,7 @@ pub fn check_config(args: &MavlinkArgs) -> Result<Resulting, Failure> {
 ///
 /// Code 1 when the port is in use, 78 when the configuration is wrong.
 pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
-    if args.common.check_config {
+    if args.common.settings.check_config {
         return check_config(args)?.print();
     }
     let Some(set_up) = SetUp::<MavlinkConfig>::begin(&args.common, DEFAULT_FILE)? else {
