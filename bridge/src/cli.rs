@@ -33,7 +33,7 @@ pub struct Args {
 /// Exit code 78 when the configuration is wrong.
 pub fn check_config(args: &Args) -> Result<Resulting, Failure> {
     let (file, default) = (
-        args.common.config.as_deref(),
+        args.common.settings.config.as_deref(),
         Path::new(DEFAULT_CONFIG_FILE),
     );
     let loaded = runtime::config::load::<BridgeConfig>(file, default)?;
@@ -50,7 +50,7 @@ pub fn check_config(args: &Args) -> Result<Resulting, Failure> {
 /// # Errors
 /// Exit code 78 when the configuration is wrong, 1 when shared memory cannot be used or another bridge of the robot runs.
 pub fn run(args: Args) -> Result<(), Failure> {
-    if args.common.check_config {
+    if args.common.settings.check_config {
         return check_config(&args)?.print();
     }
     let check = |config: &mut BridgeConfig| {
@@ -64,7 +64,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         return Ok(());
     };
     let ipc = set_up.join("bridge")?;
-    let explicit = args.common.config.as_deref();
+    let explicit = args.common.settings.config.as_deref();
     let read_fence = || {
         runtime::config::load::<BridgeConfig>(explicit, Path::new(DEFAULT_CONFIG_FILE))
             .map(|loaded| loaded.value.fence)

@@ -84,7 +84,10 @@ impl SimArgs {
 ///
 /// Exit code 78 when the configuration or the script is wrong.
 pub fn check_config(args: &SimArgs) -> Result<Resulting, Failure> {
-    let (file, default) = (args.common.config.as_deref(), Path::new(DEFAULT_FILE));
+    let (file, default) = (
+        args.common.settings.config.as_deref(),
+        Path::new(DEFAULT_FILE),
+    );
     let mut resulting = Resulting::load::<Config>(file, default, include_str!("../dsp-sim.toml"))?;
     if let Some(faults) = &args.faults {
         config::load::<Script>(Some(faults), faults)?;
@@ -106,11 +109,11 @@ pub fn check_config(args: &SimArgs) -> Result<Resulting, Failure> {
 /// The configuration or the script of faults is wrong (exit code 78), the link cannot be made (2), or there is no
 /// pseudo-terminal (1); the failure names the next step.
 pub fn run(args: SimArgs) -> Result<(), Failure> {
-    if args.common.check_config {
+    if args.common.settings.check_config {
         return check_config(&args)?.print();
     }
     logging::init(args.common.verbosity())?;
-    let file = args.common.config.as_deref();
+    let file = args.common.settings.config.as_deref();
     let loaded = config::load::<Config>(file, Path::new(DEFAULT_FILE))?;
     let mut config = loaded.value;
     if let Some(seed) = args.seed {

@@ -228,14 +228,15 @@ impl<C: DeserializeOwned + Default + Debug> SetUp<C> {
         check: impl FnOnce(&mut C) -> Result<(), Fault>,
     ) -> Result<Option<SetUp<C>>, Failure> {
         logging::init(args.verbosity())?;
-        let mut loaded = config::load::<C>(args.config.as_deref(), Path::new(default_file))?;
+        let mut loaded =
+            config::load::<C>(args.settings.config.as_deref(), Path::new(default_file))?;
         let file = match &loaded.file {
             Some(file) => file.display().to_string(),
             None => "built-in defaults".to_owned(),
         };
         check(&mut loaded.value).map_err(|fault| loaded.refuse(&fault))?;
         tracing::debug!(%file, config = ?loaded.value, "configuration");
-        if args.check_config {
+        if args.settings.check_config {
             tracing::info!(%file, "the configuration is right");
             return Ok(None);
         }

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use clap::error::ErrorKind;
 use clap::{ArgAction, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
-use runtime::args::CommonArgs;
+use runtime::args::SettingsArgs;
 use runtime::manual::ManualArgs;
 
 use crate::options::{EXIT_CODES, duration};
@@ -272,8 +272,8 @@ pub struct ProcessArgs<A: Args> {
 
 impl<A: Args> ProcessArgs<A> {
     /// Whether only the configuration is to be printed, as JSON.
-    pub fn prints_config(&self, common: &CommonArgs) -> bool {
-        self.json && common.check_config
+    pub fn prints_config(&self, settings: &SettingsArgs) -> bool {
+        self.json && settings.check_config
     }
 }
 

@@ -93,19 +93,19 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 fn process(command: RunCommand) -> Result<(), Failure> {
     use session::print_configuration as print;
     match command {
-        RunCommand::Bridge(args) if args.prints_config(&args.process.common) => {
+        RunCommand::Bridge(args) if args.prints_config(&args.process.common.settings) => {
             print("bridge", &bridge::cli::check_config(&args.process)?)
         }
-        RunCommand::Status(args) if args.prints_config(&args.process.common) => {
+        RunCommand::Status(args) if args.prints_config(&args.process.common.settings) => {
             print("status", &status::cli::check_config(&args.process)?)
         }
-        RunCommand::Sim(args) if args.prints_config(&args.process.common) => {
+        RunCommand::Sim(args) if args.prints_config(&args.process.common.settings) => {
             print("sim", &dsp_sim::cli::check_config(&args.process)?)
         }
-        RunCommand::View(args) if args.prints_config(&args.process.server.common()) => {
+        RunCommand::View(args) if args.prints_config(&args.process.server.settings) => {
             print("view", &view::server::check_config(&args.process.server)?)
         }
-        RunCommand::Mavlink(args) if args.prints_config(&args.process.common) => {
+        RunCommand::Mavlink(args) if args.prints_config(&args.process.common.settings) => {
             print("mavlink", &mavlink::run::check_config(&args.process)?)
         }
         RunCommand::Bridge(args) => bridge::cli::run(args.process),

@@ -37,19 +37,21 @@ const MAX_NAMED: usize = 4;
 /// Begins logging and reads the configuration. Nothing comes out when it was only to be checked; it is printed then.
 pub(crate) fn configuration(common: &CommonArgs) -> Result<Option<Config>, Failure> {
     runtime::logging::init(common.verbosity())?;
-    if common.check_config {
+    if common.settings.check_config {
         print_configuration("ril", &resulting(common)?)?;
         return Ok(None);
     }
-    let loaded =
-        runtime::config::load::<Config>(common.config.as_deref(), Path::new(DEFAULT_FILE))?;
+    let loaded = runtime::config::load::<Config>(
+        common.settings.config.as_deref(),
+        Path::new(DEFAULT_FILE),
+    )?;
     tracing::debug!(file = ?loaded.file, config = ?loaded.value, "configuration");
     Ok(Some(loaded.value))
 }
 
 /// What the operator's commands run with.
 fn resulting(common: &CommonArgs) -> Result<Resulting, Failure> {
-    let (file, default) = (common.config.as_deref(), Path::new(DEFAULT_FILE));
+    let (file, default) = (common.settings.config.as_deref(), Path::new(DEFAULT_FILE));
     let resulting = Resulting::load::<Config>(file, default, include_str!("../ril.toml"))?;
     let timeout = given("--timeout", "RIL_TIMEOUT");
     let deadline = given("--deadline", "RIL_DEADLINE");

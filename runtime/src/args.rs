@@ -16,6 +16,15 @@ pub struct CommonArgs {
     #[arg(long, value_name = "N", env = "RIL_ROBOT", value_parser = robot)]
     pub robot: Option<NonZeroU32>,
 
+    /// Configuration and log.
+    #[command(flatten)]
+    pub settings: SettingsArgs,
+}
+
+/// Which configuration a process reads and how much it logs: for processes that take several robots, `#[command(flatten)]` this into
+/// their own options.
+#[derive(Args, Clone, Debug, Default)]
+pub struct SettingsArgs {
     /// Configuration file; it must exist when it is named here
     #[arg(long, value_name = "FILE", env = "RIL_CONFIG")]
     pub config: Option<PathBuf>,
@@ -39,6 +48,13 @@ impl CommonArgs {
         self.robot.unwrap_or(NonZeroU32::MIN)
     }
 
+    /// How much the log says.
+    pub fn verbosity(&self) -> Verbosity {
+        self.settings.verbosity()
+    }
+}
+
+impl SettingsArgs {
     /// How much the log says.
     pub fn verbosity(&self) -> Verbosity {
         Verbosity::from_counts(self.verbose, self.quiet)

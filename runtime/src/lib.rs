@@ -51,7 +51,7 @@
 //!
 //! fn run(args: Args) -> Result<(), Failure> {
 //!     logging::init(args.common.verbosity())?;
-//!     let config = config::load::<Config>(args.common.config.as_deref(), Path::new("example.toml"))?;
+//!     let config = config::load::<Config>(args.common.settings.config.as_deref(), Path::new("example.toml"))?;
 //!     assert_eq!(config.value.baud_rate, 115_200);
 //!     Ok(())
 //! }

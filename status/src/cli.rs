@@ -27,7 +27,10 @@ pub struct Args {
 ///
 /// Exit code 78 when the configuration is wrong.
 pub fn check_config(args: &Args) -> Result<Resulting, Failure> {
-    let (file, default) = (args.common.config.as_deref(), Path::new(DEFAULT_FILE));
+    let (file, default) = (
+        args.common.settings.config.as_deref(),
+        Path::new(DEFAULT_FILE),
+    );
     let example = include_str!("../status.toml");
     Ok(Resulting::load::<Config>(file, default, example)?)
 }
@@ -37,7 +40,7 @@ pub fn check_config(args: &Args) -> Result<Resulting, Failure> {
 /// # Errors
 /// The configuration is wrong (exit code 78), or the process cannot start (1); the failure says what to do.
 pub fn run(args: Args) -> Result<(), Failure> {
-    if args.common.check_config {
+    if args.common.settings.check_config {
         return check_config(&args)?.print();
     }
     let Some(set_up) = SetUp::<Config>::begin(&args.common, DEFAULT_FILE)? else {

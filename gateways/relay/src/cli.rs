@@ -251,7 +251,7 @@ fn opened<S>(side: Result<S, crate::Failure>) -> Result<Option<S>, Failure> {
 
 /// Prints the configuration that was checked, and where each value comes from.
 fn print_configuration(common: &CommonArgs, given: &[Given]) -> Result<(), Failure> {
-    let file = common.config.as_deref();
+    let file = common.settings.config.as_deref();
     let example = include_str!("../relay.toml");
     let mut resulting = Resulting::load::<Config>(file, Path::new(DEFAULT_FILE), example)?;
     for Given(key, option, texts) in given {

@@ -140,7 +140,7 @@ flown("the README's mission, by mouse and keyboard, and a phone beside it", asyn
   assert.deepEqual(problems, []);
 });
 
-flown("what breaks is shown, and comes back: stalled line, stopped and killed server, killed bridge", async ({ robot, open }) => {
+flown("what breaks is shown, and comes back: slow and stalled line, stopped and killed server, killed bridge", async ({ robot, open }) => {
   const proxy = new Proxy(robot.port);
   const port = await proxy.start();
   const page = await open(WIDE, port);
@@ -149,6 +149,17 @@ flown("what breaks is shown, and comes back: stalled line, stopped and killed se
     const took = await timeUntil(page, "#cover-word", /NO.CONTACT/);
     assert.ok(took < STALE_MS + SLACK_MS, `${what}: ${took} ms`);
   };
+  // Half of what a page gets: the newest values come, the others are left out, and there is contact all the time.
+  await page.evaluate(() => {
+    window.covered = 0;
+    const cover = document.getElementById("cover");
+    new MutationObserver(() => (window.covered += cover.hidden ? 0 : 1)).observe(cover, { attributes: true });
+  });
+  proxy.rate = 6000;
+  await timeUntil(page, "#fresh-age", "left out");
+  assert.match(await page.locator("#fresh-word").innerText(), /LIVE|STALE/);
+  assert.equal(await page.evaluate(() => window.covered), 0, "a slow line is contact");
+  proxy.rate = Infinity;
   proxy.stall(true);
   await isCovered("a stalled line");
   proxy.stall(false);

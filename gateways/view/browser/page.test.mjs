@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { createRequire } from "node:module";
 import { after } from "node:test";
-import { SLACK_MS, STALE_MS, closeBrowser, live, scenario, timeUntil } from "./harness.mjs";
+import { SLACK_MS, STALE_MS, WAIT_MS, closeBrowser, live, scenario, timeUntil } from "./harness.mjs";
 
 const AXE = createRequire(import.meta.url).resolve("axe-core/axe.min.js");
 const PHONE = { viewport: { width: 360, height: 740 }, hasTouch: true, isMobile: true, deviceScaleFactor: 2 };
@@ -426,6 +426,70 @@ scenario("a hidden page closes its connection after 30 s and begins anew when it
   await hide("visible");
   await live(page);
   assert.equal(server.pages.size, 1);
+});
+
+scenario("a page that stood still, as when the machine slept, is covered until it has drawn what is new", { needs: "stand-in", ci: true }, async ({ page, server }) => {
+  await live(page);
+  await page.evaluate(() => {
+    window.covers = [];
+    const cover = document.getElementById("cover");
+    new MutationObserver(() => window.covers.push(cover.hidden ? "hidden" : document.getElementById("cover-word").textContent)).observe(cover, { attributes: true, childList: true, subtree: true, characterData: true });
+    window.standStill = (ms) => setTimeout(() => {
+      window.covers = [];
+      const end = performance.now() + ms;
+      while (performance.now() < end);
+    }, 0);
+  });
+  // The server goes on meanwhile, and its messages wait in the browser: the page is covered before it believes them.
+  await page.evaluate(() => window.standStill(3000));
+  await page.waitForFunction(() => window.covers.length > 0, null, { timeout: WAIT_MS });
+  assert.match((await page.evaluate(() => window.covers))[0], /WAITING|NO.CONTACT/);
+  await live(page);
+  // The server is silent before the page goes on: only messages of before wait for it.
+  await page.evaluate(() => window.standStill(3000));
+  await new Promise((done) => setTimeout(done, 1000));
+  server.freeze();
+  await timeUntil(page, "#cover-word", /NO.CONTACT/);
+  assert.ok(!(await page.evaluate(() => window.covers)).includes("hidden"), "no old picture was shown as live");
+  server.thaw();
+  await live(page);
+});
+
+for (const [name, context] of [["forced colours", { forcedColors: "active" }], ["reduced motion", { reducedMotion: "reduce" }]]) {
+  scenario(`${name}: live, old values marked, and NO CONTACT over everything`, { needs: "stand-in", context }, async ({ page, server, shot }) => {
+    await live(page);
+    server.telemetry = { freshness: "stale", age_ms: 4200 };
+    await timeUntil(page, "#fresh-word", "STALE");
+    assert.match(await text(page, "#value-battery"), /\?$/);
+    await shot(name.replace(" ", "-"));
+    server.freeze();
+    const took = await timeUntil(page, "#cover-word", /NO.CONTACT/);
+    assert.ok(took < STALE_MS + SLACK_MS, `${took} ms`);
+    // The cover hides what is below it also in the colours of the system.
+    const paint = await page.evaluate(() => getComputedStyle(document.getElementById("cover")).backgroundImage);
+    assert.match(paint, /gradient/);
+    server.thaw();
+    await live(page);
+  });
+}
+
+scenario("text of twice the size: nothing is cut off, and HOLD is in reach", { needs: "stand-in", context: { viewport: { width: 1280, height: 900 } } }, async ({ page, server, shot }) => {
+  await live(page);
+  await page.evaluate(() => (document.documentElement.style.fontSize = "200%"));
+  await page.waitForTimeout(500);
+  await shot("text-200");
+  const found = await page.evaluate(() => {
+    const out = [];
+    if (document.documentElement.scrollWidth > innerWidth) out.push(`the page is ${document.documentElement.scrollWidth} px wide`);
+    for (const node of document.querySelectorAll("#banner *, .tile *, .cell *, #buttons button, #tabs button")) {
+      if (node.clientWidth > 0 && node.scrollWidth > node.clientWidth + 1) out.push(`clipped: ${node.id} ${node.textContent} ${node.scrollWidth} > ${node.clientWidth}`);
+    }
+    return out;
+  });
+  assert.deepEqual(found, []);
+  await page.click("#order-hold");
+  await progress(page, "DONE");
+  assert.equal(orders(server, "hold").length, 1);
 });
 
 for (const [name, context] of [["360 px", PHONE], ["1920 px", WIDE]]) {

@@ -52,6 +52,8 @@ export class StandIn {
     this.holders = new Map();
     /** What tests set. */
     this.frozen = false;
+    /** What pages sent meanwhile: it is answered late, as a stopped process does. */
+    this.unread = [];
     /** How long each message is on its way to the page, ms. */
     this.lag_ms = 0;
     this.telemetry = { freshness: "fresh", age_ms: 40 };
@@ -85,6 +87,7 @@ export class StandIn {
 
   thaw() {
     this.frozen = false;
+    for (const [page, message] of this.unread.splice(0)) this.answer(page, message);
   }
 
   get url() {
@@ -150,7 +153,11 @@ export class StandIn {
 
   take(page, message) {
     this.received.push(message);
-    if (this.frozen) return;
+    if (this.frozen) this.unread.push([page, message]);
+    else this.answer(page, message);
+  }
+
+  answer(page, message) {
     const replay = this.how.replay;
     switch (message.type) {
       case "open":

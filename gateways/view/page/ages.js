@@ -53,7 +53,7 @@ export class Ages {
   }
 
   /**
-   * How long ago a message was sent, at most; infinite if nothing is known.
+   * How long ago a message was sent, at most; infinite without a bound.
    * @param {number} server when it was sent @param {number} page now
    */
   since(server, page) {

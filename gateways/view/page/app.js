@@ -193,7 +193,7 @@ function answer() {
   picture.restart();
 }
 
-/** What need not be renewed more than once a second: plots, and the words for those who do not see. @param {number} at @param {string} freshness */
+/** What is renewed once a second: plots, and the words for screen readers. @param {number} at @param {string} freshness */
 function drawSecond(at, freshness) {
   if (!dirty.has("second") && !dirty.has("past") && !isReset) return;
   plots.draw(model.time(at));

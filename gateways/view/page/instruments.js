@@ -123,7 +123,7 @@ export function drawStrip(robot, old) {
   cell("commander", robot?.commander?.text ?? UNKNOWN, null, old);
 }
 
-/** The horizon in words, for those who do not see it. @param {import("./protocol.d.ts").Now|null} now @param {string} freshness */
+/** The horizon in words, for screen readers. @param {import("./protocol.d.ts").Now|null} now @param {string} freshness */
 export function speak(now, freshness) {
   const attitude = now?.attitude;
   const words = attitude

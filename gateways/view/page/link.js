@@ -1,4 +1,4 @@
-// The connection: one WebSocket, made anew after a growing pause. It knows when, and nothing of what the messages mean.
+// The connection: one WebSocket, made anew after a growing pause. It decides when to connect, and does not know what messages mean.
 
 import { PROTOCOL } from "./protocol.js";
 

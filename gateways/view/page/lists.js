@@ -5,7 +5,7 @@ import { clock, mark, number, span, word } from "./format.js";
 
 /** @typedef {import("./model.js").Model} Model */
 
-/** Alarms that were announced: each is said once, when it begins. @type {Set<string>} */
+/** Alarms that were announced: each is announced once, when it begins. @type {Set<string>} */
 let said = new Set();
 
 /** @param {Model} model @param {number} at ms */

@@ -146,7 +146,7 @@ export class Model {
     return at - this.nowAt > most || (Number.isFinite(sinceMs) && sinceMs > most) ? "stale" : said;
   }
 
-  /** The lease in one word; "none" if nothing was said of it. */
+  /** The lease in one word; "none" without a `lease` message. */
   get holder() {
     return this.lease?.holder ?? "none";
   }

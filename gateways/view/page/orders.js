@@ -19,7 +19,7 @@ export class OrderBook {
   entries = [];
 
   /**
-   * Gives an order. The answer is the message to send now; null if nothing is to be sent, and then nothing ever is.
+   * Gives an order. The answer is the message to send now; null if the order cannot be sent; it is not sent later either.
    * @param {OrderKind} kind @param {number} robot
    * @param {{order: string, live: boolean, seen: number|null, at: number, position?: [number, number]|null,
    *    altitude_m?: number|null, confirm?: string|null}} how

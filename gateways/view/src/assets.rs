@@ -1,4 +1,4 @@
-//! The page's files, which are parts of the program: nothing is read at run time.
+//! The page's files, which are parts of the program: no file is read at run time.
 
 use sha2::{Digest, Sha256};
 
@@ -101,7 +101,7 @@ impl Assets {
     }
 }
 
-/// The first 64 bits, which are plenty to tell files of one program apart.
+/// The first 64 bits, which suffice to distinguish the files of one program.
 fn short(hash: &[u8]) -> String {
     let bytes = hash.iter().take(8);
     bytes.map(|byte| format!("{byte:02x}")).collect()

@@ -66,7 +66,7 @@ enum Stage {
         pace: Pace,
         next_ping: MonotonicNs,
     },
-    /// Nothing is read any more.
+    /// The connection reads no further bytes.
     Ended,
 }
 
@@ -120,7 +120,7 @@ impl Connection {
         matches!(self.stage, Stage::Ended)
     }
 
-    /// Whether it has ended and nothing of it is left to write.
+    /// Whether it has ended and all its bytes are written.
     pub fn is_gone(&self) -> bool {
         self.is_ended() && !self.has_output()
     }

@@ -51,7 +51,7 @@ pub enum Event {
         /// What is asked.
         check: CheckRequest,
     },
-    /// Command of `robot` has passed among the pages: for the log, and to be said to pages as an event.
+    /// Command of `robot` has passed among the pages: for the log, and to be sent to pages as an event.
     Lease {
         /// The robot's number.
         robot: u32,
@@ -80,7 +80,7 @@ pub enum Event {
         /// Address of the client and name of its token.
         from: String,
     },
-    /// A Foxglove client sets a parameter. Its new value is to be said with [`Server::parameter`](crate::Server::parameter).
+    /// A Foxglove client sets a parameter. Its new value is to be sent with [`Server::parameter`](crate::Server::parameter).
     SetParameter {
         /// Its name.
         name: String,

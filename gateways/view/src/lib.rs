@@ -4,7 +4,7 @@
 //! deadline. `ril run view` is the program around it. `docs/view-protocol.md` describes what goes over the wire.
 //!
 //! * `http`: requests and answers; `websocket`: frames; `connection`: both, one after the other;
-//! * `authority`: who may look and order, which page commands, which orders are taken;
+//! * `authority`: which viewers may look and order, which page commands, which orders are taken;
 //! * `pages`, `viewer` and `outbox`: what pages are sent, by the newest rules; [`page`] has the messages;
 //! * `foxglove`: any topic for panels of others;
 //! * [`report`]: a recorded flight as the page in one file.

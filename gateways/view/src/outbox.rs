@@ -53,7 +53,7 @@ impl NowText {
 pub(crate) struct Outbox {
     texts: VecDeque<Arc<str>>,
     bytes: usize,
-    /// Too much waited: nothing is taken until the line is free.
+    /// Too much waited: no text is taken until the connection is free.
     has_overflowed: bool,
     now: Option<NowText>,
     /// Those that were replaced since one was sent.

@@ -1,4 +1,4 @@
-//! [`Pages`]: all pages that are connected: what each may do and looks at, what waits for it, and who commands.
+//! [`Pages`]: all connected pages: what each may do and looks at, what waits for it, and which one commands.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -368,7 +368,7 @@ impl Pages {
         }
     }
 
-    /// Says who commands `robot`, to one page or to all that look at it.
+    /// Sends which page commands `robot`, to one page or to all that look at it.
     fn say_lease(&mut self, robot: u32, to: Option<ViewerId>, now: MonotonicNs) {
         let lease = self.leases.get(&robot).copied().unwrap_or_default();
         for (viewer, page) in &mut self.pages {

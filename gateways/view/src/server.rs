@@ -1,4 +1,4 @@
-//! [`Server`]: all connections, and what is said to those at their other ends.
+//! [`Server`]: all connections, and the messages to the viewers at their other ends.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -489,7 +489,7 @@ impl Server {
         self.foxglove.is_subscribed(channel)
     }
 
-    /// Sends a sample to those who have subscribed to its channel, and keeps it for those who will.
+    /// Sends a sample to the subscribers of its channel, and keeps it for later ones.
     pub fn sample(
         &mut self,
         channel: ChannelId,

@@ -11,7 +11,7 @@ pub struct Instance(pub String);
 /// A secret by which a viewer may look or order.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Token {
-    /// Who has it, for the log.
+    /// Its name, for the log.
     pub name: String,
     /// What it allows.
     pub role: Role,
@@ -26,13 +26,13 @@ pub struct Settings {
     pub names: Vec<String>,
     /// Origins of other programs' pages that may connect, as `https://studio.example`.
     pub origins: Vec<String>,
-    /// Who may do what.
+    /// Which viewers may do what.
     pub tokens: Vec<Token>,
     /// Whether Foxglove clients whose token allows to order may call services and set parameters.
     pub foxglove_commands: bool,
     /// Whether Foxglove clients may read parameters.
     pub foxglove_parameters: bool,
-    /// The recording that is played; `None` if robots are shown live. In a replay nothing is ordered.
+    /// The recording that is played; `None` if robots are shown live. In a replay all orders are refused.
     pub replay: Option<ReplayInfo>,
 }
 

@@ -45,7 +45,7 @@ pub(crate) struct Page {
     /// What it looks at; `None` if there is nothing.
     pub robot: Option<u32>,
     pub is_hidden: bool,
-    /// Whether `Event::Joined` is to be said.
+    /// Whether `Event::Joined` is to be emitted.
     pub has_joined: bool,
     pub orders: Pace,
     pub outbox: Outbox,
@@ -72,7 +72,7 @@ impl Page {
     }
 }
 
-/// Who is at the other end, for the log.
+/// The other end, for the log.
 pub(crate) fn from(peer: &Peer, name: Option<&str>) -> String {
     match name {
         Some(name) => format!("{} ({name})", peer.address),

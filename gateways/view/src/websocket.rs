@@ -32,7 +32,7 @@ impl Close {
     pub const PACE: Close = Close::new(1008, "too many messages");
     /// The other end is too slow for what may not be left out.
     pub const SLOW: Close = Close::new(1008, "too slow for answers");
-    /// The other end has not said what it wants.
+    /// The client has not sent its first message.
     pub const MUTE: Close = Close::new(1008, "nothing was opened in time");
     /// The other end is silent.
     pub const SILENT: Close = Close::new(1008, "no answer to pings");
@@ -108,7 +108,7 @@ impl WebSocket {
     }
 
     /// Takes the next message out of `input`; `None` if no whole one is left. `input` is shortened by what was taken. An error is what
-    /// was said to the other end before the end.
+    /// was sent to the client before the end.
     pub fn receive(
         &mut self,
         input: &mut &[u8],

@@ -1,5 +1,5 @@
-//! [`PlayedRobot`]: a recorded robot as a screen would have shown it then. Its clock is that of the recording, so ages, alarms and events
-//! are those of the flight, however fast it is played.
+//! [`PlayedRobot`]: a recorded robot as a live screen showed it. Its clock is that of the recording, so ages, alarms and events are those
+//! of the flight at any speed of the replay.
 
 use std::time::Duration;
 
@@ -21,25 +21,26 @@ use crate::robot::past::Past;
 /// Time between two looks at what is wrong: as often as the page of a live robot is renewed.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);
 
-/// After so long without a message nothing changes any more but ages. A recording may have a gap of years, when its clock was damaged.
+/// After so long without a message only ages change, so no looks are made until the next message. A recording may have a gap of years,
+/// when its clock was damaged.
 const QUIET: Duration = Duration::from_secs(60);
 
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct PlayedRobot {
-    /// What is known of it.
+    /// The model that the live screens use.
     pub robot: WatchedRobot,
     /// Its last minutes.
     pub past: Past,
     outline: OutlineReader,
-    /// When the last message came.
+    /// When the last message was recorded.
     heard: MonotonicNs,
-    /// When it was looked at last.
+    /// When alarms were judged last.
     looked: MonotonicNs,
 }
 
 impl PlayedRobot {
-    /// A robot of which nothing is known, at the moment of its first message.
+    /// A robot without any sample, at the moment of the first message.
     pub fn new(id: RobotId, begin: MonotonicNs) -> PlayedRobot {
         PlayedRobot {
             robot: WatchedRobot::new(id),
@@ -50,12 +51,12 @@ impl PlayedRobot {
         }
     }
 
-    /// What its bridge held; `None` if the recording has not said it so far.
+    /// The outline that its bridge held; `None` if no whole outline was recorded so far.
     pub fn outline(&self) -> Option<&Outline> {
         self.outline.outline()
     }
 
-    /// Takes the next message, which came at `at`. Looks that were due before are to be made before.
+    /// Takes the next message, which was recorded at `at`. The caller makes looks that were due earlier first.
     pub fn take(&mut self, message: &RecordedMessage, at: MonotonicNs) {
         if at > self.heard + QUIET {
             self.look(at);
@@ -73,7 +74,7 @@ impl PlayedRobot {
         if key == ModuleState::KEY {
             of(sample, |state: &ModuleState| {
                 let mut state = *state;
-                // Whatever shows it says that it is replayed.
+                // Each screen that shows the state marks it as replayed.
                 state.safety.reserved = 1;
                 robot.state(&state, at);
             });
@@ -86,7 +87,7 @@ impl PlayedRobot {
         } else if key == RelayStations::KEY {
             of(sample, |stations| robot.stations(stations));
         } else if key == RelayLink::KEY {
-            // Only a station has this topic: what it recorded came over its relay.
+            // Only a station has this topic: all its samples came over its relay.
             robot.is_relayed = true;
             of(sample, |link| robot.relay(link, at));
         } else if key == BridgeOutline::KEY {
@@ -114,7 +115,7 @@ impl PlayedRobot {
         }
     }
 
-    /// When it is to be looked at next; `None` if not before the next message.
+    /// When [`PlayedRobot::look`] is due; `None` if not before the next message.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         let regular = self.looked + LOOK_PERIOD;
         let own = self.robot.next(self.looked);

@@ -93,6 +93,9 @@ pub struct Plan {
     /// Where the files of `records` go, to be opened with other programs; it must be there
     #[arg(long)]
     pub keep: Option<PathBuf>,
+    /// A built `workbench/foxglove-peer`, which `views` measures with the same clients as the view
+    #[arg(long, value_name = "PROGRAM")]
+    pub beside: Option<PathBuf>,
     /// Seed of all moments
     #[arg(long, default_value = "1")]
     pub seed: u64,
@@ -113,6 +116,7 @@ impl Plan {
             period_ms: Some(20),
             speed: 4,
             keep: None,
+            beside: None,
             seed: 7,
             is_short: true,
         }

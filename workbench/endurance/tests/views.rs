@@ -27,5 +27,5 @@ fn no_viewer_is_lost_and_an_order_is_given_once_whatever_others_do() {
         assert!(outcome.is_good(), "{outcome}");
         rows += 1;
     });
-    assert_eq!(rows, 6);
+    assert_eq!(rows, 7);
 }

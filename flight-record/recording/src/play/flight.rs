@@ -72,7 +72,7 @@ pub enum Content<'a> {
     Request(&'a [u8]),
 }
 
-/// A recording has nothing to play.
+/// Why a recording cannot be played.
 #[derive(Debug, thiserror::Error)]
 pub enum FlightError {
     /// The file cannot be read.

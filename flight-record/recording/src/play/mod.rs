@@ -9,7 +9,7 @@
 //! The caller of a [`Player`] owns the clock and the wait:
 //!
 //! 1. it sleeps until [`Player::deadline`], on the [`sources`](PlayedServices::sources) too;
-//! 2. it gives what [`Player::next`] returns to [`PlayedServices::publish`], until there is nothing more;
+//! 2. it gives what [`Player::next`] returns to [`PlayedServices::publish`], until it returns `None`;
 //! 3. it calls [`PlayedServices::tend`].
 
 mod flight;

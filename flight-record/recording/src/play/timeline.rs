@@ -99,7 +99,7 @@ mod tests {
         let mut sample = words([7, 900, 0, 1_500, 10]);
         let timeline = Timeline::new(FlightNs(1_000), MonotonicNs(950), 1.0);
         timeline.translate(&mut sample, &[8, 16, 24, 32, 40, 99], MonotonicNs(1_000));
-        // The last is before the zero of the clock: as old as can be said, and not never.
+        // The last moment would be before the clock's zero: it becomes 1, because 0 means never.
         assert_eq!(sample, words([7, 850, 0, 1_000, 1]));
     }
 }

@@ -56,7 +56,7 @@ impl Access {
         };
         let scheme = if peer.is_encrypted { "https" } else { "http" };
         let own = format!("{scheme}://{}", request.host);
-        // "null" is the origin of any page in a sandbox, whoever made it.
+        // "null" is the origin of every sandboxed page, of any author.
         let is_listed = origin != "null" && self.origins.contains(origin);
         if origin.eq_ignore_ascii_case(&own) || is_listed {
             return Ok(());
@@ -260,7 +260,7 @@ mod tests {
         let other_user = peer("127.0.0.1:5", false, false);
         let far = peer("10.0.0.1:5", false, false);
         let far_tls = peer("10.0.0.1:5", false, true);
-        // Of another machine nothing is known about its users.
+        // The users of another machine are not known.
         let far_own = peer("10.0.0.1:5", true, false);
         let (watch, command) = (Some(Role::Watch), Some(Role::Command));
         let all = [None, Some("wrong"), Some(""), Some(WATCH), Some(SECRET)];

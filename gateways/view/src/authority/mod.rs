@@ -1,4 +1,4 @@
-//! Who may look, who may order, and which orders are taken.
+//! Which viewers may look and which may order, and which orders are taken.
 
 pub(crate) mod access;
 pub(crate) mod lease;

@@ -39,7 +39,7 @@ pub(crate) struct Sample {
 #[derive(Debug)]
 pub(crate) struct Offered {
     pub channel: Channel,
-    /// The newest sample, for those who subscribe later; `None` if there was none.
+    /// The newest sample, for later subscribers; `None` if there was none.
     pub latest: Option<Sample>,
 }
 

@@ -320,7 +320,7 @@ impl Client {
         }
     }
 
-    /// What it is to know of channels, some at a time: so nothing of this waits in memory, however slow it is.
+    /// The next channels to advertise, some at a time, so that a slow client makes no list wait in memory.
     fn tell_channels(&mut self, channels: &Channels) -> Option<String> {
         if self.channels_version == Some(channels.version()) {
             return None;

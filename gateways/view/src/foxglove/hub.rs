@@ -358,7 +358,7 @@ impl Hub {
         self.services.set(services);
     }
 
-    /// Takes the value of a parameter, and tells those who follow or have set it.
+    /// Takes the value of a parameter, and sends it to the clients that follow it or have set it.
     pub fn parameter(&mut self, name: &str, value: Option<Value>) {
         let has_changed = self.parameters.set(name, value);
         for client in self.clients.values_mut() {

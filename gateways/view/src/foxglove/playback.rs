@@ -82,7 +82,7 @@ struct Outstanding {
 /// See the module's documentation.
 #[derive(Debug, Default)]
 pub(super) struct Playback {
-    /// Unix time of the beginning and the end, ns; `None` if nothing is replayed, or the recording does not say when it was.
+    /// Unix time of the beginning and the end, ns; `None` without a replay, or if the recording has no wall time.
     range_ns: Option<(u64, u64)>,
     /// Those that have used the controls, each with what is to be answered.
     clients: BTreeMap<ViewerId, Outstanding>,
@@ -100,7 +100,7 @@ impl Playback {
         }
     }
 
-    /// The beginning and the end; `None` if there is nothing to control.
+    /// The beginning and the end; `None` if there is no replay to control.
     pub fn range(&self) -> Option<(Moment, Moment)> {
         let (start_ns, end_ns) = self.range_ns?;
         Some((Moment::of(start_ns), Moment::of(end_ns)))

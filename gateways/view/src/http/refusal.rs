@@ -1,6 +1,6 @@
 //! [`Refusal`]: why a request gets nothing, and the fixed answer that says so.
 
-/// Headers of all answers: nothing is guessed from bytes, no other page learns where the pilot was, or takes parts of this one.
+/// Headers of all answers: browsers guess no content type, send no referrer, and let no other page embed this one.
 macro_rules! guards {
     () => {
         "X-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\

@@ -94,7 +94,7 @@ pub struct Robot {
     pub switch: Option<Switch>,
     /// The station that commands over a relay; `None` if none does.
     pub commander: Option<Commander>,
-    /// Who has control in the bridge.
+    /// The sender that has control in the bridge.
     pub control: Control,
     /// What lasts, the worst first.
     pub alarms: Vec<Alarm>,
@@ -124,12 +124,12 @@ pub struct Commander {
     pub text: String,
 }
 
-/// Who has control in the bridge.
+/// The sender that has control in the bridge.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Control {
     /// Whether others are refused.
     pub exclusive: bool,
-    /// `None` if nothing has it.
+    /// `None` if no sender has it.
     pub holder: Option<String>,
 }
 
@@ -168,7 +168,7 @@ pub struct Movement {
 pub struct Chart {
     /// The robot's number.
     pub robot: u32,
-    /// Where fence and path are from.
+    /// The source of fence and path.
     pub source: Source,
     /// Of the bridge's outline; grows at each change.
     pub number: u64,
@@ -361,12 +361,12 @@ pub struct OrderReport {
     pub is_final: bool,
 }
 
-/// `lease`: who commands a robot among the pages, at changes.
+/// `lease`: which page commands a robot, at changes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Lease {
     /// The robot's number.
     pub robot: u32,
-    /// Who commands.
+    /// Which page commands.
     pub holder: Holder,
     /// Whether another page asks for it.
     pub asked: bool,
@@ -400,7 +400,7 @@ pub(crate) enum Outgoing<'a> {
     Order(&'a OrderReport),
     Lease(&'a Lease),
     Replay(&'a Replay),
-    /// Twice a second, also when nothing else is known: says that there is contact, and nothing more.
+    /// Twice a second, also without any sample: it proves contact with the server, and no more.
     Beat {
         sent_ms: u64,
     },

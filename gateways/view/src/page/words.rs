@@ -12,7 +12,7 @@ pub const STALE_AFTER_MS: u64 = 1500;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Severity {
-    /// Nothing is to be said.
+    /// No finding.
     Ok,
     /// Good to know.
     Note,
@@ -139,7 +139,7 @@ pub enum Role {
     Command,
 }
 
-/// Who commands a robot, seen from a page.
+/// Which page commands a robot, seen from one page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Holder {

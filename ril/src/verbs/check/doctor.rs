@@ -27,7 +27,7 @@ pub fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     runtime::logging::init(common.verbosity())?;
     let (sim, view) = (args.sim.as_deref(), gather::view(args.view.as_deref()));
     let mavlink = gather::mavlink(args.mavlink.as_deref());
-    let report = match common.check_config {
+    let report = match common.settings.check_config {
         true => {
             let (mut files, _) = gather::files(&args.machine, sim, None, None);
             files.extend(view.0.into_iter().chain(mavlink.0));

@@ -246,7 +246,7 @@ pub(super) fn files(
         status::config::DEFAULT_FILE,
     );
     let sim = ConfigSource::new(sim, dsp_sim::config::DEFAULT_FILE);
-    let own = ConfigSource::new(args.common.config.as_deref(), ril::DEFAULT_FILE);
+    let own = ConfigSource::new(args.common.settings.config.as_deref(), ril::DEFAULT_FILE);
     let reading = bridge.start::<BridgeConfig>();
     let others = [
         (

@@ -35,7 +35,10 @@ pub struct MavlinkArgs {
 ///
 /// Exit code 78 when the configuration is wrong.
 pub fn check_config(args: &MavlinkArgs) -> Result<Resulting, Failure> {
-    let (file, default) = (args.common.config.as_deref(), Path::new(DEFAULT_FILE));
+    let (file, default) = (
+        args.common.settings.config.as_deref(),
+        Path::new(DEFAULT_FILE),
+    );
     mavlink_setup::load(file)?;
     Ok(Resulting::load::<MavlinkConfig>(file, default, EXAMPLE)?)
 }
@@ -46,7 +49,7 @@ pub fn check_config(args: &MavlinkArgs) -> Result<Resulting, Failure> {
 ///
 /// Code 1 when the port is in use or another gateway of the robot runs, 78 when the configuration is wrong.
 pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
-    if args.common.check_config {
+    if args.common.settings.check_config {
         return check_config(args)?.print();
     }
     let Some(set_up) = SetUp::<MavlinkConfig>::begin(&args.common, DEFAULT_FILE)? else {

@@ -116,7 +116,7 @@ impl FlownSteps {
         if let Some(bridge) = &plan.bridge {
             add("--bridge", shell_word(&bridge.to_string_lossy()));
         }
-        if let Some(config) = &args.ask.common.config {
+        if let Some(config) = &args.ask.common.settings.config {
             add("--config", shell_word(&config.to_string_lossy()));
         }
         if robot.get() != 1 {

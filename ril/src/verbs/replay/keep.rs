@@ -37,7 +37,7 @@ pub(super) fn keep(args: &ReplayArgs, folder: &Path) -> Result<(), Failure> {
     )?;
     let next_step = "remove it, or name another folder with --keep";
     new_file(&path, next_step, |to| Ok(to.write_all(&kept.file)?))?;
-    if args.common.quiet == 0 {
+    if args.common.settings.quiet == 0 {
         say(&path, &kept);
     }
     Ok(())

@@ -287,7 +287,7 @@ fn say_begin(
 
 /// Says something to people on standard error, unless they want less.
 fn say(args: &CommonArgs, text: &str) {
-    if args.quiet == 0 {
+    if args.settings.quiet == 0 {
         // Standard error may be closed; the replay goes on.
         let _ = writeln!(io::stderr(), "{text}");
     }

@@ -34,7 +34,7 @@ impl Checked {
     }
 }
 
-/// A flight of `robot` straight to `target`, with `fence` in force; `None` if the bridge has not said it.
+/// A flight of `robot` straight to `target`, with `fence` in force; `None` if the bridge has not published it.
 pub(super) fn go_to(
     robot: &WatchedRobot,
     fence: Option<&Fence>,
@@ -76,10 +76,10 @@ pub(super) fn go_to(
     if fence.is_none() {
         findings.push(Finding::unchecked(
             "robot-rules",
-            "the bridge has not said which geofence is in force; it judges the order when it comes",
+            "the bridge has not published its geofence; it checks the order when it receives it",
         ));
     }
-    // How long battery and fuel last is a question about plans, and nothing is configured here that could answer it.
+    // Battery and fuel are not checked: the view has no configuration of how long they last.
     findings.retain(|finding| !(finding.id == "endurance" && finding.is_unmade()));
     plans::finding::sort(&mut findings);
     let marks = timeline(&flight, &endurance);

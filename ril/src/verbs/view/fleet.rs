@@ -31,7 +31,7 @@ pub(super) struct Shown {
 }
 
 impl Shown {
-    /// The fence in force; `None` if the bridge has not said it, or holds another one by now.
+    /// The fence in force; `None` if the bridge has not published it, or holds a newer one.
     pub fn fence(&self) -> Option<&Fence> {
         let (_, fence) = self.fence.as_ref()?;
         fence.as_ref().filter(|_| !self.robot.is_held_outdated())
@@ -84,7 +84,7 @@ impl Fleet {
         }
         fleet.look(MonotonicNs::now());
         if fleet.shown.is_empty() {
-            // As for all verbs: robot 1 is the default, and what it lacks is said.
+            // As for all verbs: robot 1 is the default, and the page shows what it lacks.
             fleet.add(RobotId::DEFAULT)?;
         }
         Ok(fleet)

@@ -1,6 +1,6 @@
 //! What a page gets of a robot: the messages of `hero.view.v1` from the model that `ril watch` shows, by pure functions.
 //!
-//! What is not known is null, never 0. Texts are those of the terminal.
+//! A value that is not known is null, never 0. Texts are those of the terminal.
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{LinkState, MovementKind, PilotSwitch};
@@ -21,6 +21,46 @@ use crate::robot::past::Past;
 use crate::robot::pilot;
 use crate::robot::relay_link::UNREADABLE;
 
+/// Decimals of what is sent many times a second: at most one more than the page shows, so that the page can add and compare. Telemetry has
+/// up to 17 digits, which would be half of what a page gets.
+mod decimals {
+    /// Of latitude and longitude, degrees: 1 cm.
+    pub const PLACE: i32 = 7;
+    /// Of heights and altitudes, m.
+    pub const METRES: i32 = 2;
+    /// Of speeds, m/s.
+    pub const SPEED: i32 = 2;
+    /// Of angles, degrees.
+    pub const DEGREES: i32 = 1;
+    /// Of voltages.
+    pub const VOLTS: i32 = 2;
+    /// Of voltages in the list of robots.
+    pub const LIST_VOLTS: i32 = 1;
+    /// Of fuel, percent.
+    pub const PERCENT: i32 = 0;
+    /// Of distances to go, m.
+    pub const WHOLE: i32 = 0;
+    /// Of moments before now, s.
+    pub const SECONDS: i32 = 2;
+}
+
+/// A number with so many decimals; one that is not finite stays so.
+fn rounded(value: f64, decimals: i32) -> f64 {
+    let scale = 10_f64.powi(decimals);
+    // What is added makes 0 of -0.
+    (value * scale).round() / scale + 0.0
+}
+
+/// The same of a number that may not be known.
+fn known(value: Option<f64>, decimals: i32) -> Option<f64> {
+    value.map(|value| rounded(value, decimals))
+}
+
+/// A place as it is sent many times.
+fn rounded_place(place: Place) -> [f64; 2] {
+    place.degrees().map(|degrees| rounded(degrees, decimals::PLACE))
+}
+
 /// Slower than this, the time that is left of a path says nothing, m/s.
 const LEAST_SPEED_MPS: f64 = 0.5;
 
@@ -32,7 +72,7 @@ pub(super) fn summary(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotSumm
         severity: worst.map_or(page::Severity::Ok, |alarm| severity(alarm.finding.severity)),
         text: worst.map_or_else(|| phase(robot, now), |alarm| alarm.finding.text.clone()),
         flying: fresh_flying(robot, now),
-        battery_v: robot.pilot.battery_v,
+        battery_v: known(robot.pilot.battery_v, decimals::LIST_VOLTS),
         link: freshness(robot.process(Process::Bridge, now)),
     }
 }
@@ -77,7 +117,27 @@ pub(super) fn robot(robot: &WatchedRobot, now: MonotonicNs) -> page::Robot {
     }
 }
 
-/// What the helicopter does, in words; old words stay, and their age is said beside.
+/// The words without what counts on by itself, or with each sample: a page counts ages on, and gets the rest once a second.
+pub(super) fn lasting(mut words: page::Robot) -> page::Robot {
+    words.link.age_s = None;
+    for alarm in &mut words.alarms {
+        alarm.since_s = 0.0;
+    }
+    if let Some(movement) = &mut words.movement {
+        (movement.distance_to_go_m, movement.time_to_go_s) = (None, None);
+    }
+    words
+}
+
+/// The same of the list of robots.
+pub(super) fn lasting_list(mut robots: page::Robots) -> page::Robots {
+    for robot in &mut robots.robots {
+        robot.battery_v = None;
+    }
+    robots
+}
+
+/// What the helicopter does, in words. Old words stay: the page shows their age beside them.
 fn phase(robot: &WatchedRobot, now: MonotonicNs) -> String {
     match (robot.process(Process::Bridge, now), &robot.state) {
         (Freshness::Absent, None) => "no bridge runs".to_owned(),
@@ -157,8 +217,10 @@ fn movement(robot: &WatchedRobot, state: &ModuleState) -> Option<page::Movement>
         text,
         waypoints_total: total,
         waypoints_reached: reached,
-        distance_to_go_m: distance_m,
-        time_to_go_s: distance_m.zip(speed_mps).map(|(metres, mps)| metres / mps),
+        distance_to_go_m: known(distance_m, decimals::WHOLE),
+        time_to_go_s: distance_m
+            .zip(speed_mps)
+            .map(|(metres, mps)| (metres / mps).ceil()),
     })
 }
 
@@ -172,7 +234,7 @@ pub(super) fn now(
     let view = &robot.pilot;
     let bridge = robot.process(Process::Bridge, now);
     let telemetry = match (robot.telemetry_freshness(now), bridge) {
-        // Nothing looks for the publisher of telemetry, which is the bridge.
+        // The bridge publishes telemetry, and the model looks for the bridge alone.
         (Freshness::Stale(age), Freshness::Gone(_)) => Freshness::Gone(age),
         (freshness, _) => freshness,
     };
@@ -183,15 +245,15 @@ pub(super) fn now(
         sent_ms: sent.0 / 1_000_000,
         telemetry: age(telemetry, view.received, now),
         bridge: age(bridge, published, now),
-        position: view.place.map(Place::degrees),
-        altitude_m: view.altitude_m,
-        height_m: robot.height_m(),
+        position: view.place.map(rounded_place),
+        altitude_m: known(view.altitude_m, decimals::METRES),
+        height_m: known(robot.height_m(), decimals::METRES),
         attitude: attitude(robot),
-        ground_speed_mps: view.ground_speed_mps,
-        climb_mps: view.climb_mps,
-        course_deg: view.course_deg,
-        battery_v: view.battery_v,
-        fuel_percent: view.fuel_percent,
+        ground_speed_mps: known(view.ground_speed_mps, decimals::SPEED),
+        climb_mps: known(view.climb_mps, decimals::SPEED),
+        course_deg: known(view.course_deg, decimals::DEGREES),
+        battery_v: known(view.battery_v, decimals::VOLTS),
+        fuel_percent: known(view.fuel_percent, decimals::PERCENT),
         fix: view.gps.map(|gps| gps.name().to_owned()),
         flying: view.flying,
         left_out: 0,
@@ -200,14 +262,15 @@ pub(super) fn now(
 
 fn attitude(robot: &WatchedRobot) -> Option<page::Attitude> {
     let view = &robot.pilot;
+    let degrees = |value| known(value, decimals::DEGREES);
     Some(page::Attitude {
-        roll_deg: view.roll_deg?,
-        pitch_deg: view.pitch_deg?,
-        yaw_deg: view.heading_deg?,
+        roll_deg: degrees(view.roll_deg)?,
+        pitch_deg: degrees(view.pitch_deg)?,
+        yaw_deg: degrees(view.heading_deg)?,
     })
 }
 
-/// How old a sample is; of one that claims to be of the future that is not known.
+/// How old a sample is. The age of a sample with a moment in the future is not known.
 fn age(freshness: Freshness, at: Option<MonotonicNs>, now: MonotonicNs) -> page::Age {
     let age = match freshness {
         Freshness::Absent | Freshness::Waiting => None,
@@ -229,7 +292,7 @@ fn freshness(freshness: Freshness) -> page::Freshness {
     }
 }
 
-/// The fence in force, the path that is flown, and home; what the bridge has not said is empty.
+/// The fence in force, the path that is flown, and home; a part that the bridge has not published is empty.
 pub(super) fn chart(robot: &WatchedRobot, held: Option<&Outline>) -> page::Chart {
     page::Chart {
         robot: robot.id.get(),
@@ -253,7 +316,8 @@ pub(super) fn chart(robot: &WatchedRobot, held: Option<&Outline>) -> page::Chart
 /// The last minutes, for a page that joins.
 pub(super) fn past(robot: &WatchedRobot, past: &Past, clock: Clocks) -> page::Past {
     let now = clock.now;
-    let before = |at: MonotonicNs| -now.since(at).as_secs_f64();
+    let before = |at: MonotonicNs| rounded(-now.since(at).as_secs_f64(), decimals::SECONDS);
+    let metres = |value| known(value, decimals::METRES);
     page::Past {
         robot: robot.id.get(),
         track: robot
@@ -261,12 +325,21 @@ pub(super) fn past(robot: &WatchedRobot, past: &Past, clock: Clocks) -> page::Pa
             .points()
             .iter()
             .copied()
-            .map(Place::degrees)
+            .map(rounded_place)
             .collect(),
         t_s: past.points().map(|point| before(point.at)).collect(),
-        altitude_m: past.points().map(|point| point.altitude_m).collect(),
-        ground_speed_mps: past.points().map(|point| point.ground_speed_mps).collect(),
-        battery_v: past.points().map(|point| point.battery_v).collect(),
+        altitude_m: past
+            .points()
+            .map(|point| metres(point.altitude_m))
+            .collect(),
+        ground_speed_mps: past
+            .points()
+            .map(|point| known(point.ground_speed_mps, decimals::SPEED))
+            .collect(),
+        battery_v: past
+            .points()
+            .map(|point| known(point.battery_v, decimals::VOLTS))
+            .collect(),
         phases: past
             .phases()
             .map(|phase| page::Phase {
@@ -365,8 +438,10 @@ mod tests {
             (movement.waypoints_total, movement.waypoints_reached),
             (3, 1)
         );
-        assert!((movement.distance_to_go_m.unwrap() - 31.4).abs() < 0.01);
-        assert!((movement.time_to_go_s.unwrap() - 10.13).abs() < 0.01);
+        assert_eq!(
+            (movement.distance_to_go_m, movement.time_to_go_s),
+            (Some(31.0), Some(11.0))
+        );
         assert!(words.alarms.is_empty() && !words.blocked && !words.replayed && !words.relayed);
         let line = summary(&robot, at(20_100));
         assert_eq!(
@@ -407,6 +482,36 @@ mod tests {
             None,
             "it is not of the present"
         );
+    }
+
+    #[test]
+    fn numbers_have_no_more_digits_than_a_page_needs() {
+        for (value, decimals, expected) in [
+            (24.100000381469727, 2, "24.1"),
+            (37.411234567, 7, "37.4112346"),
+            (-0.001, 2, "0.0"),
+            (-7.14159, 1, "-7.1"),
+            (f64::NAN, 2, "null"),
+        ] {
+            let text = serde_json::to_string(&rounded(value, decimals)).unwrap();
+            assert_eq!(text, expected, "{value}");
+        }
+        let text = serde_json::to_string(&now(&flown(), 5, at(20_100), at(20_100))).unwrap();
+        let digits = |number: &str| number.split(['.', 'e']).nth(1).map_or(0, str::len);
+        let numbers = text.split([',', ':', '[', ']', '{', '}']);
+        let most = numbers
+            .filter(|part| part.parse::<f64>().is_ok())
+            .map(digits)
+            .max();
+        assert_eq!(most, Some(7), "{text}");
+    }
+
+    #[test]
+    fn what_counts_on_by_itself_is_no_change_of_words() {
+        let robot = flown();
+        let [one, other] = [20_100, 24_300].map(|ms| super::robot(&robot, at(ms)));
+        assert_ne!(one, other);
+        assert_eq!(lasting(one), lasting(other));
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! The crate `view` speaks HTTP, WebSocket and the protocols on top, as pure values. Here are
 //! * `start`: the command that finds or starts the server; `run_file`: how it finds it; `opener`: opens its page;
 //! * [`server`]: the process; `shell`: its loop, `sockets`: its connections, `tls`: what hides them;
-//! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages` and `held`: what is said of one, `speaker`: when;
+//! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages` and `held`: the messages about one, `speaker`: when they are sent;
 //! * `foxglove`: what Foxglove and Lichtblick get and order;
 //! * `replay`: a recording in the place of the robots; `show_file`: the command that shows it;
 //! * `orders`, `checks`, `check`, `preflight`: what pages order, and what they ask before; `page_lost`: when no page is there any more;

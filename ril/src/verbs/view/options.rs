@@ -3,8 +3,8 @@
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 
-use clap::{ArgAction, Args};
-use runtime::args::{CommonArgs, robot};
+use clap::Args;
+use runtime::args::{SettingsArgs, robot};
 
 use crate::options::EXIT_CODES;
 
@@ -23,7 +23,7 @@ pub struct ViewArgs {
     #[command(flatten)]
     pub server: ServerArgs,
 
-    /// Print the address of the page instead of opening it; who has it may order
+    /// Print the address of the page instead of opening it; the address contains the token, so anyone with it can give orders
     #[arg(long)]
     pub no_browser: bool,
 
@@ -31,7 +31,7 @@ pub struct ViewArgs {
     #[arg(long)]
     pub json: bool,
 
-    /// Print the address of the page for another machine, with the token NAME of view.toml, and as a QR code; who has it may do what the token allows
+    /// Print the address of the page for another machine, with the token NAME of view.toml, and as a QR code; anyone with the address can do what the token allows
     #[arg(long, value_name = "NAME", conflicts_with_all = ["no_browser", "json"])]
     pub invite: Option<String>,
 
@@ -69,32 +69,7 @@ pub struct ServerArgs {
     #[arg(long = "robot", value_name = "N", env = "RIL_ROBOT", value_delimiter = ',', value_parser = robot)]
     pub robots: Vec<NonZeroU32>,
 
-    /// Configuration file; it must exist when it is named here
-    #[arg(long, value_name = "FILE", env = "RIL_CONFIG")]
-    pub config: Option<PathBuf>,
-
-    /// Log more: -v debug, -vv trace
-    #[arg(short, long, action = ArgAction::Count)]
-    pub verbose: u8,
-
-    /// Log less: -q warnings, -qq errors, -qqq nothing
-    #[arg(short, long, action = ArgAction::Count, conflicts_with = "verbose")]
-    pub quiet: u8,
-
-    /// Check the configuration and end: exit code 0, or 78 with file, line and reason
-    #[arg(long)]
-    pub check_config: bool,
-}
-
-impl ServerArgs {
-    /// What every process takes.
-    pub fn common(&self) -> CommonArgs {
-        CommonArgs {
-            robot: self.robots.first().copied(),
-            config: self.config.clone(),
-            verbose: self.verbose,
-            quiet: self.quiet,
-            check_config: self.check_config,
-        }
-    }
+    /// Configuration and log.
+    #[command(flatten)]
+    pub settings: SettingsArgs,
 }

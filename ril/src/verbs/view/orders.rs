@@ -23,7 +23,7 @@ struct Followed {
     number: u64,
     order: String,
     kind: OrderKind,
-    /// Who gave it, for the log.
+    /// The page or client that gave it, for the log.
     from: String,
 }
 
@@ -170,7 +170,7 @@ fn stage(stage: Option<(Stage, Reason)>) -> page::OrderStage {
     }
 }
 
-/// The audit: each order with who gave it and how far it came.
+/// The audit trail: each order with its sender and its outcome.
 fn log(robot: u32, kind: OrderKind, order: &str, from: &str, stage: page::OrderStage, text: &str) {
     tracing::info!(robot, ?kind, order, from, ?stage, "order: {text}");
 }

@@ -82,7 +82,7 @@ impl RunFile {
 
 impl Drop for RunFile {
     fn drop(&mut self) {
-        // Before the lock goes, so that nothing is removed that the next server has.
+        // Before the lock is released, so that the next server's files are not removed.
         for path in [self.path.with_extension("html"), self.path.clone()] {
             if let Err(error) = std::fs::remove_file(&path) {
                 tracing::debug!(%error, path = %path.display(), "the file cannot be removed");

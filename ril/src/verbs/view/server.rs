@@ -29,7 +29,7 @@ use crate::view_setup::token_key::{self, TokenKey, random_hex};
 ///
 /// Exit code 78 when the configuration is wrong.
 pub fn check_config(args: &ServerArgs) -> Result<Resulting, Failure> {
-    let (file, default) = (args.config.as_deref(), Path::new(DEFAULT_FILE));
+    let (file, default) = (args.settings.config.as_deref(), Path::new(DEFAULT_FILE));
     let resulting = Resulting::load::<ViewConfig>(file, default, EXAMPLE)?;
     load(args)?;
     let port = given("--port", "").map(|(text, origin)| (value_of(&text), origin));
@@ -38,7 +38,7 @@ pub fn check_config(args: &ServerArgs) -> Result<Resulting, Failure> {
 
 /// The configuration with what the command line says.
 pub(super) fn load(args: &ServerArgs) -> Result<Loaded<ViewConfig>, Failure> {
-    let mut loaded = config::load(args.config.as_deref())?;
+    let mut loaded = config::load(args.settings.config.as_deref())?;
     if let Some(port) = args.port {
         loaded.value.port = port;
     }
@@ -56,10 +56,10 @@ pub fn run(args: &RunViewArgs) -> Result<(), Failure> {
         rustix::process::setsid().or_fail(ExitCode::Internal)?;
     }
     let args = &args.server;
-    if args.check_config {
+    if args.settings.check_config {
         return check_config(args)?.print();
     }
-    runtime::logging::init(args.common().verbosity())?;
+    runtime::logging::init(args.settings.verbosity())?;
     // A robot takes some 110, a connection one.
     allow_many_files();
     let config = load(args)?.value;

@@ -71,7 +71,7 @@ pub(super) struct Sockets {
     listeners: Vec<TcpListener>,
     tls: Option<Tls>,
     /// Closed when there is no other descriptor left, so that a connection can be accepted and closed. `None` if it could not be opened
-    /// again: then nothing is accepted until it can.
+    /// again: until then no connection is accepted.
     spare: Option<File>,
     is_listening: bool,
     connections: BTreeMap<Key, Connection>,

@@ -1,4 +1,4 @@
-//! [`Speaker`]: what is said to pages when: what flies 20 times a second, words when they change and once a second, events as they come.
+//! [`Speaker`]: which messages pages get, and when: values 20 times a second, words at changes and once a second, events as they happen.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -11,28 +11,29 @@ use super::messages;
 use crate::robot::clock::Clocks;
 use crate::robot::model::WatchedRobot;
 
-/// How often words are said anew although they did not change.
+/// How often words are sent again although they did not change.
 const WORDS_PERIOD: Duration = Duration::from_secs(1);
 
-/// How often values are said anew although nothing came: their ages grow.
+/// How often values are sent again although no sample came: their ages grow.
 const AGES_PERIOD: Duration = Duration::from_millis(500);
 
 /// A robot that is shown, live or recorded.
 #[derive(Clone, Copy)]
 pub(super) struct Seen<'a> {
     pub robot: &'a WatchedRobot,
-    /// What its bridge holds; `None` if it has not said it.
+    /// The outline that its bridge holds; `None` if the bridge has not published it.
     pub outline: Option<&'a Outline>,
     /// Whether something of it has come since the last look.
     pub has_news: bool,
 }
 
-/// What was said of a robot last.
+/// The messages about a robot that were sent last.
 #[derive(Default)]
 struct Said {
     /// Number of the newest values.
     number: u64,
     values_at: MonotonicNs,
+    /// Without what counts on by itself.
     words: Option<page::Robot>,
     words_at: MonotonicNs,
     chart: Option<page::Chart>,
@@ -44,12 +45,13 @@ struct Said {
 #[derive(Default)]
 pub(super) struct Speaker {
     said: BTreeMap<u32, Said>,
+    /// Without what counts on by itself.
     robots: Option<page::Robots>,
     robots_at: MonotonicNs,
 }
 
 impl Speaker {
-    /// All is said anew at the next call of [`Speaker::speak`], because a page has come to `robot`.
+    /// The next call of [`Speaker::speak`] sends everything about `robot` again, because a page has joined.
     pub fn joined(&mut self, robot: u32) {
         self.robots = None;
         if let Some(said) = self.said.get_mut(&robot) {
@@ -58,7 +60,7 @@ impl Speaker {
         }
     }
 
-    /// The robots are to be said as they are at another moment: what is in their journals is in the past that pages get.
+    /// A replay has jumped: the next call sends everything again. Events before that moment are in the `past` that pages get.
     pub fn moved<'a>(&mut self, robots: impl Iterator<Item = Seen<'a>>) {
         for seen in robots {
             let id = seen.robot.id.get();
@@ -67,7 +69,7 @@ impl Speaker {
         }
     }
 
-    /// Says what is due at `now`. The moment that the robots are shown at, `clock`, is another one in a replay.
+    /// Sends what is due at `now`. In a replay, `clock` is the moment of the recording that is shown.
     pub fn speak<'a>(
         &mut self,
         robots: impl Iterator<Item = Seen<'a>>,
@@ -93,9 +95,10 @@ impl Speaker {
 
     fn list(&mut self, robots: page::Robots, server: &mut Server, now: MonotonicNs) {
         let is_due = now >= self.robots_at + WORDS_PERIOD;
-        if is_due || self.robots.as_ref() != Some(&robots) {
+        let lasting = Some(messages::lasting_list(robots.clone()));
+        if is_due || self.robots != lasting {
             server.robots(&robots);
-            (self.robots, self.robots_at) = (Some(robots), now);
+            (self.robots, self.robots_at) = (lasting, now);
         }
     }
 }
@@ -103,9 +106,10 @@ impl Speaker {
 impl Said {
     fn speak(&mut self, seen: Seen<'_>, server: &mut Server, clock: Clocks, now: MonotonicNs) {
         let words = messages::robot(seen.robot, clock.now);
-        if now >= self.words_at + WORDS_PERIOD || self.words.as_ref() != Some(&words) {
+        let lasting = Some(messages::lasting(words.clone()));
+        if now >= self.words_at + WORDS_PERIOD || self.words != lasting {
             server.robot(&words);
-            (self.words, self.words_at) = (Some(words), now);
+            (self.words, self.words_at) = (lasting, now);
         }
         let chart = messages::chart(seen.robot, seen.outline);
         if self.chart.as_ref() != Some(&chart) {
@@ -119,7 +123,7 @@ impl Said {
         }
     }
 
-    /// Says what happened since the last call.
+    /// Sends the events since the last call.
     fn events(&mut self, seen: Seen<'_>, server: &mut Server, clock: Clocks) {
         for line in seen.robot.journal.since(self.lines) {
             server.event(&messages::event(seen.robot, line, clock));

@@ -34,14 +34,13 @@ const MAX_LOG_BYTES: u64 = 4096;
 ///
 /// Code 1 when the server cannot start, 2 when a layout is of several robots, 3 when there is none to stop, 78 when the configuration is wrong.
 pub fn view(args: &ViewArgs) -> Result<(), Failure> {
-    let common = args.server.common();
-    if args.server.check_config {
+    if args.server.settings.check_config {
         return print_configuration("view", &server::check_config(&args.server)?);
     }
     if args.layout {
         return print_layout(&args.server.robots);
     }
-    runtime::logging::init(common.verbosity())?;
+    runtime::logging::init(args.server.settings.verbosity())?;
     if let Some(file) = &args.file {
         return show_file::view(args, file);
     }
@@ -150,11 +149,12 @@ fn arguments(port: u16, args: &ServerArgs) -> Vec<OsString> {
     for robot in &args.robots {
         words.extend(["--robot".into(), robot.to_string().into()]);
     }
-    if let Some(config) = &args.config {
+    let settings = &args.settings;
+    if let Some(config) = &settings.config {
         words.extend(["--config".into(), config.into()]);
     }
-    words.extend((0..args.verbose).map(|_| "-v".into()));
-    words.extend((0..args.quiet).map(|_| "-q".into()));
+    words.extend((0..settings.verbose).map(|_| "-v".into()));
+    words.extend((0..settings.quiet).map(|_| "-q".into()));
     words
 }
 
@@ -199,7 +199,7 @@ fn not_started(code: Option<i32>, log: &Path) -> Failure {
     if let Err(error) = read {
         tracing::debug!(%error, "the log cannot be read");
     }
-    let said = text.lines().next().unwrap_or("it said nothing");
+    let said = text.lines().next().unwrap_or("it logged no reason");
     let said = said.strip_prefix("error: ").unwrap_or(said);
     let code = ExitCode::ALL
         .into_iter()

@@ -10,5 +10,5 @@ pub(super) use absent::{Session, Tls};
 #[cfg(feature = "tls")]
 pub(super) use session::{Session, Tls};
 
-/// The first byte of a client that speaks TLS, by which it is told from HTTP: a record of a handshake.
+/// The first byte of a TLS connection, a handshake record: it distinguishes TLS from HTTP.
 pub(super) const HANDSHAKE: u8 = 0x16;

@@ -22,7 +22,7 @@ use std::time::Duration;
 use clap::{ArgAction, Args};
 use ipc_types::{Descriptor, Domain, MonotonicNs, RobotId, Source, Waiter};
 use ratatui::buffer::Buffer;
-use runtime::args::{CommonArgs, robot};
+use runtime::args::{CommonArgs, SettingsArgs, robot};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 use terminal::Terminal;
@@ -86,10 +86,12 @@ impl WatchArgs {
         const NOTHING: u8 = 3;
         CommonArgs {
             robot: self.robots.first().copied(),
-            config: self.config.clone(),
-            verbose: if is_quiet { 0 } else { self.verbose },
-            quiet: if is_quiet { NOTHING } else { self.quiet },
-            check_config: self.check_config,
+            settings: SettingsArgs {
+                config: self.config.clone(),
+                verbose: if is_quiet { 0 } else { self.verbose },
+                quiet: if is_quiet { NOTHING } else { self.quiet },
+                check_config: self.check_config,
+            },
         }
     }
 }

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::page::{Message, Page};
 use super::{View, free_port, order, ril, run_file, token};
 use crate::common::{end, sandbox};
-use crate::record::feed::{only_file, words};
+use crate::record::feed::{only_file, until_publishers, words};
 use crate::replay::made::record;
 
 /// A replay on a port of its own.
@@ -141,10 +141,13 @@ fn a_replay_shows_processes_that_were_killed_as_gone_when_the_live_view_did() {
     let view = View::start(&rig);
     let mut page = view.page();
     let mut recorder = rig.start(&words(""));
-    recorder.wait_for_text("recorded topic=\"/robot1/status/state\"");
     page.until("telemetry", |message| {
         message["type"] == "now" && message["telemetry"]["freshness"] == "fresh"
     });
+    // A process of which the recording has no sample was never there.
+    for topic in ["/robot1/status/state", "/robot1/bridge/state"] {
+        until_publishers(&rig, topic, 1);
+    }
     let mut live: Vec<Value> = Vec::new();
     for (process, text) in [robot.status, robot.bridge].into_iter().zip(ENDED) {
         rig.kill(process);

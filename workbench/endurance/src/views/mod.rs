@@ -5,6 +5,8 @@ mod hostile;
 
 use std::fs;
 use std::net::TcpListener;
+use std::path::Path;
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use ipc_types::MonotonicNs;
@@ -33,10 +35,11 @@ struct Case {
     is_attacked: bool,
 }
 
-/// The server that is measured.
+/// The server that is measured: a view, or the peer that is measured beside it.
 struct View {
     process: Process,
     port: u16,
+    /// Of a view: with it a page may order.
     token: String,
 }
 
@@ -57,6 +60,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool, show: &mut dyn 
         case("1 page", 1, None),
         case("20 pages", PAGES, None),
         case("Foxglove, all topics", 0, Some(Kind::Foxglove)),
+        case("Foxglove at 50 kB/s", 0, Some(Kind::Throttled)),
         case(
             "20 pages, Foxglove at 50 kB/s",
             PAGES,
@@ -75,15 +79,27 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool, show: &mut dyn 
             show(measure(site, plan, &mut view, &mut chain[1], &case));
         }
     }
-    let View { process, .. } = view;
-    site.end(chain.into_iter().chain([process]), false);
+    view.process.end();
+    if let Some(program) = plan.beside.as_deref().filter(|_| goes_on()) {
+        let mut peer = View::start_peer(site, program);
+        for case in [
+            case("crate foxglove: none", 0, None),
+            case("crate foxglove: all topics", 0, Some(Kind::Foxglove)),
+            case("crate foxglove: at 50 kB/s", 0, Some(Kind::Throttled)),
+        ] {
+            if goes_on() {
+                show(measure(site, plan, &mut peer, &mut chain[1], &case));
+            }
+        }
+        // It handles no signals; what it leaves in shared memory is swept.
+        site.kill(peer.process);
+    }
+    site.end(chain, plan.beside.is_some());
 }
 
 impl View {
     fn start(site: &Site) -> View {
-        let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
-        let port = listener.local_addr().expect("an address").port();
-        drop(listener);
+        let port = free_port();
         let mut command = site.command(["run", "view", "--port", &port.to_string()]);
         command.env("XDG_RUNTIME_DIR", site.folder());
         let mut process = site.spawn(command);
@@ -96,6 +112,20 @@ impl View {
             process,
             port,
             token,
+        }
+    }
+
+    /// Starts the program that is compared with the view.
+    fn start_peer(site: &Site, program: &Path) -> View {
+        let port = free_port();
+        let mut command = Command::new(program);
+        command.arg(port.to_string());
+        let mut process = site.spawn(command);
+        process.wait_for_text("ready");
+        View {
+            process,
+            port,
+            token: String::new(),
         }
     }
 
@@ -112,6 +142,12 @@ impl View {
             .sum();
         ticks / TICKS_PER_S
     }
+}
+
+/// A port that no other process has at this moment.
+fn free_port() -> u16 {
+    let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
+    listener.local_addr().expect("an address").port()
 }
 
 fn measure(

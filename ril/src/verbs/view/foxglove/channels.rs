@@ -117,7 +117,7 @@ impl RobotTopics {
         self.discovery = discovery;
     }
 
-    /// Says whether nothing is left to be done about the topic.
+    /// Returns whether the topic needs no further work.
     fn offer(&mut self, facts: ServiceFacts, server: &mut Server) -> bool {
         if let Some(former) = self.topics.get(&facts.key) {
             if former.text == facts.text {

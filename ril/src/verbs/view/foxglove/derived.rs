@@ -24,7 +24,7 @@ use crate::robot::model::{Process, WatchedRobot};
 use crate::verbs::view::fleet::Shown;
 use crate::verbs::view::messages;
 
-/// How often conditions are said although they did not change: all robots share the topic, and a client that comes later gets its
+/// How often conditions are sent although they did not change: all robots share the topic, and a client that comes later gets its
 /// newest message alone.
 const CONDITIONS_PERIOD: Duration = Duration::from_secs(1);
 
@@ -47,14 +47,14 @@ struct RobotTopics {
     chart: Topic<page::Chart>,
     track: Topic<Vec<Place>>,
     log: Option<ChannelId>,
-    /// Lines of the robot's journal that were said.
+    /// Lines of the robot's journal that were sent.
     said_lines: u64,
 }
 
 /// A topic that says one thing, when it changes.
 struct Topic<T> {
     channel: Option<ChannelId>,
-    /// What was said last, and when; `None` while no client wants it.
+    /// The last sample and its time; `None` while no client subscribes.
     said: Option<(T, MonotonicNs)>,
 }
 
@@ -190,7 +190,7 @@ impl<T: PartialEq> Topic<T> {
         Topic { channel, said }
     }
 
-    /// The channel if a client wants it. If none does, what was said is forgotten: the next one gets it anew.
+    /// The channel if a client subscribes to it. If none does, the last sample is forgotten, so that the next subscriber gets it again.
     fn wanted(&mut self, server: &Server) -> Option<ChannelId> {
         let wanted = self
             .channel

@@ -1,5 +1,5 @@
 //! [`Diagnostics`]: the alarms of a robot for the diagnostics panels of viewers, which keep the newest condition of each name: an alarm
-//! that is over is said to be over.
+//! that is over is reported as over.
 
 use ros_messages::{Diagnostic, DiagnosticLevel};
 use view::page;

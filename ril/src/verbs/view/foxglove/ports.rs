@@ -53,7 +53,7 @@ struct Port {
     value: Option<f64>,
 }
 
-/// What is done when nothing is to be written.
+/// What is done while no parameter is to be set.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Step {
     List(u32),
@@ -67,7 +67,7 @@ enum Step {
 pub(super) struct Cache {
     ports: Vec<Port>,
     step: Step,
-    /// Nothing is asked before.
+    /// No question to the bridge before this moment.
     due: MonotonicNs,
     writes: VecDeque<Ask>,
 }
@@ -94,7 +94,7 @@ impl Cache {
         }
     }
 
-    /// Takes the final report about `ask`; gives the port whose value is to be said.
+    /// Takes the final report about `ask`; returns the port whose value is to be sent.
     pub fn answer(&mut self, ask: &Ask, report: &RequestReport, now: MonotonicNs) -> Option<usize> {
         let is_done = report.stage() == Some(Stage::Done);
         match ask {

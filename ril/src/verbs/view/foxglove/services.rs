@@ -44,7 +44,7 @@ const RESPONSE: &str = r#"{"type":"object","properties":{"accepted":{"type":"boo
 /// Why a client orders nothing: a page has the lease.
 pub(super) const COMMANDED: &str = "a page commands this robot, and can release it";
 
-/// A call of a service, and who calls.
+/// A call of a service, and its caller.
 pub(crate) struct ServiceCall {
     pub call: Call,
     pub service: String,

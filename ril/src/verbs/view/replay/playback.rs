@@ -35,7 +35,7 @@ pub(in super::super) struct Playback {
     jumped_at: MonotonicNs,
     /// Whether a client has come that wants the samples that hold here.
     is_wanted_anew: bool,
-    /// Whether the position is to be said at once.
+    /// Whether the position is to be sent at once.
     has_changed: bool,
     said_at: MonotonicNs,
 }

@@ -31,7 +31,7 @@ const MAX_DAMAGE: usize = 20;
 enum Step<'a> {
     Took(&'a RecordedMessage),
     Looked,
-    /// Nothing more happens until the wanted moment.
+    /// No message and no look is left before the wanted moment.
     Done,
 }
 
@@ -119,7 +119,7 @@ impl Recording {
                 break;
             };
             keep_at = (keep_at + spacing).max(*next);
-            // Behind the last message nothing is shown.
+            // The replay ends with the last message.
             while self.pending.is_some() {
                 match self.step(keep_at) {
                     Step::Took(message) => seen(message),

@@ -1,4 +1,4 @@
-//! A recorded flight with faults: what the page of the replay says is what `ril watch` said, whatever way its playhead goes.
+//! A recorded flight with faults: the page of the replay shows what `ril watch` showed, however the playhead moves.
 
 use std::fs;
 use std::ops::Range;

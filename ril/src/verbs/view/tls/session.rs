@@ -60,7 +60,7 @@ impl Session {
         let state = match self.0.process_new_packets() {
             Ok(state) => state,
             Err(error) => {
-                // The other end is told why, as far as the kernel takes it.
+                // The alert says why; it is sent as far as the kernel takes it.
                 let _ = self.flush(stream);
                 return Err(io::Error::new(ErrorKind::InvalidData, error));
             }
@@ -72,7 +72,7 @@ impl Session {
 
     /// Takes what can be written now, and says how much that was.
     pub fn write(&mut self, stream: &mut TcpStream, plain: &[u8]) -> io::Result<usize> {
-        // What waits here cannot become newer: nothing more is taken before it is gone.
+        // Encrypted bytes cannot be replaced by newer ones, so no further ones are taken before these are sent.
         if !self.flush(stream)? {
             return Ok(0);
         }
