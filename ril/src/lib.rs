@@ -31,6 +31,7 @@
 pub mod cli;
 pub mod completion;
 pub mod config;
+mod fence_file;
 mod mavlink_setup;
 pub mod options;
 pub mod recorded;

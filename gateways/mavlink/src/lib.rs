@@ -10,12 +10,14 @@
 //! * `stations`, `streams`, `texts`: to whom what is sent, and when;
 //! * `decide`: what a command asks for; `commands`: each at most once; `verdict`: how it is answered;
 //! * `parameters`: the DSP's ports and some values of our own, by name;
+//! * `fence`: the bridge's geofence in items;
 //! * `gateway`: all of it as one value.
 
 mod commands;
 mod counts;
 mod decide;
 mod event;
+mod fence;
 mod gateway;
 mod home;
 mod identity;

@@ -54,6 +54,25 @@ pub enum MavResult {
     Cancelled = 6,
 }
 
+/// MAV_MISSION_RESULT.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum MissionResult {
+    /// It is in force.
+    Accepted = 0,
+    /// Not now.
+    Error = 1,
+    /// Not this kind.
+    Unsupported = 3,
+    /// No such item.
+    InvalidSequence = 13,
+    /// Not over MAVLink.
+    Denied = 14,
+}
+
+/// MAV_MISSION_TYPE of a geofence.
+pub const MISSION_TYPE_FENCE: u8 = 1;
+
 /// MAV_SEVERITY.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]

@@ -3,9 +3,9 @@
 use arrayvec::ArrayString;
 
 use crate::message::{
-    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MISSION_CLEAR_ALL, MISSION_COUNT,
-    MISSION_REQUEST_LIST, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, SET_MODE,
-    TIMESYNC,
+    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MISSION_ACK, MISSION_CLEAR_ALL,
+    MISSION_COUNT, MISSION_REQUEST, MISSION_REQUEST_INT, MISSION_REQUEST_LIST, PARAM_REQUEST_LIST,
+    PARAM_REQUEST_READ, PARAM_SET, PING, SET_MODE, TIMESYNC,
 };
 use crate::number::{AUTOPILOT_INVALID, TYPE_PROGRAM, TYPE_STATION};
 use crate::parameters::NAME;
@@ -103,9 +103,13 @@ pub enum MissionRequest {
     /// How many items are there?
     List,
     /// So many items will come.
-    Count,
+    Count(u16),
     /// None shall be there.
     Clear,
+    /// Which is this item?
+    Request(u16),
+    /// How a transfer ended: MAV_MISSION_RESULT.
+    Ack(u8),
 }
 
 /// COMMAND_LONG or COMMAND_INT.
@@ -205,7 +209,15 @@ impl Received {
                 theirs_ns: payload.i64(8),
             },
             MISSION_REQUEST_LIST => mission(MissionRequest::List, payload, 0),
-            MISSION_COUNT => mission(MissionRequest::Count, payload, 2),
+            MISSION_COUNT => mission(MissionRequest::Count(payload.u16(0)), payload, 2),
+            MISSION_REQUEST | MISSION_REQUEST_INT => {
+                mission(MissionRequest::Request(payload.u16(0)), payload, 2)
+            }
+            MISSION_ACK => Received::Mission {
+                system: payload.u8(0),
+                request: MissionRequest::Ack(payload.u8(2)),
+                mission_type: payload.u8(3),
+            },
             MISSION_CLEAR_ALL => mission(MissionRequest::Clear, payload, 0),
             FILE_TRANSFER_PROTOCOL => Received::File {
                 system: payload.u8(1),

@@ -3,6 +3,7 @@
 mod chance;
 mod commands;
 mod common;
+mod fence;
 mod parameters;
 mod script;
 mod signing;

@@ -11,9 +11,10 @@
 //!
 //! What becomes of it later is a text to all stations.
 //!
-//! `orders`: commands become orders, and reports become answers; `lost`: what becomes of those of a station that is lost; `output`: what is sent; `parameters`: what is asked about them; `pending`: an order on its way;
+//! `orders`: commands become orders, and reports become answers; `fence`: the geofence; `lost`: what becomes of those of a station that is lost; `output`: what is sent; `parameters`: what is asked about them; `pending`: an order on its way;
 //! `shown`: what the gateway says of itself.
 
+mod fence;
 mod lost;
 mod orders;
 mod output;
@@ -33,9 +34,10 @@ use self::pending::Pending;
 use crate::commands::Commands;
 use crate::counts::Counts;
 use crate::event::{Datagram, Event, Order};
+use crate::fence::Fence;
 use crate::home::Home;
 use crate::message::{FILE_TRANSFER_PROTOCOL, MISSION_ACK, MISSION_COUNT, PING, TIMESYNC};
-use crate::number::{COMPONENT, Severity};
+use crate::number::{COMPONENT, MISSION_TYPE_FENCE, Severity};
 use crate::parameters::Parameters;
 use crate::received::{MissionRequest, Received};
 use crate::settings::Settings;
@@ -66,6 +68,7 @@ pub struct Gateway {
     /// Of the newest input.
     moment: MonotonicNs,
     parameters: Parameters,
+    fence: Fence,
     pending: Vec<Pending>,
     last_number: u64,
     last_hold: Option<MonotonicNs>,
@@ -93,6 +96,7 @@ impl Gateway {
             signing: None,
             moment: MonotonicNs(0),
             parameters: Parameters::default(),
+            fence: Fence::default(),
             pending: Vec::new(),
             last_number: 0,
             last_hold: None,
@@ -271,7 +275,7 @@ impl Gateway {
         }
     }
 
-    /// Missions are not offered yet: there are none, and none is taken.
+    /// Missions and rally points are not offered yet: there are none, and none is taken.
     fn mission(
         &mut self,
         sender: Sender,
@@ -280,14 +284,19 @@ impl Gateway {
         now: MonotonicNs,
     ) {
         let to = |message: Message| message.u8(sender.system).u8(sender.component);
+        if mission_type == MISSION_TYPE_FENCE {
+            return self.fence(sender, request, now);
+        }
         let answer = match request {
             MissionRequest::List => to(Message::new(MISSION_COUNT).u16(0)),
             MissionRequest::Clear => to(Message::new(MISSION_ACK)).u8(0),
-            MissionRequest::Count => to(Message::new(MISSION_ACK)).u8(3),
+            MissionRequest::Count(_) => to(Message::new(MISSION_ACK)).u8(3),
+            MissionRequest::Request(_) => to(Message::new(MISSION_ACK)).u8(13),
+            MissionRequest::Ack(_) => return,
         };
         self.send(sender.address, &answer.u8(mission_type));
-        if request == MissionRequest::Count {
-            let text = "missions and fences are not taken yet: fly plans with `ril plan fly`";
+        if let MissionRequest::Count(_) = request {
+            let text = "missions are not taken yet: fly plans with `ril plan fly`";
             self.say(&[sender.address], Severity::Error, text, now);
         }
     }
@@ -315,6 +324,7 @@ impl Gateway {
         self.look_for_lost_stations(now);
         for gone in self.stations.expire(now) {
             self.commands.forget(gone);
+            self.fence.forget(gone);
             if !self.stations.is_heard(gone.address) {
                 self.parameters.forget(gone.address);
             }

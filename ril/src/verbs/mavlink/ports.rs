@@ -2,7 +2,8 @@
 
 use dsp_protocol::port;
 use ipc_types::payload::{
-    HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest, RequestReport,
+    BridgeOutline, HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
+    RequestReport,
 };
 use ipc_types::{
     Client, Ipc, MonotonicNs, Request, SendError, Source, Subscriber, fresh_request_id,
@@ -18,6 +19,7 @@ pub(super) struct Ports {
     ipc: Ipc,
     telemetry: Subscriber<HeroTelemetry>,
     state: Subscriber<ModuleState>,
+    outline: Subscriber<BridgeOutline>,
     movement: Option<Client<MovementData>>,
     control: Option<Client<ModuleControl>>,
     parameters: Option<Client<ParameterRequest>>,
@@ -36,6 +38,7 @@ impl Ports {
         Ok(Ports {
             telemetry: ipc.subscriber().or_fail(ExitCode::Internal)?,
             state: ipc.subscriber().or_fail(ExitCode::Internal)?,
+            outline: ipc.subscriber().or_fail(ExitCode::Internal)?,
             ipc,
             movement: None,
             control: None,
@@ -51,7 +54,8 @@ impl Ports {
         let control = self.control.as_mut().map(|client| client as _);
         let parameters = self.parameters.as_mut().map(|client| client as _);
         let state = Some(&mut self.state as _);
-        [telemetry, state, movement, control, parameters]
+        let outline = Some(&mut self.outline as _);
+        [telemetry, state, outline, movement, control, parameters]
             .into_iter()
             .flatten()
     }
@@ -65,7 +69,11 @@ impl Ports {
                 gateway.telemetry(&telemetry, now);
             }
         });
-        for error in [states.err(), newest.err()].into_iter().flatten() {
+        let outlines = self.outline.drain(|piece| gateway.outline(piece));
+        for error in [states.err(), newest.err(), outlines.err()]
+            .into_iter()
+            .flatten()
+        {
             tracing::warn!(%error, "samples could not be received");
         }
         for report in self.reports() {

@@ -55,7 +55,7 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
     let Some(set_up) = SetUp::<MavlinkConfig>::begin(&args.common, DEFAULT_FILE)? else {
         return Ok(());
     };
-    mavlink_setup::load(args.common.config.as_deref())?;
+    mavlink_setup::load(args.common.settings.config.as_deref())?;
     let robot = set_up.robot;
     let settings = set_up.config.settings(robot)?;
     let key = set_up.config.key.as_deref();

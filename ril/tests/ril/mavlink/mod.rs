@@ -2,8 +2,12 @@
 
 mod station;
 
+use std::fs::{self, Permissions};
 use std::net::UdpSocket;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
 
+use ipc_types::payload::MavlinkStations;
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Process, Sandbox, languages};
 
@@ -19,8 +23,14 @@ const OFFBOARD: u32 = 0x0006_0000;
 
 /// A gateway for this station. What a stall of the machine makes of ages and answers is no part of these tests, unless `lost_s` says so.
 fn gateway(rig: &Sandbox, port: u16, lost_s: f64) -> Process {
-    let config =
-        format!("port = 0\nstations = ['127.0.0.1:{port}']\nlost_s = {lost_s}\nanswer_s = 60.0\n");
+    gateway_with(rig, port, lost_s, "")
+}
+
+/// The same, with more lines of `mavlink.toml`.
+fn gateway_with(rig: &Sandbox, port: u16, lost_s: f64, more: &str) -> Process {
+    let config = format!(
+        "port = 0\nstations = ['127.0.0.1:{port}']\nlost_s = {lost_s}\nanswer_s = 60.0\n{more}"
+    );
     rig.write("mavlink.toml", &config);
     rig.start_ready("run mavlink")
 }
@@ -122,28 +132,107 @@ fn a_wrong_configuration_is_refused_and_a_port_has_one_owner() {
         .err_says(format!("UDP port {port} is in use"));
 }
 
-/// By a library that others wrote: bytes, checksums and a flight.
-#[test]
-fn pymavlink_flies_the_helicopter() {
+/// A judge in Python, with what is written about its station's port.
+fn judged(
+    what: &str,
+    script: &str,
+    words: &[&str],
+    last_line: &str,
+    config: &str,
+    look: impl FnOnce(&Sandbox),
+) {
     let rig = sandbox();
-    let what = "pymavlink flies the helicopter";
     let python = match languages::python_with("pymavlink==2.4.50", &rig.path("venv")) {
         Ok(python) => python,
         Err(why) => return languages::skip(what, &why),
     };
     let robot = rig.start_robot(1, 10);
     let port = Station::new().port();
-    let gateway = gateway(&rig, port, 60.0);
+    rig.write("mavlink.key", &format!("{PASSPHRASE}\n"));
+    fs::set_permissions(rig.path("mavlink.key"), Permissions::from_mode(0o600)).expect("a mode");
+    let gateway = gateway_with(&rig, port, 60.0, config);
     let mut judge = std::process::Command::new(python);
-    judge.arg("-u").arg(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/tests/ril/mavlink/judge.py"
-    ));
-    judge.arg(port.to_string());
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/ril/mavlink");
+    judge.arg("-u").arg(folder.join(script));
+    judge.arg(port.to_string()).args(words);
     let mut judge = rig.spawn(rig.place(judge));
     // It waits for each step of the flight as long as every test does for one.
-    judge.wait_for_line_within(4 * WAIT_LIMIT, |line| line.text == "all is well");
+    judge.wait_for_line_within(4 * WAIT_LIMIT, |line| line.text == last_line);
     judge.exits(0);
+    look(&rig);
     end(gateway, Signal::TERM);
     robot.end();
+}
+
+/// What the stations of these tests sign with.
+const PASSPHRASE: &str = "correct horse battery";
+
+/// Both sides sign; what was recorded or has another key is dropped.
+#[test]
+fn pymavlink_signs_and_takes_signatures_alone() {
+    let (script, words) = ("signed.py", [PASSPHRASE]);
+    let what = "pymavlink signs and takes signatures alone";
+    let config = "key = 'mavlink.key'\nstate = 'kept'\n";
+    judged(what, script, &words, "all is signed", config, |rig| {
+        // Counts alone are published once a second.
+        let mut stations = rig.subscribe::<MavlinkStations>(1);
+        stations.until("what was dropped is counted", |sample| {
+            sample.refused_signature == 1 && sample.refused_replayed == 3
+        });
+        let shown = rig.run("mavlink status", 0);
+        shown.out_says("signatures  asked for");
+        shown.out_says("1 with a signature of another key, 3 with an old signature");
+        let kept = fs::read_to_string(rig.path("kept/robot-1.timestamp")).expect("it is kept");
+        assert!(
+            kept.trim().parse::<u64>().is_ok_and(|kept| kept > 0),
+            "{kept}"
+        );
+    });
+}
+
+/// By a library that others wrote: bytes, checksums and a flight.
+#[test]
+fn pymavlink_flies_the_helicopter() {
+    let what = "pymavlink flies the helicopter";
+    judged(what, "judge.py", &[], "all is well", "", |_| {});
+}
+
+/// A station that sends all kinds of bytes as fast as it can is not obeyed, and another one still is.
+#[test]
+fn a_flood_leaves_room_for_a_hold_that_is_done_once() {
+    let rig = sandbox();
+    let robot = rig.start_robot(1, 10);
+    let mut station = Station::new();
+    let mut gateway = gateway(&rig, station.port(), 60.0);
+    station.connect();
+    assert_eq!(station.command(22, [NAN, 0.0, 0.0, NAN, NAN, NAN, NAN]), 0);
+    station.until_text("take-off done");
+    let here = station.until("a position", |message| message.is(33));
+    let there = here.i32(4) + 450_000;
+    assert_eq!(station.reposition(6, there, here.i32(8), 15.0), 0);
+    station.until_mode(OFFBOARD);
+    let before = resident_kb(&gateway);
+    let flood = station.flood(30_000);
+    // The socket drops what it has no room for: the command is sent again until it is answered, as stations do.
+    assert_eq!(station.command_again_and_again(193, [0.0; 7]), 0);
+    station.until_mode(HOLD);
+    flood.join().expect("it has ended");
+    let grown = resident_kb(&gateway).saturating_sub(before);
+    assert!(grown < 8_192, "{grown} kB more");
+    let shown = rig.run("mavlink status", 0);
+    shown.out_says("no frame");
+    gateway.signal(Signal::TERM);
+    let said = gateway.exits(0);
+    let holds = said.stderr.iter().filter(|line| line.contains("hold by"));
+    assert_eq!(holds.count(), 1, "{said:#?}");
+    robot.end();
+}
+
+/// What a process has in memory, kB.
+fn resident_kb(process: &Process) -> u64 {
+    let path = format!("/proc/{}/status", process.id());
+    let status = fs::read_to_string(path).expect("it runs");
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let number = line.and_then(|line| line.split_whitespace().next());
+    number.and_then(|number| number.parse().ok()).expect("kB")
 }
