@@ -4,8 +4,9 @@ use std::pin::Pin;
 
 use dsp_protocol::Profile;
 
-use crate::bench::{Bench, Judged};
+use crate::bench::Bench;
 use crate::monitor::Rule;
+use crate::outcome::Judged;
 use crate::permitted::RotorDisconnected;
 
 /// A check that is under way.

@@ -6,7 +6,7 @@
 //! * [`table`]: the checks, each with its sentence, what is sent, what must come back; [`checks`] has them by topic;
 //! * [`permitted`]: what may be sent, and that nothing else is: without [`permitted::RotorDisconnected`] no type can express
 //!   a message that moves a rotor;
-//! * [`bench`]: a check's end of the line; [`monitor`]: what is judged of all messages;
+//! * [`wire`]: the line as a value; [`bench`]: a check's end of it; [`monitor`]: what is judged of all messages;
 //! * [`run`]: the whole run as a value that is given time and bytes; [`report`]: what it found.
 //!
 //! Nothing here has a port, a clock or a thread. A check is linear code that sends and waits, as a suspended function; the value
@@ -19,7 +19,7 @@
 //! ```
 //! use std::time::Duration;
 //!
-//! use conform::bench::Setup;
+//! use conform::wire::Setup;
 //! use conform::report::Ended;
 //! use conform::run::{Conformance, Settings};
 //! use dsp_protocol::{Profile, Sequence};
@@ -47,11 +47,15 @@
 //! assert_eq!(sent[..6], [0xF0, 0x00, 0x00, 0x4F, 0x09, 0x48], "it reads port 10121");
 //! ```
 
+pub mod arrival;
 pub mod bench;
 pub mod check;
 pub mod checks;
 pub mod monitor;
+pub mod outcome;
 pub mod permitted;
+mod pilot;
 pub mod report;
 pub mod run;
 pub mod table;
+pub mod wire;

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use dsp_protocol::{DecodeError, Downlink, DspErrorCode, Profile, Sequence, header};
 
-use crate::bench::Arrival;
+use crate::arrival::Arrival;
 use crate::report::Line;
 
 /// A sentence that holds for all messages.

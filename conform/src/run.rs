@@ -8,12 +8,14 @@ use std::time::Duration;
 
 use dsp_protocol::{Group, StatusMask, port};
 
-use crate::bench::{Bench, Judged, Reset, Setup, Stop, Wire};
+use crate::bench::Bench;
 use crate::check::{Check, How, Place};
-use crate::checks::flight;
+use crate::outcome::{Judged, Stop};
 use crate::permitted::{Harmless, QuietPort16, QuietPort32, RotorDisconnected};
+use crate::pilot;
 use crate::report::{CheckReport, Ended, Report, Verdict};
 use crate::table::chosen;
+use crate::wire::{Reset, Setup, Wire};
 
 /// The status period between checks, ms: at 9600 baud a status of the time alone takes 18 ms in the extended profile.
 const PERIOD_MS: u16 = 50;
@@ -214,7 +216,7 @@ async fn run(
     if let Some(proof) = settings.proof {
         settle(&bench, Some(proof)).await;
         // Whether it lands is not judged here.
-        let _ = flight::to_ground(&bench, proof).await;
+        let _ = pilot::to_ground(&bench, proof).await;
     }
     found.restore(&bench).await;
 }
@@ -261,8 +263,8 @@ async fn attempt(
         }
         (How::Moving(place, run), Some(proof)) => {
             let prepared = match place {
-                Place::Ground => flight::to_ground(bench, proof).await,
-                Place::Hover => flight::to_hover(bench, proof).await,
+                Place::Ground => pilot::to_ground(bench, proof).await,
+                Place::Hover => pilot::to_hover(bench, proof).await,
             };
             match prepared {
                 Ok(()) => {

@@ -3,7 +3,9 @@
 use dsp_protocol::Profile;
 
 use crate::check::{Check, How};
-use crate::checks::{boot, commands, errors, extended, flight, frames, groups, ports, status};
+use crate::checks::{
+    boot, commands, errors, extended, flight, frames, groups, path, ports, status,
+};
 
 /// All checks in the order of a run: what moves no rotor, what needs a reset, what moves a rotor, and last what is judged of all
 /// messages.
@@ -18,7 +20,9 @@ pub fn table() -> Vec<Check> {
         errors::checks(),
         extended::checks(),
         boot::checks(),
-        flight::checks(),
+        flight::before_hover(),
+        path::checks(),
+        flight::after_hover(),
     ] {
         checks.extend(some);
     }

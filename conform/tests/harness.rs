@@ -3,10 +3,10 @@
 use std::num::NonZeroU32;
 use std::time::Duration;
 
-use conform::bench::Setup;
 use conform::permitted::{CONFIRMATION, RotorDisconnected};
 use conform::report::Report;
 use conform::run::{Conformance, Settings};
+use conform::wire::Setup;
 use dsp_protocol::{Profile, Sequence};
 use dsp_sim::simulator::Simulator;
 
@@ -133,4 +133,47 @@ pub fn not_judged(report: &Report) -> Vec<String> {
         format!("{}: {}", check.id, check.verdict.text().unwrap_or_default())
     };
     report.checks.iter().filter(open).map(text).collect()
+}
+
+/// What happens to bytes with `rate` damaged: one bit of each of those is changed.
+pub struct Damaged<P> {
+    pub peer: P,
+    pub random: fastrand::Rng,
+    pub rate: f64,
+}
+
+impl<P> Damaged<P> {
+    fn damage(&mut self, bytes: &mut [u8]) {
+        for byte in bytes {
+            if self.random.f64() < self.rate {
+                *byte ^= 1 << self.random.u8(0..8);
+            }
+        }
+    }
+}
+
+impl<P: Peer> Peer for Damaged<P> {
+    fn receive(&mut self, now: Duration, bytes: &[u8]) {
+        let mut bytes = bytes.to_vec();
+        self.damage(&mut bytes);
+        self.peer.receive(now, &bytes);
+    }
+
+    fn advance(&mut self, now: Duration) {
+        self.peer.advance(now);
+    }
+
+    fn next_deadline(&self) -> Option<Duration> {
+        self.peer.next_deadline()
+    }
+
+    fn take_output(&mut self) -> Vec<u8> {
+        let mut bytes = self.peer.take_output();
+        self.damage(&mut bytes);
+        bytes
+    }
+
+    fn reset(&mut self, now: Duration) {
+        self.peer.reset(now);
+    }
 }

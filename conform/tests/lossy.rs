@@ -5,9 +5,9 @@ use std::time::Duration;
 use dsp_protocol::Profile;
 use dsp_sim::simulator::{Setup, Simulator};
 
-use crate::dsp::{Damaged, Dsp};
+use crate::dsp::Dsp;
 use crate::fault::Fault;
-use crate::harness::{broken, everything, not_judged, play};
+use crate::harness::{Damaged, broken, everything, not_judged, play};
 
 fn damaged<P>(peer: P, seed: u64) -> Damaged<P> {
     Damaged {

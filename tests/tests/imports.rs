@@ -10,6 +10,7 @@ use std::path::Path;
 const CRATES: &[&str] = &[
     "bindings/c",
     "bridge",
+    "conform",
     "dsp-protocol",
     "dsp-sim",
     "flight-record/recording",

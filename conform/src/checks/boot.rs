@@ -7,8 +7,10 @@ use std::time::Duration;
 use dsp_protocol::port::{self, PORTS_16, PORTS_32};
 use dsp_protocol::{Command, FlowControl, Group, Profile, StatusMask};
 
-use crate::bench::{Arrival, Bench, Judged, Stop, ensure};
+use crate::arrival::Arrival;
+use crate::bench::Bench;
 use crate::check::{Check, Place};
+use crate::outcome::{Judged, Stop, ensure};
 use crate::permitted::{Harmless, QuietPort16};
 
 /// How long the line is watched after a reset, before the kit sends anything.

@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use dsp_protocol::{StatusMask, port};
 
-use crate::bench::{Bench, Judged, ensure};
+use crate::bench::Bench;
 use crate::check::{Check, Place};
+use crate::outcome::{Judged, ensure};
 use crate::permitted::{Harmless, QuietPort16, QuietPort32, Raw};
 
 const INVALID: u16 = 30;
@@ -268,7 +269,7 @@ async fn start_up(bench: Bench) -> Judged {
         let errors: Vec<u16> = bench
             .since(mark)
             .iter()
-            .filter_map(crate::bench::Arrival::link_error)
+            .filter_map(crate::arrival::Arrival::link_error)
             .collect();
         ensure(errors.is_empty(), || {
             format!("errors {errors:?} came after the errors were cleared")

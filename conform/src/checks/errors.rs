@@ -2,9 +2,11 @@
 
 use dsp_protocol::port;
 
-use crate::bench::{Arrival, Bench, Judged, ensure};
+use crate::arrival::Arrival;
+use crate::bench::Bench;
 use crate::check::Check;
 use crate::monitor::Rule;
+use crate::outcome::{Judged, ensure};
 use crate::permitted::{Harmless, Raw};
 
 const INVALID: u16 = 30;

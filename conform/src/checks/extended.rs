@@ -4,9 +4,11 @@ use std::time::Duration;
 
 use dsp_protocol::{Command, Profile, Sequence, Uplink, header, port};
 
-use crate::bench::{ACK_TIME, Arrival, Bench, Judged, ensure};
+use crate::arrival::Arrival;
+use crate::bench::{ACK_TIME, Bench};
 use crate::check::Check;
 use crate::monitor::Rule;
+use crate::outcome::{Judged, ensure};
 use crate::permitted::{Harmless, QuietPort16, Raw};
 
 const INVALID: u16 = 30;

@@ -4,9 +4,10 @@ use std::time::Duration;
 
 use dsp_protocol::{Profile, header, port};
 
-use crate::bench::{Bench, Judged};
+use crate::bench::Bench;
 use crate::check::Check;
 use crate::monitor::Rule;
+use crate::outcome::Judged;
 use crate::permitted::{Harmless, QuietPort32, Raw};
 
 /// Errors of the DSP about bytes of the PC.
@@ -297,7 +298,7 @@ fn of_rejections() -> Vec<Check> {
                 let what = "a write with a damaged value";
                 bench.expect(&raw, what, 0, &[CHECK_FIELD]).await?;
                 let after = bench.read_32(port::TAKE_OFF_ALTITUDE_M).await?;
-                crate::bench::ensure(before.to_bits() == after.to_bits(), || {
+                crate::outcome::ensure(before.to_bits() == after.to_bits(), || {
                     format!("port 20121 was {before} and is {after} after a damaged write")
                 })
             },

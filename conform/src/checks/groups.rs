@@ -3,8 +3,9 @@
 use dsp_protocol::plausibility::implausible_groups;
 use dsp_protocol::{Group, Status, StatusMask};
 
-use crate::bench::{Bench, Judged, ensure, not_judged};
+use crate::bench::Bench;
 use crate::check::Check;
+use crate::outcome::{Judged, ensure, not_judged};
 
 /// The checks.
 pub fn checks() -> Vec<Check> {

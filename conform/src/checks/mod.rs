@@ -7,5 +7,6 @@ pub mod extended;
 pub mod flight;
 pub mod frames;
 pub mod groups;
+pub mod path;
 pub mod ports;
 pub mod status;

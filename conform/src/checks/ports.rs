@@ -3,8 +3,10 @@
 use dsp_protocol::Command;
 use dsp_protocol::port::{self, PORTS_16, PORTS_32, Port16, Port32};
 
-use crate::bench::{Arrival, Bench, Judged, broken, ensure, not_judged};
+use crate::arrival::Arrival;
+use crate::bench::Bench;
 use crate::check::{Check, Place};
+use crate::outcome::{Judged, broken, ensure, not_judged};
 use crate::permitted::{Harmless, Permitted, QuietPort16, QuietPort32, moves};
 
 const INVALID: u16 = 30;

@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use dsp_protocol::{Group, Status, StatusMask, port};
 
-use crate::bench::{Bench, Judged, broken, ensure, not_judged};
+use crate::bench::Bench;
 use crate::check::Check;
+use crate::outcome::{Judged, broken, ensure, not_judged};
 use crate::permitted::{Harmless, QuietPort16};
 
 const TIME: StatusMask = StatusMask::NONE.with(Group::Time);
@@ -104,7 +105,7 @@ pub fn checks() -> Vec<Check> {
         Check::harmless(
             "4.1-mask",
             "4.1",
-            "The mask is the one that the PC wrote to port 10000 (section 6).",
+            "The mask is the one that the PC wrote to port 10000 (section 6), without the groups that the DSP has no values for (section 8.3).",
             "seven masks, one after the other",
             "from the second status on none with a group that was not asked for, and the time where it was",
             masks,
