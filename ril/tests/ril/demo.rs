@@ -3,12 +3,14 @@
 use ril_tests::Sandbox;
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
+use std::path::Path;
 
 use crate::common::{json, sandbox};
-use ril_tests::languages::root;
+use ril_tests::languages::{root, skip};
 use ril_tests::process::{Finished, Process, Signal};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
+use serde_json::Value;
 
 /// Everything that still carries the mark of the demonstration with process id `demo`: segments, folders, processes.
 fn left_of(demo: u32) -> Vec<String> {
@@ -202,4 +204,81 @@ fn its_processes_do_not_outlive_it_even_when_it_is_killed() {
         poll(&mut [PollFd::new(child, PollFlags::IN)], None).unwrap();
     }
     assert_eq!(left_of(pid), Vec::<String>::new());
+}
+
+/// Whether the relay's program is there; cargo builds it with the whole workspace.
+fn has_relay() -> bool {
+    let relay = Path::new(env!("CARGO_BIN_EXE_ril")).with_file_name("ril-relay");
+    let has_relay = relay.is_file();
+    if !has_relay {
+        skip("a fleet", "`ril-relay` is not built");
+    }
+    has_relay
+}
+
+#[test]
+fn a_fleet_flies_through_outages_deaths_and_a_replacement() {
+    let rig = sandbox();
+    if !has_relay() {
+        return;
+    }
+    let mut demo = start(&rig, "--robots 3 --speed 2 --json");
+    let pid = demo.id();
+    let finished = demo.wait_exit();
+    let report = json(&finished.stdout[0]);
+    assert_eq!(report["schema"], "ril.Fleet.v1");
+    let text = |value: &Value| value.as_str().unwrap().to_owned();
+    let robots = report["robots"].as_array().unwrap();
+    let fates: Vec<_> = robots
+        .iter()
+        .map(|robot| (robot["robot"].as_u64().unwrap(), text(&robot["fate"])))
+        .collect();
+    let expected = [
+        (1, "flew"),
+        (2, "replaced"),
+        (2, "replacement"),
+        (3, "died"),
+    ];
+    assert_eq!(
+        fates,
+        expected.map(|(robot, fate)| (robot, fate.to_owned()))
+    );
+    let of_robots = robots
+        .iter()
+        .flat_map(|robot| robot["checks"].as_array().unwrap());
+    let all = of_robots.chain(report["checks"].as_array().unwrap());
+    let failed: Vec<_> = all
+        .filter(|check| check["passed"] != true)
+        .map(|check| text(&check["name"]))
+        .collect();
+    let is_of_samples = |check: &String| OF_SAMPLES.contains(&check.as_str());
+    assert!(failed.iter().all(is_of_samples), "{report:#}");
+    assert_eq!(report["passed"], failed.is_empty());
+    for kind in ["bridge", "record", "relay", "sim", "station", "status"] {
+        let mut costs = report["costs"].as_array().unwrap().iter();
+        let cost = costs.find(|cost| cost["process"] == kind).expect(kind);
+        assert!(cost["memory_mib"].as_f64().unwrap() > 0.0, "{report:#}");
+    }
+    assert_eq!(left_of(pid), Vec::<String>::new());
+}
+
+#[test]
+fn a_fleet_that_is_interrupted_leaves_nothing() {
+    let rig = sandbox();
+    if !has_relay() {
+        return;
+    }
+    for (moment, signal) in [
+        ("starting 3 robots", Signal::INT),
+        ("the air falls silent", Signal::TERM),
+    ] {
+        let mut demo = start(&rig, "--robots 3 --speed 2");
+        let pid = demo.id();
+        demo.wait_for_text(moment);
+        demo.signal_group(signal);
+        let finished = demo.wait_exit();
+        let ended_by = finished.status.signal();
+        assert_eq!(ended_by, Some(signal.as_raw()), "{moment}: {finished:#?}");
+        assert_eq!(left_of(pid), Vec::<String>::new(), "{moment}");
+    }
 }

@@ -72,6 +72,14 @@ impl Spawner<'_> {
         self.spawn("record", command)
     }
 
+    /// Starts the relay of this `side`, `robot` or `station`, with its configuration.
+    pub fn start_relay(&self, side: &str, args: &[&str]) -> io::Result<ChildProcess> {
+        let mut command = Command::new(std::env::current_exe()?);
+        command.args(["relay", side, "--config"]);
+        command.arg(self.config_file("relay")).args(args);
+        self.spawn("relay", command)
+    }
+
     /// Gives a command of the operator, in the folder, where no configuration of the user's is. It is patient: a machine may
     /// stall.
     pub fn order(&self, name: &'static str, words: &[&str]) -> io::Result<ChildProcess> {
@@ -117,6 +125,17 @@ impl ChildProcess {
         self.name
     }
 
+    /// The number of the process.
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Sends it a signal, unless it has ended.
+    pub fn signal(&self, signal: Signal) {
+        // It may end at this moment.
+        let _ = pidfd_send_signal(&self.pidfd, signal);
+    }
+
     /// Whether it has ended; asking never waits.
     pub fn has_ended(&mut self) -> bool {
         if self.ended.is_none()
@@ -130,7 +149,9 @@ impl ChildProcess {
     /// Ends it with SIGTERM, by force if it takes too long; its exit code, `None` if it had to be killed.
     pub fn end(&mut self) -> Option<i32> {
         if !self.has_ended() {
-            let _ = pidfd_send_signal(&self.pidfd, Signal::TERM);
+            self.signal(Signal::TERM);
+            // One that was stopped takes the signal when it goes on.
+            self.signal(Signal::CONT);
             if !self.wait_ended(END_WITHIN) {
                 let _ = self.child.kill();
             }

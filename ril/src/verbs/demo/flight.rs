@@ -63,6 +63,19 @@ pub(super) fn waypoints_of(home: &Waypoint) -> [Vec<Waypoint>; 2] {
     PATHS.map(|(_, offsets)| offsets.iter().map(waypoint).collect())
 }
 
+/// Writes the paths to where the operator's commands find them.
+pub(super) fn write_paths(folder: &Path, paths: &[Vec<Waypoint>; 2]) -> Result<(), Failure> {
+    for ((file, _), path) in PATHS.iter().zip(paths) {
+        let lines = path.iter().map(|place| {
+            let (latitude, longitude) = (place.latitude_deg, place.longitude_deg);
+            format!("{latitude:.9},{longitude:.9},{:.3}\n", place.altitude_m)
+        });
+        let written = fs::write(folder.join(file), lines.collect::<String>());
+        written.or_fail(ExitCode::Internal)?;
+    }
+    Ok(())
+}
+
 /// A flight that ended.
 pub(super) struct DemoFlight {
     /// How many commands ended with 0.
@@ -130,14 +143,7 @@ pub(super) fn fly(
         ));
     };
     let paths = waypoints_of(&home);
-    for ((file, _), path) in PATHS.iter().zip(&paths) {
-        let lines = path.iter().map(|place| {
-            let (latitude, longitude) = (place.latitude_deg, place.longitude_deg);
-            format!("{latitude:.9},{longitude:.9},{:.3}\n", place.altitude_m)
-        });
-        let written = fs::write(folder.join(file), lines.collect::<String>());
-        written.or_fail(ExitCode::Internal)?;
-    }
+    write_paths(folder, &paths)?;
     stage.seen.waypoints = paths.concat();
     let began = Instant::now();
     let (mut orders_done, mut order_failed) = (0, None);
@@ -170,7 +176,7 @@ pub(super) fn fly(
 
 /// The bridge of the demonstration: a brisk helicopter, and an acceptance radius that fits its speed. A machine that is
 /// busy with something else may stop the bridge or the simulator for seconds, which must not end the flight that it shows.
-const BRIDGE_CONFIG: &str = "\
+pub(super) const BRIDGE_CONFIG: &str = "\
 [link]
 pc_timeout_ms = 60000
 ack_timeout_ms = 2000
@@ -188,7 +194,7 @@ altitude_m = 1.5
 ";
 
 /// Status with a log of everything.
-fn status_config(folder: &Path) -> String {
+pub(super) fn status_config(folder: &Path) -> String {
     let groups: Vec<String> = ipc_types::TelemetryGroup::ALL
         .iter()
         .map(|group| format!("\"{group}\""))
@@ -361,7 +367,11 @@ impl<'a> Stage<'a> {
     }
 }
 
-fn begun(name: &str, started: io::Result<ChildProcess>) -> Result<ChildProcess, Failure> {
+/// The process, or the failure that it cannot be started.
+pub(super) fn begun(
+    name: &str,
+    started: io::Result<ChildProcess>,
+) -> Result<ChildProcess, Failure> {
     let text = || format!("the process {name} cannot be started");
     started.or_fail_with(ExitCode::Internal, text())
 }

@@ -7,30 +7,30 @@
 //!
 //! * `flight`: the script of commands, from the start of the processes to their end, and the one wait; `children`: the processes;
 //! * `seen`: what a consumer sees; `checks`: the judgement. Both pure;
-//! * `screen`: what is shown meanwhile, and the result.
+//! * `files`: the log and the record as evidence;
+//! * `screen`: what is shown meanwhile, and the result;
+//! * `fleet`: many robots at once, and a station.
 
 mod checks;
 mod children;
+mod files;
+mod fleet;
 mod flight;
 mod screen;
 mod seen;
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
-use std::process::Command;
 
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{Domain, RobotId, Topic};
+use ipc_types::{Domain, RobotId};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
-use serde::Deserialize;
-use status::log::file_name::{FileKind, recognize};
+use status::log::file_name::FileKind;
 
 use crate::options::EXIT_CODES;
-use crate::recorded::topic_of;
-use checks::{Evidence, RecordEvidence};
+use checks::Evidence;
+use files::{find_log, recorded, rows};
 use flight::{SCRIPT, fly};
 use screen::{Kept, Screen, print_result};
 
@@ -41,6 +41,11 @@ pub struct DemoArgs {
     /// Which robot to be: an integer greater than 0
     #[arg(long, value_name = "N", env = "RIL_ROBOT", default_value = "1")]
     pub robot: NonZeroU32,
+
+    /// Fly so many robots at once, from 3 to 50, whatever `--robot` says, each with a relay to one station, which orders; with two outages, a robot that dies
+    /// and one that is replaced. Needs `ril-relay`
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=50))]
+    pub robots: Option<u32>,
 
     /// Print one JSON object on a line
     #[arg(long)]
@@ -71,7 +76,10 @@ fn speed(text: &str) -> Result<f64, String> {
 pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let termination = Termination::install().map_err(Failure::internal)?;
     let folder = folder(args)?;
-    let result = demonstrate(args, &folder, &termination);
+    let result = match args.robots {
+        Some(robots) => fleet::demonstrate(args, robots, &folder, &termination),
+        None => demonstrate(args, &folder, &termination),
+    };
     match result {
         // What the processes said shows the cause.
         Err(failure) if failure.signal().is_none() && failure.code() != ExitCode::Ok => {
@@ -108,6 +116,7 @@ fn demonstrate(args: &DemoArgs, folder: &Path, termination: &Termination) -> Res
         log_rows: log.as_deref().and_then(rows),
         record: record.as_deref().and_then(|file| recorded(file, robot)),
         exits: &flight.exits,
+        processes: 4,
         residue: domain.residue().len(),
     });
     let kept = match args.folder {
@@ -141,68 +150,4 @@ fn folder(args: &DemoArgs) -> Result<PathBuf, Failure> {
         ExitCode::Usage,
         format!("the folder {} cannot be used", folder.display()),
     )
-}
-
-/// The newest log or record in the folder.
-fn find_log(folder: &Path, kind: FileKind) -> Option<PathBuf> {
-    fs::read_dir(folder)
-        .ok()?
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .filter(|path| {
-            let name = path.file_name().and_then(|name| recognize(name.to_str()?));
-            name.is_some_and(|(series, _)| series.kind() == kind)
-        })
-        .max_by_key(|path| {
-            fs::metadata(path)
-                .and_then(|metadata| metadata.modified())
-                .ok()
-        })
-}
-
-/// Rows of a log without its first line.
-fn rows(log: &Path) -> Option<u64> {
-    let text = fs::read_to_string(log).ok()?;
-    u64::try_from(text.lines().count()).ok()?.checked_sub(1)
-}
-
-/// What the demonstration needs of `ril log check --json`.
-#[derive(Deserialize)]
-struct LogCheck {
-    complete: bool,
-    unexplained: u64,
-    topics: BTreeMap<String, RecordedTopic>,
-    events: Vec<RecordingEvent>,
-}
-
-#[derive(Deserialize)]
-struct RecordedTopic {
-    messages: u64,
-}
-
-#[derive(Deserialize)]
-struct RecordingEvent {
-    kind: String,
-    topic: String,
-    count: u64,
-}
-
-/// What `ril log check` says of the flight record of the robot.
-fn recorded(file: &Path, robot: RobotId) -> Option<RecordEvidence> {
-    let mut command = Command::new(std::env::current_exe().ok()?);
-    command.args(["log", "check", "--json"]).arg(file);
-    let output = command.output().ok()?.stdout;
-    // A failure is an object of its own behind it.
-    let mut objects = serde_json::Deserializer::from_slice(&output).into_iter();
-    let check: LogCheck = objects.next()?.ok()?;
-    let keys = [DspTelemetry::KEY, HeroTelemetry::KEY, ModuleState::KEY];
-    let topics = keys.map(|key| topic_of(robot, key));
-    let events = check.events.iter().filter(|event| {
-        ["gap", "loss", "late"].contains(&event.kind.as_str()) && topics.contains(&event.topic)
-    });
-    let messages = |topic: &String| check.topics.get(topic).map_or(0, |topic| topic.messages);
-    Some(RecordEvidence {
-        is_in_order: check.complete && check.unexplained == 0,
-        messages: topics.each_ref().map(messages),
-        reported_missing: events.map(|event| event.count).sum(),
-    })
 }

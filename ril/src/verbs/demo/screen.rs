@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use ipc_types::MonotonicNs;
 use runtime::exit::Failure;
-use runtime::finding::{Finding, Severity};
+use runtime::finding::Finding;
 use serde::Serialize;
 
 use super::seen::Seen;
@@ -18,7 +18,7 @@ use crate::render::terminal::{Block, Size};
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);
 
 /// Width of the names of the checks, and a space.
-const HEADING: usize = 34;
+pub(super) const HEADING: usize = 34;
 
 /// Where and how to show.
 #[derive(Debug)]
@@ -156,11 +156,23 @@ struct DemoObject<'a> {
     folder: Option<&'a Path>,
 }
 
+/// A check as JSON.
 #[derive(Serialize)]
-struct CheckObject<'a> {
+pub(super) struct CheckObject<'a> {
     name: &'a str,
     passed: bool,
     detail: &'a str,
+}
+
+impl CheckObject<'_> {
+    /// Of what was found.
+    pub fn of(check: &Finding) -> CheckObject<'_> {
+        CheckObject {
+            name: check.id,
+            passed: !check.has_failed(),
+            detail: &check.text,
+        }
+    }
 }
 
 /// Prints the result on standard output: in lines for people, or as one JSON object.
@@ -173,14 +185,9 @@ pub(super) fn print_result(
 ) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     let (flight_s, p50, p99) = (flight.as_secs_f64(), seen.age_ms(50), seen.age_ms(99));
-    let has_passed = |check: &Finding| check.severity == Severity::Note;
-    let passed = checks.iter().all(has_passed);
+    let passed = checks.iter().all(|check| !check.has_failed());
     if json {
-        let checks = checks.iter().map(|check| CheckObject {
-            name: check.id,
-            passed: has_passed(check),
-            detail: &check.text,
-        });
+        let checks = checks.iter().map(CheckObject::of);
         let report = DemoObject {
             schema: "ril.Demo.v1",
             passed,

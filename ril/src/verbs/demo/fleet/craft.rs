@@ -1,0 +1,339 @@
+//! One robot of the fleet: its processes in shared memory of its own, as on a machine of its own, and what is seen of it there and
+//! at the station.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
+use ipc_types::{Domain, Ipc, MonotonicNs, RobotId, Subscriber, TelemetryGroup};
+use runtime::exit::{ExitCode, Failure, OrFail};
+use rustix::process::Signal;
+use status::log::file_name::FileKind;
+
+use super::super::checks::{Evidence, judge};
+use super::super::children::{ChildProcess, Readiness, Spawner};
+use super::super::files::{find_log, recorded, rows};
+use super::super::flight::{
+    BRIDGE_CONFIG, SCRIPT, begun, status_config, waypoints_of, write_paths,
+};
+use super::super::seen::{LossCounts, Seen};
+use runtime::finding::Finding;
+
+/// The processes of a robot, in the order in which they are started: each before the one that it would miss something of.
+pub const KINDS: [&str; 5] = ["sim", "status", "record", "bridge", "relay"];
+
+/// The order in which they end: what the bridge published last is recorded before the recorder ends.
+pub const ENDS: [&str; 5] = ["relay", "bridge", "status", "sim", "record"];
+
+/// How far the robots stand from each other, degrees of latitude: 222 m. None flies a tenth of that.
+const APART_DEG: f64 = 0.002;
+
+/// Where the first robot stands, degrees.
+const FIRST_DEG: (f64, f64) = (37.411, -6.001);
+
+/// The latitude at which a robot stands.
+fn latitude_deg(number: u32) -> f64 {
+    FIRST_DEG.0 + APART_DEG * f64::from(number - 1)
+}
+
+/// A robot.
+pub struct Craft {
+    /// Its number.
+    pub number: u32,
+    /// Shared memory of its own.
+    pub domain: Domain,
+    folder: PathBuf,
+    /// Where its relay listens.
+    endpoint: String,
+    /// Its processes, those of [`KINDS`] that were started.
+    pub processes: Vec<ChildProcess>,
+    ports: Option<Ports>,
+    /// What a consumer beside it saw.
+    pub seen: Seen,
+    /// The operator's command for it that is under way, at the station.
+    pub order: Option<ChildProcess>,
+    /// How many commands ended with 0.
+    pub orders_done: usize,
+    /// The command that did not, and what it said.
+    pub order_failed: Option<String>,
+    /// Exit codes of the processes that were ended, by name.
+    exits: Vec<(&'static str, Option<i32>)>,
+}
+
+/// The consumer beside the robot.
+struct Ports {
+    _ipc: Ipc,
+    dsp: Subscriber<DspTelemetry>,
+    hero: Subscriber<HeroTelemetry>,
+    state: Subscriber<ModuleState>,
+}
+
+impl Craft {
+    /// A robot with a folder in `folder`, of which nothing is started yet. `of` distinguishes it from another one with its number.
+    pub fn new(number: u32, of: &str, folder: &Path, endpoint: &str) -> Result<Craft, Failure> {
+        let folder = folder.join(format!("robot-{number}{of}"));
+        fs::create_dir_all(&folder).or_fail(ExitCode::Internal)?;
+        let domain = Domain::isolated();
+        let robot = RobotId::new(number).expect("robots are counted from 1");
+        let ipc = Ipc::join(&domain, robot, "demo").map_err(Failure::internal)?;
+        let ports = Ports {
+            dsp: ipc.subscriber().map_err(Failure::internal)?,
+            hero: ipc.subscriber().map_err(Failure::internal)?,
+            state: ipc.subscriber().map_err(Failure::internal)?,
+            _ipc: ipc,
+        };
+        Ok(Craft {
+            number,
+            domain,
+            folder,
+            endpoint: endpoint.to_owned(),
+            processes: Vec::new(),
+            ports: Some(ports),
+            seen: Seen::default(),
+            order: None,
+            orders_done: 0,
+            order_failed: None,
+            exits: Vec::new(),
+        })
+    }
+
+    /// Where its relay listens.
+    pub fn endpoint(&self) -> &str {
+        &self.endpoint
+    }
+
+    fn spawner<'a>(&'a self, domain: &'a Domain, readiness: &'a Readiness) -> Spawner<'a> {
+        Spawner {
+            domain,
+            robot: self.number,
+            folder: &self.folder,
+            readiness,
+        }
+    }
+
+    /// Starts one of [`KINDS`]; it says on `readiness` when it is ready.
+    pub fn start(&mut self, kind: &str, speed: f64, readiness: &Readiness) -> Result<(), Failure> {
+        let (port, speed) = (self.folder.join("dsp"), speed.to_string());
+        let port = port.to_string_lossy();
+        let spawner = self.spawner(&self.domain, readiness);
+        let write = |name: &str, text: &str| {
+            let written = fs::write(spawner.config_file(name), text);
+            written.or_fail(ExitCode::Internal)
+        };
+        let started = match kind {
+            "sim" => {
+                let (latitude, longitude) = (latitude_deg(self.number), FIRST_DEG.1);
+                write(
+                    "sim",
+                    &format!("[home]\nlatitude_deg = {latitude:.6}\nlongitude_deg = {longitude}\n"),
+                )?;
+                spawner.start("sim", &["--link", &port, "--speed", &speed])
+            }
+            "status" => {
+                write("status", &status_config(&self.folder))?;
+                spawner.start("status", &[])
+            }
+            "bridge" => spawner.start("bridge", &["--port", &port]),
+            "relay" => {
+                write("relay", super::RELAY_CONFIG)?;
+                let args = ["--listen", &self.endpoint, "--may-command", super::STATION];
+                spawner.start_relay("robot", &args)
+            }
+            _ => {
+                // The recorder keeps it along.
+                write("bridge", BRIDGE_CONFIG)?;
+                spawner.start_recorder()
+            }
+        };
+        self.processes.push(begun(kind, started)?);
+        Ok(())
+    }
+
+    /// Gives a command at the station, whose shared memory this is.
+    pub fn order(
+        &mut self,
+        (name, words): (&'static str, &[&str]),
+        station: &Domain,
+        readiness: &Readiness,
+    ) -> Result<(), Failure> {
+        let given = self.spawner(station, readiness).order(name, words);
+        self.order = Some(begun("ril", given)?);
+        Ok(())
+    }
+
+    /// Whether the command has ended; takes down how.
+    pub fn has_order_ended(&mut self) -> bool {
+        let Some(order) = self.order.as_mut() else {
+            return true;
+        };
+        if !order.has_ended() {
+            return false;
+        }
+        let (code, said) = (order.end(), order.last_words());
+        let end = said.lines().last().unwrap_or("it ended without a word");
+        match code {
+            Some(0) => self.orders_done += 1,
+            _ => self.order_failed = Some(format!("{}: {end}", order.name())),
+        }
+        self.order = None;
+        true
+    }
+
+    /// Looks for the waypoints around the place where it stands, and writes them for the operator.
+    pub fn plan_paths(&mut self) -> Result<(), Failure> {
+        let home = self.seen.home.ok_or_else(|| {
+            Failure::internal(format!("robot {} has not shown where it is", self.number))
+        })?;
+        let paths = waypoints_of(&home);
+        self.seen.waypoints = paths.concat();
+        write_paths(&self.folder, &paths)
+    }
+
+    /// Takes every sample that came.
+    pub fn drain(&mut self) -> Result<(), Failure> {
+        let (Some(ports), seen) = (&mut self.ports, &mut self.seen) else {
+            return Ok(());
+        };
+        ports
+            .dsp
+            .drain(|sample| seen.dsp(sample))
+            .map_err(Failure::internal)?;
+        ports
+            .hero
+            .drain(|sample| seen.hero(sample, MonotonicNs::now()))
+            .map_err(Failure::internal)?;
+        ports
+            .state
+            .drain(|state| seen.state(state))
+            .map_err(Failure::internal)?;
+        seen.counts = LossCounts {
+            dsp: ports.dsp.losses(),
+            hero: ports.hero.losses(),
+            state: ports.state.losses(),
+        };
+        Ok(())
+    }
+
+    /// Its relay.
+    pub fn relay(&self) -> Option<&ChildProcess> {
+        self.processes
+            .iter()
+            .find(|process| process.name() == "relay")
+    }
+
+    /// Whether it was killed, or has been left.
+    pub fn is_dead(&self) -> bool {
+        self.ports.is_none()
+    }
+
+    /// Ends everything of it at once, without a word.
+    pub fn kill(&mut self) {
+        for process in &mut self.processes {
+            process.signal(Signal::KILL);
+        }
+        for process in &mut self.processes {
+            process.end();
+        }
+        self.processes.clear();
+        self.ports = None;
+    }
+
+    /// Asks its process of this kind to end.
+    pub fn ask_to_end(&self, kind: &str) {
+        let process = self.processes.iter().find(|one| one.name() == kind);
+        process.inspect(|process| process.signal(Signal::TERM));
+    }
+
+    /// Ends its process of this kind, and takes down its exit code.
+    pub fn end(&mut self, kind: &str) {
+        if let Some(at) = self.processes.iter().position(|one| one.name() == kind) {
+            let mut process = self.processes.swap_remove(at);
+            let code = process.end();
+            self.exits.push((process.name(), code));
+        }
+    }
+
+    /// Leaves its shared memory; its processes have ended. Returns how many things are left there.
+    pub fn leave(&mut self) -> Result<usize, Failure> {
+        self.ports = None;
+        self.domain.remove_if_dead().map_err(Failure::internal)?;
+        Ok(self.domain.residue().len())
+    }
+
+    /// Judges its flight as that of a demonstration of one robot; it has ended.
+    pub fn judge(&self, residue: usize) -> Vec<Finding> {
+        let log = find_log(&self.folder, FileKind::Tsv);
+        let record = find_log(&self.folder, FileKind::Mcap);
+        let robot = RobotId::new(self.number).expect("robots are counted from 1");
+        judge(&Evidence {
+            orders: SCRIPT.len(),
+            orders_done: self.orders_done,
+            order_failed: self.order_failed.as_deref(),
+            seen: &self.seen,
+            log_rows: log.as_deref().and_then(rows),
+            record: record.as_deref().and_then(|file| recorded(file, robot)),
+            exits: &self.exits,
+            processes: KINDS.len(),
+            residue,
+        })
+    }
+}
+
+/// What the station sees of a robot.
+pub struct View {
+    number: u32,
+    _ipc: Ipc,
+    link: Subscriber<RelayLink>,
+    hero: Subscriber<HeroTelemetry>,
+    state: Subscriber<ModuleState>,
+    /// How the link is.
+    pub last_link: Option<RelayLink>,
+    /// The last state of the bridge.
+    pub last_state: Option<ModuleState>,
+    /// Samples of a helicopter that is where this robot is.
+    pub own: u64,
+    /// Samples of a helicopter that is somewhere else.
+    pub foreign: u64,
+}
+
+impl View {
+    /// In the station's shared memory.
+    pub fn new(number: u32, station: &Domain) -> Result<View, Failure> {
+        let robot = RobotId::new(number).expect("robots are counted from 1");
+        let ipc = Ipc::join(station, robot, "demo").map_err(Failure::internal)?;
+        Ok(View {
+            number,
+            link: ipc.subscriber().map_err(Failure::internal)?,
+            hero: ipc.subscriber().map_err(Failure::internal)?,
+            state: ipc.subscriber().map_err(Failure::internal)?,
+            _ipc: ipc,
+            last_link: None,
+            last_state: None,
+            own: 0,
+            foreign: 0,
+        })
+    }
+
+    /// Takes every sample that came.
+    pub fn drain(&mut self) -> Result<(), Failure> {
+        let (link, state) = (&mut self.last_link, &mut self.last_state);
+        self.link
+            .drain(|sample| *link = Some(*sample))
+            .map_err(Failure::internal)?;
+        self.state
+            .drain(|sample| *state = Some(*sample))
+            .map_err(Failure::internal)?;
+        let (number, own, foreign) = (self.number, &mut self.own, &mut self.foreign);
+        let take = |sample: &HeroTelemetry| {
+            if sample.valid(TelemetryGroup::Geographic) {
+                let latitude = sample.geodetic.latitude_rad.to_degrees();
+                match (latitude - latitude_deg(number)).abs() < APART_DEG / 2.0 {
+                    true => *own += 1,
+                    false => *foreign += 1,
+                }
+            }
+        };
+        self.hero.drain(take).map_err(Failure::internal)?;
+        Ok(())
+    }
+}

@@ -1,0 +1,542 @@
+//! `ril demo --robots N`: many robots at once. Each has processes in shared memory of its own, as on a machine of its own, and a relay; a
+//! station orders all of them over loopback. The air falls silent twice, one robot dies and stays away, another one dies and is replaced
+//! by one with its number. Every flight is judged as that of one robot is.
+//!
+//! * this file: the station, the script, the one wait; `craft`: a robot, and what the station sees of it;
+//! * `cost`: what processes cost; `result`: what is printed.
+//!
+//! The air falls silent when the robots' relays are stopped: nothing comes and nothing goes, and nobody says so.
+
+mod cost;
+mod craft;
+mod result;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::net::TcpListener;
+use std::os::fd::AsFd;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use ipc_types::code::{Functionality, LinkState, RelayLinkState};
+use ipc_types::{Descriptor, Domain, Source, Waiter, allow_many_files};
+use runtime::duration::Shown;
+use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::finding::Finding;
+use runtime::signal::Termination;
+use rustix::process::Signal;
+
+use super::DemoArgs;
+use super::checks::check;
+use super::children::{ChildProcess, Readiness, Spawner};
+use super::flight::{SCRIPT, begun};
+use super::screen::Screen;
+use cost::Usage;
+use craft::{Craft, ENDS, KINDS, View};
+use result::{Fate, FleetResult, RobotResult};
+
+/// The name of the station.
+const STATION: &str = "demo";
+
+/// Of both sides of the relays: a machine that stalls for seconds is no outage, and the outcome of an order is not waited for very long
+/// when its robot is dead.
+const RELAY_CONFIG: &str = "[network]\nsilent_after_ms = 6000\n[commands]\nunknown_after_s = 15\n";
+
+/// The commands of the script during which the air falls silent, by their places. Robots die in the second.
+const SILENCES: [usize; 2] = [2, 3];
+
+/// How long the air is silent after the station has noticed it.
+const SILENCE: Duration = Duration::from_secs(2);
+
+/// How often samples are taken. Waking for each of them would cost more than all robots' processes do; a subscriber holds those of more
+/// than a second.
+const TICK: Duration = Duration::from_millis(50);
+
+/// The whole demonstration ends within this and [`LIMIT_PER_ROBOT`], or something hangs. It takes about two minutes; machines stall.
+const LIMIT: Duration = Duration::from_secs(300);
+
+/// For each robot: twenty of them share two processors on small machines.
+const LIMIT_PER_ROBOT: Duration = Duration::from_secs(30);
+
+/// Flies the fleet, judges and prints, with everything but the folder cleaned up in any case.
+///
+/// # Errors
+/// As [`run`](super::run).
+pub(super) fn demonstrate(
+    args: &DemoArgs,
+    robots: u32,
+    folder: &Path,
+    termination: &Termination,
+) -> Result<(), Failure> {
+    allow_many_files();
+    let readiness = Readiness::new().or_fail(ExitCode::Internal)?;
+    let mut screen = Screen::new(args.json);
+    let station = Domain::isolated();
+    let mut fleet = Fleet {
+        robots,
+        speed: args.speed,
+        folder,
+        termination,
+        readiness: &readiness,
+        waiter: Waiter::new(),
+        started: 0,
+        ready: 0,
+        crafts: Vec::new(),
+        views: Vec::new(),
+        relay: None,
+        station: &station,
+        deadline: Instant::now() + LIMIT + LIMIT_PER_ROBOT * robots,
+    };
+    let flown = fleet.fly(&mut screen);
+    // After an error too: what orders ends before what it orders.
+    let domains = fleet.end_at_once();
+    for domain in domains.iter().chain([&station]) {
+        domain.remove_if_dead().map_err(Failure::internal)?;
+    }
+    let mut result = flown?;
+    let residue = station.residue().len();
+    result.checks.push(check(
+        "nothing left at the station",
+        residue == 0,
+        format!("{residue} files and segments left"),
+    ));
+    let kept = args.folder.is_some().then_some(folder);
+    result.print(kept, args.json)?;
+    match result.failed() {
+        0 => Ok(()),
+        failed => Err(Failure::internal(format!("{failed} checks failed"))),
+    }
+}
+
+struct Fleet<'a> {
+    robots: u32,
+    speed: f64,
+    folder: &'a Path,
+    termination: &'a Termination,
+    readiness: &'a Readiness,
+    waiter: Waiter,
+    /// Processes that were started and say when they are ready, and how many have.
+    started: usize,
+    ready: usize,
+    /// Those that live.
+    crafts: Vec<Craft>,
+    /// What the station sees, by the robots' numbers from 1.
+    views: Vec<View>,
+    /// The station's relay.
+    relay: Option<ChildProcess>,
+    station: &'a Domain,
+    deadline: Instant,
+}
+
+impl Fleet<'_> {
+    fn fly(&mut self, screen: &mut Screen) -> Result<FleetResult, Failure> {
+        let (robots, began) = (self.robots, Instant::now());
+        let say = |screen: &mut Screen, text: &str| {
+            screen.line(&format!("{:7.2} s  {text}", began.elapsed().as_secs_f64()))
+        };
+        say(
+            screen,
+            &format!("starting {robots} robots, each with a relay, and a station"),
+        )?;
+        self.start()?;
+        let (before, flight) = (self.usage(), Instant::now());
+        let bytes_before = self.bytes_received();
+        let mut silences = Vec::new();
+        for (place, command) in SCRIPT.into_iter().enumerate() {
+            say(
+                screen,
+                &format!("ril {}, to all robots", command.1.join(" ")),
+            )?;
+            self.until("every link is up", Fleet::all_links_up)?;
+            self.order(command)?;
+            if SILENCES.contains(&place) {
+                self.until("every robot follows its path", Fleet::all_follow)?;
+                if place == SILENCES[1] {
+                    say(screen, &format!("robots {} and {robots} die", robots - 1))?;
+                    let dying = &mut self.crafts[robots as usize - 2..];
+                    dying.iter_mut().for_each(Craft::kill);
+                }
+                say(screen, "the air falls silent")?;
+                silences.push(self.silence()?);
+                say(screen, "every link is back")?;
+            }
+            self.until("every command has ended", Fleet::no_orders)?;
+        }
+        let elapsed = flight.elapsed();
+        let shares = cost::shares(&before, &self.usage(), elapsed);
+        let bytes = self.bytes_received().saturating_sub(bytes_before);
+        // The one that stays away is the last one.
+        let lost = self.views[robots as usize - 1].last_link;
+        let lost = lost.and_then(|link| link.state());
+        say(
+            screen,
+            &format!(
+                "another robot {} takes the place of the dead one",
+                robots - 1
+            ),
+        )?;
+        let replacement = self.replace(robots - 1)?;
+        for command in SCRIPT {
+            self.until("every link is up", Fleet::all_links_up)?;
+            self.order_one(replacement, command)?;
+            self.until("the command has ended", Fleet::no_orders)?;
+        }
+        say(screen, "all processes end")?;
+        let exit = self.relay.take().map(|mut relay| relay.end());
+        let checks = self.judge(&silences, lost, exit.flatten());
+        let robots = self.end_robots(replacement)?;
+        Ok(FleetResult {
+            bytes_per_s: bytes as f64 / elapsed.as_secs_f64() / f64::from(self.robots),
+            robots,
+            checks,
+            shares,
+            took: began.elapsed(),
+        })
+    }
+
+    /// Starts everything, and returns when every robot is seen at the station.
+    fn start(&mut self) -> Result<(), Failure> {
+        let endpoints = free_endpoints(self.robots).or_fail(ExitCode::Internal)?;
+        for (number, endpoint) in (1..).zip(&endpoints) {
+            self.crafts
+                .push(Craft::new(number, "", self.folder, endpoint)?);
+        }
+        for kind in KINDS {
+            for at in 0..self.crafts.len() {
+                self.start_process(at, kind)?;
+            }
+            self.until_ready()?;
+        }
+        self.start_station(&endpoints)?;
+        self.until("every robot is seen at the station", |fleet| {
+            let mut crafts = fleet.crafts.iter();
+            crafts.all(|craft| craft.seen.home.is_some()) && fleet.all_links_up()
+        })?;
+        self.crafts.iter_mut().try_for_each(Craft::plan_paths)
+    }
+
+    fn start_process(&mut self, at: usize, kind: &str) -> Result<(), Failure> {
+        self.started += 1;
+        self.crafts[at].start(kind, self.speed, self.readiness)
+    }
+
+    fn until_ready(&mut self) -> Result<(), Failure> {
+        self.until("every process is ready", |fleet| {
+            fleet.ready >= fleet.started
+        })
+    }
+
+    fn start_station(&mut self, endpoints: &[String]) -> Result<(), Failure> {
+        let folder = self.folder.join("station");
+        fs::create_dir_all(&folder).or_fail(ExitCode::Internal)?;
+        let spawner = Spawner {
+            domain: self.station,
+            robot: 1,
+            folder: &folder,
+            readiness: self.readiness,
+        };
+        let robots: Vec<String> = (1..=self.robots)
+            .map(|number| format!("{{ number = {number} }}"))
+            .collect();
+        let connect: Vec<String> = endpoints.iter().map(|one| format!("{one:?}")).collect();
+        let config = format!(
+            "[station]\nname = {STATION:?}\nconnect = [{}]\nrobots = [{}]\n{RELAY_CONFIG}",
+            connect.join(", "),
+            robots.join(", ")
+        );
+        fs::write(spawner.config_file("relay"), config).or_fail(ExitCode::Internal)?;
+        for number in 1..=self.robots {
+            self.views.push(View::new(number, self.station)?);
+        }
+        self.relay = Some(begun("relay", spawner.start_relay("station", &[]))?);
+        self.started += 1;
+        self.until_ready()
+    }
+
+    /// Gives a command to every robot that has carried out those before.
+    fn order(&mut self, command: (&'static str, &[&str])) -> Result<(), Failure> {
+        (0..self.crafts.len()).try_for_each(|at| self.order_one(at, command))
+    }
+
+    fn order_one(&mut self, at: usize, command: (&'static str, &[&str])) -> Result<(), Failure> {
+        let craft = &mut self.crafts[at];
+        match craft.order_failed.is_some() || craft.is_dead() {
+            true => Ok(()),
+            false => craft.order(command, self.station, self.readiness),
+        }
+    }
+
+    fn no_orders(&mut self) -> bool {
+        // All are asked: each takes down how its command ended.
+        let open = self
+            .crafts
+            .iter_mut()
+            .map(|craft| usize::from(!craft.has_order_ended()));
+        open.sum::<usize>() == 0
+    }
+
+    /// Whether each robot follows its path, or has done so already.
+    fn all_follow(&mut self) -> bool {
+        let mut all = true;
+        for craft in &mut self.crafts {
+            let doing = craft
+                .seen
+                .state
+                .as_ref()
+                .and_then(|state| state.functionality());
+            all &= doing == Some(Functionality::FollowingPath) || craft.has_order_ended();
+        }
+        all
+    }
+
+    fn link(&self, number: u32) -> Option<RelayLinkState> {
+        self.views[number as usize - 1].last_link?.state()
+    }
+
+    /// Whether the station sees each robot that lives, and each of them its DSP.
+    fn all_links_up(&mut self) -> bool {
+        let mut living = self.crafts.iter().filter(|craft| !craft.is_dead());
+        living.all(|craft| {
+            let state = self.views[craft.number as usize - 1].last_state;
+            let is_dsp_up = state.is_some_and(|state| state.link.state() == Some(LinkState::Up));
+            self.link(craft.number) == Some(RelayLinkState::Up) && is_dsp_up
+        })
+    }
+
+    /// Stops all relays of robots until the station has noticed it, and some time longer. Returns how many links were seen to go down and
+    /// come back.
+    fn silence(&mut self) -> Result<usize, Failure> {
+        let signal = |fleet: &Fleet<'_>, signal| {
+            let relays = fleet.crafts.iter().filter_map(Craft::relay);
+            relays.for_each(|relay| relay.signal(signal));
+        };
+        signal(self, Signal::STOP);
+        let noticed = self.until("the station notices the silence", |fleet| {
+            let mut living = fleet.crafts.iter().filter(|craft| !craft.is_dead());
+            living.all(|craft| fleet.link(craft.number) == Some(RelayLinkState::Down))
+        });
+        let end = Instant::now() + SILENCE;
+        let waited = noticed.and_then(|()| self.until("the silence", |_| Instant::now() >= end));
+        signal(self, Signal::CONT);
+        waited?;
+        self.until("every link is back", Fleet::all_links_up)?;
+        Ok(self.crafts.iter().filter(|craft| !craft.is_dead()).count())
+    }
+
+    /// Starts another robot with the number of a dead one. Returns its place.
+    fn replace(&mut self, number: u32) -> Result<usize, Failure> {
+        let endpoint = self.crafts[number as usize - 1].endpoint().to_owned();
+        let craft = Craft::new(number, "-replacement", self.folder, &endpoint)?;
+        let at = self.crafts.len();
+        self.crafts.push(craft);
+        for kind in KINDS {
+            self.start_process(at, kind)?;
+            self.until_ready()?;
+        }
+        self.until("the replacement is seen at the station", |fleet| {
+            fleet.crafts[at].seen.home.is_some() && fleet.all_links_up()
+        })?;
+        self.crafts[at].plan_paths()?;
+        Ok(at)
+    }
+
+    /// Ends every robot, and judges it. `replacement` is the place of the one that came later.
+    fn end_robots(&mut self, replacement: usize) -> Result<Vec<RobotResult>, Failure> {
+        let fates: Vec<Fate> = (0..)
+            .zip(&self.crafts)
+            .map(|(at, craft)| match craft.is_dead() {
+                true if craft.number == self.robots => Fate::Died,
+                true => Fate::Replaced,
+                false if at == replacement => Fate::Replacement,
+                false => Fate::Flew,
+            })
+            .collect();
+        self.end_processes()?;
+        let residues = self.crafts.iter_mut().map(Craft::leave);
+        let residues: Vec<usize> = residues.collect::<Result<_, _>>()?;
+        let crafts = std::mem::take(&mut self.crafts);
+        let robots = crafts.iter().zip(fates).zip(residues);
+        let judged = robots.map(|((craft, fate), residue)| RobotResult {
+            number: craft.number,
+            fate,
+            checks: match fate {
+                Fate::Died | Fate::Replaced => of_dead(craft, residue),
+                Fate::Flew | Fate::Replacement => craft.judge(residue),
+            },
+        });
+        let mut results: Vec<_> = judged.collect();
+        results.sort_by_key(|robot| (robot.number, robot.fate));
+        Ok(results)
+    }
+
+    /// Ends the processes of all robots in the order of the data, so that no sample is missed: all of a kind at once.
+    fn end_processes(&mut self) -> Result<(), Failure> {
+        for kind in ENDS {
+            self.crafts.iter().for_each(|craft| craft.ask_to_end(kind));
+            for at in 0..self.crafts.len() {
+                self.crafts[at].end(kind);
+                self.crafts.iter_mut().try_for_each(Craft::drain)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// What is judged of the fleet as a whole.
+    fn judge(
+        &self,
+        silences: &[usize],
+        lost: Option<RelayLinkState>,
+        exit: Option<i32>,
+    ) -> Vec<Finding> {
+        let own: u64 = self.views.iter().map(|view| view.own).sum();
+        let foreign: u64 = self.views.iter().map(|view| view.foreign).sum();
+        let sent = self.views.iter().filter_map(|view| view.last_link);
+        let sent: u64 = sent.map(|link| link.orders_sent).sum();
+        let links: Vec<String> = silences.iter().map(usize::to_string).collect();
+        vec![
+            check(
+                "links back after each silence",
+                silences.len() == SILENCES.len(),
+                format!("{} links", links.join(" and ")),
+            ),
+            check(
+                "each robot's telemetry is its own",
+                foreign == 0 && self.views.iter().all(|view| view.own > 0),
+                format!("{own} samples at the station, {foreign} of another robot"),
+            ),
+            check(
+                "a lost robot is shown as lost",
+                lost == Some(RelayLinkState::Down),
+                format!(
+                    "robot {}: link {}",
+                    self.robots,
+                    lost.map_or("unknown", |link| link.name())
+                ),
+            ),
+            check(
+                "the station ended with 0",
+                exit == Some(0),
+                format!("{sent} requests sent"),
+            ),
+        ]
+    }
+
+    /// Of each process that lives, by kind and number.
+    fn usage(&self) -> BTreeMap<(&'static str, u32), Usage> {
+        let processes = self.crafts.iter().flat_map(|craft| &craft.processes);
+        let of_robots = processes.map(|process| (process.name(), process.id()));
+        let station = self.relay.iter().map(|relay| ("station", relay.id()));
+        let all = of_robots.chain(station);
+        all.filter_map(|(kind, id)| Some(((kind, id), cost::of(id)?)))
+            .collect()
+    }
+
+    fn bytes_received(&self) -> u64 {
+        let links = self.views.iter().filter_map(|view| view.last_link);
+        links.map(|link| link.bytes_received).sum()
+    }
+
+    /// Serves everything until `done`, which is `what`. Ends early when a process does, a signal comes, or time runs out.
+    fn until(
+        &mut self,
+        what: &str,
+        mut done: impl FnMut(&mut Self) -> bool,
+    ) -> Result<(), Failure> {
+        loop {
+            self.ready += self.readiness.drain();
+            self.crafts.iter_mut().try_for_each(Craft::drain)?;
+            self.views.iter_mut().try_for_each(View::drain)?;
+            if self.termination.requested() {
+                let text = "interrupted; nothing is left running";
+                return Err(match self.termination.signal() {
+                    Some(signal) => Failure::interrupted(signal, text),
+                    None => Failure::internal(text),
+                });
+            }
+            if done(self) {
+                return Ok(());
+            }
+            let of_robots = self.crafts.iter_mut().flat_map(|craft| {
+                let number = craft.number;
+                craft
+                    .processes
+                    .iter_mut()
+                    .map(move |process| (number, process))
+            });
+            let station = self.relay.iter_mut().map(|relay| (0, relay));
+            let mut ended = of_robots.chain(station);
+            if let Some((number, process)) =
+                ended.find_map(|(number, process)| process.has_ended().then_some((number, process)))
+            {
+                let (name, code) = (process.name(), process.end());
+                let whose = match number {
+                    0 => "the station".to_owned(),
+                    number => format!("robot {number}"),
+                };
+                return Err(Failure::internal(format!(
+                    "the process {name} of {whose} ended by itself with code {code:?}; its last words:\n{}",
+                    process.last_words()
+                )));
+            }
+            if Instant::now() >= self.deadline {
+                let limit = LIMIT + LIMIT_PER_ROBOT * self.robots;
+                let text = format!("not within {}: {what}", Shown(limit));
+                return Err(Failure::new(ExitCode::Timeout, text));
+            }
+            self.sleep()?;
+        }
+    }
+
+    fn sleep(&mut self) -> Result<(), Failure> {
+        let mut descriptors = vec![
+            Descriptor::new(self.termination.as_fd()),
+            Descriptor::new(self.readiness.as_fd()),
+        ];
+        let orders = self.crafts.iter().filter_map(|craft| craft.order.as_ref());
+        descriptors.extend(orders.map(|process| Descriptor::new(process.as_fd())));
+        let descriptors = descriptors.iter_mut().map(|one| one as &mut dyn Source);
+        let mut sources: Vec<_> = descriptors.map(|source| ((), source)).collect();
+        let waited = self.waiter.wait(&mut sources, Some(TICK));
+        waited.map_err(Failure::internal)?;
+        Ok(())
+    }
+
+    /// Ends what lives: the orders, then the station, then the robots. Returns their shared memory, whose last users they were.
+    fn end_at_once(&mut self) -> Vec<Domain> {
+        self.crafts.iter_mut().for_each(|craft| craft.order = None);
+        self.relay = None;
+        self.views.clear();
+        let domains = self.crafts.iter().map(|craft| craft.domain.clone());
+        let domains: Vec<_> = domains.collect();
+        // What they end with is not judged.
+        let _ = self.end_processes();
+        self.crafts.clear();
+        domains
+    }
+}
+
+/// What is judged of a robot that was killed on its way.
+fn of_dead(craft: &Craft, residue: usize) -> Vec<Finding> {
+    let failed = craft.order_failed.as_deref();
+    vec![
+        check(
+            "its last order did not succeed",
+            failed.is_some(),
+            failed.unwrap_or("it says that it was done").to_owned(),
+        ),
+        check(
+            "nothing left in shared memory",
+            residue == 0,
+            format!("{residue} files and segments left"),
+        ),
+    ]
+}
+
+/// Endpoints on loopback that no other process has at this moment, all different.
+fn free_endpoints(count: u32) -> std::io::Result<Vec<String>> {
+    let listeners: Vec<_> = (0..count)
+        .map(|_| TcpListener::bind(("127.0.0.1", 0)))
+        .collect::<Result<_, _>>()?;
+    let endpoint = |listener: &TcpListener| Ok(format!("tcp/{}", listener.local_addr()?));
+    listeners.iter().map(endpoint).collect()
+}
