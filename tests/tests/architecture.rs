@@ -177,7 +177,7 @@ const BANS: [Ban; 5] = [
             "gateways/relay/src/station/catalog.rs",
             "gateways/relay/src/station/link.rs",
             "gateways/relay/src/robot/stations.rs",
-            "gateways/relay/src/pace.rs",
+            "gateways/relay/src/pace",
             "gateways/mavlink/src",
             "gateways/view/src",
         ],

@@ -146,8 +146,10 @@ pub struct Ping {
     pub suspended_ns: u64,
     /// Whether the robot is to send the latest sample of each topic again, because the station may have none.
     pub wants_latest: bool,
-    /// By how much longer the last exchange took than the quickest one of late, or is overdue, ms: what waits on the way. `None` if no
-    /// exchange has ended yet.
+    /// Whether the station has had all descriptions once. Before, samples are of no use to it.
+    pub has_all: bool,
+    /// By how much longer the last exchange took than the quickest one of late, or is overdue, ms: what waits on the way. `None` if it
+    /// does not know.
     pub late_ms: Option<u32>,
 }
 

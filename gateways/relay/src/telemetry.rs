@@ -391,7 +391,7 @@ mod tests {
         assert_eq!(sent(&mut sender, at(3)), [(2, 10)]);
         assert_eq!(sent(&mut sender, at(4)), []);
         let mut pace = Pace::default();
-        pace.meet(at(1000));
+        pace.hear(1, None, at(1000));
         pace.spend(3000, at(1000));
         sender.want_latest();
         sender.send(at(1500), 0, &mut pace, |_, _| panic!("it is held back"));

@@ -13,18 +13,19 @@ use relay::orders::message::{Answer, Order};
 const THREE_HUNDRED: [u8; 2] = [0xAC, 0x02];
 
 #[test]
-fn a_ping_is_a_version_a_variant_and_five_fields() {
+fn a_ping_is_a_version_a_variant_and_six_fields() {
     let ping = Ask::Ping(Ping {
         station_instance: 1,
         sent_ns: 300,
         suspended_ns: 0,
         wants_latest: true,
+        has_all: false,
         late_ms: Some(300),
     });
     let bytes = [
         &[VERSION, 0, 1][..],
         &THREE_HUNDRED,
-        &[0, 1, 1],
+        &[0, 1, 0, 1],
         &THREE_HUNDRED,
     ]
     .concat();

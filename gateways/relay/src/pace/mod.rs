@@ -2,7 +2,7 @@
 //!
 //! | state | becomes | when |
 //! |---|---|---|
-//! | all goes out | starting | a station is connected, or speaks and none had for some time: what the narrowest link carries |
+//! | all goes out | starting | a station is connected, or speaks and none had for some time: next to nothing until one has all descriptions, then what the narrowest link carries |
 //! | starting | starting | its exchanges are not late: twice as much; none has ended yet: the same |
 //! | starting | paced | they are late: half |
 //! | all goes out | paced | every station's exchanges have been late for some time: half of what went out |
@@ -38,6 +38,9 @@ const SILENT: Duration = Duration::from_millis(3000);
 /// Rate at which a link begins, bytes a second: beside it a link of 64 kbit/s still carries the descriptions of the services.
 const FIRST: u64 = 3000;
 
+/// Rate while no station has all descriptions, bytes a second: it can use no sample, and each is in the way of what it needs.
+const DESCRIBING: u64 = 300;
+
 /// Least rate, bytes a second: a state every second and some telemetry.
 const LEAST: u64 = 1500;
 
@@ -72,6 +75,8 @@ pub struct Pace {
     alone: MonotonicNs,
     /// What stations said last: instance, by how much they are late if they know, when.
     heard: Vec<(u64, Option<u32>, MonotonicNs)>,
+    /// When a station was heard last that has all descriptions, if one was since the pace began.
+    described: Option<MonotonicNs>,
     /// When it was decided, and when it is again.
     begun: MonotonicNs,
     next: MonotonicNs,
@@ -95,11 +100,20 @@ impl Pace {
     pub fn meet(&mut self, now: MonotonicNs) {
         if now >= self.alone {
             self.alone = now + SILENT;
+            self.described = None;
             self.begin(now);
         }
     }
 
-    /// A station says by how much longer than its quickest exchange the last one took. `None` if none has ended yet.
+    /// A station says that it does not have all descriptions yet.
+    pub fn hear_describing(&mut self, station: u64, now: MonotonicNs) {
+        let described = self.described.filter(|at| now.since(*at) < SILENT);
+        self.hear(station, None, now);
+        self.described = described;
+    }
+
+    /// A station that has all descriptions says by how much longer than its quickest exchange the last one took. `None` if it does not
+    /// know.
     pub fn hear(&mut self, station: u64, late_ms: Option<u32>, now: MonotonicNs) {
         self.heard
             .retain(|(other, _, at)| *other != station && now.since(*at) < SILENT);
@@ -112,6 +126,7 @@ impl Pace {
         }
         let was_alone = now >= self.alone;
         self.alone = now + SILENT;
+        self.described = Some(now);
         if was_alone {
             self.begin(now);
         } else if now >= self.next {
@@ -127,6 +142,7 @@ impl Pace {
             paid: now,
             alone: self.alone,
             heard: std::mem::take(&mut self.heard),
+            described: self.described,
             begun: now,
             next: now + PERIOD,
             ..Pace::default()
@@ -217,8 +233,12 @@ impl Pace {
     /// Bytes a second that go out at most; `None` if all do.
     pub fn rate(&self, now: MonotonicNs) -> Option<u64> {
         let is_draining = self.late_ms >= VERY_LATE_MS;
-        let rate = self.rate.filter(|_| now < self.alone);
-        rate.map(|rate| if is_draining { LEAST } else { rate })
+        let rate = self.rate.filter(|_| now < self.alone)?;
+        Some(match self.described {
+            None => DESCRIBING,
+            Some(_) if is_draining => LEAST,
+            Some(_) => rate,
+        })
     }
 
     /// The same as it is published: 0 if all do.

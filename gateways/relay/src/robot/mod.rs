@@ -154,9 +154,11 @@ impl RobotSide {
             self.own_topics.hasten(at);
         }
         self.is_latest_wanted |= ping.wants_latest;
-        self.services
-            .pace
-            .hear(ping.station_instance, ping.late_ms, at);
+        let pace = &mut self.services.pace;
+        match ping.has_all {
+            true => pace.hear(ping.station_instance, ping.late_ms, at),
+            false => pace.hear_describing(ping.station_instance, at),
+        }
         let session = match may_command {
             true => self
                 .orders

@@ -24,15 +24,12 @@ use crate::orders::message::{NO_PLACE, NOT_PERMITTED};
 /// How often the robot is asked for its time. A loss is noticed after some of these, and the clocks need no more.
 pub const PING_PERIOD: Duration = Duration::from_millis(500);
 
-/// The same while no answer comes, so that a link that is back is up at once.
+/// The same while no answer comes, so that a link that is back is up at once, and until all is described: over a link that loses much,
+/// TCP and QUIC find a loss by what comes after it.
 const SEARCH_PERIOD: Duration = Duration::from_millis(200);
 
 /// Pings without an answer that are remembered. The oldest says how late the answer is, and of the others some come to be the oldest.
 const UNANSWERED: usize = 32;
-
-/// As long as descriptions come, an answer that is overdue by less may wait behind a part and samples: of 64 kbit/s a part takes
-/// 0.6 s.
-const BEHIND_A_PART: Duration = Duration::from_millis(1500);
 
 /// The link to one robot.
 #[derive(Debug)]
@@ -112,7 +109,7 @@ impl Link {
             return None;
         }
         self.next_ping = now
-            + if self.is_up() {
+            + if self.is_up() && self.is_complete {
                 PING_PERIOD
             } else {
                 SEARCH_PERIOD
@@ -139,6 +136,7 @@ impl Link {
             sent_ns: now.0,
             suspended_ns,
             wants_latest,
+            has_all: self.is_complete,
             late_ms,
         })
     }
@@ -194,11 +192,11 @@ impl Link {
     /// By how much longer the last exchange took than the quickest, or the next one takes already. `None` if none has ended yet, since
     /// nobody knows how long the way is, or if it may have waited behind a description.
     fn late_ms(&self, now: MonotonicNs) -> Option<u32> {
-        self.last_heard?;
+        self.measured_from?;
         let oldest = self.unanswered.front();
         let waits = oldest.map_or(Duration::ZERO, |sent| now.since(*sent));
         let overdue = waits.saturating_sub(self.quickest);
-        if self.late.is_none() && overdue < BEHIND_A_PART {
+        if self.late.is_none() && overdue.is_zero() {
             return None;
         }
         let late = self.late.unwrap_or_default().max(overdue);
@@ -392,6 +390,7 @@ mod tests {
                 sent_ns: 0,
                 suspended_ns: 0,
                 wants_latest: false,
+                has_all: false,
                 late_ms: None,
             };
             let pong = Pong {
@@ -479,7 +478,7 @@ mod tests {
     }
 
     #[test]
-    fn while_descriptions_come_an_answer_is_late_only_if_it_is_very_late() {
+    fn while_descriptions_come_nobody_knows_how_late_an_answer_is() {
         let mut link = link();
         let page = Page::of(&[service()]).remove(0);
         let ping = |link: &mut Link, ms| link.ping(at(ms), 0).unwrap();
@@ -488,12 +487,15 @@ mod tests {
         link.take(&pong(1, &first, 1), at(1200), 0);
         let behind_a_part = ping(&mut link, 1200);
         assert_eq!(behind_a_part.late_ms, None);
-        assert_eq!(ping(&mut link, 2500).late_ms, None);
-        assert_eq!(ping(&mut link, 3000).late_ms, Some(1790));
+        assert_eq!(ping(&mut link, 3000).late_ms, None);
+        assert!(!ping(&mut link, 3200).has_all);
         assert_eq!(link.take_part(&page.part(1, 0, 0).unwrap()).len(), 1);
+        link.note_complete();
         let clean = ping(&mut link, 3500);
+        assert!(clean.has_all);
         link.take(&pong(1, &behind_a_part, 1), at(3600), 0);
-        assert_eq!(ping(&mut link, 4000).late_ms, None, "that was before");
+        // What was asked before does not count; that the clean one takes 490 ms longer already does.
+        assert_eq!(ping(&mut link, 4000).late_ms, Some(490));
         link.take(&pong(1, &clean, 1), at(4200), 0);
         assert_eq!(ping(&mut link, 4500).late_ms, Some(690));
     }

@@ -69,8 +69,8 @@ class Fields:
 
 
 def ping(instance):
-    # Ask::Ping: station_instance, sent_ns, suspended_ns, wants_latest, late_ms.
-    return bytes([VERSION, 0]) + varint(instance) + varint(time.monotonic_ns()) + varint(0) + bytes([1]) + varint(0)
+    # Ask::Ping: station_instance, sent_ns, suspended_ns, wants_latest, has_all, late_ms.
+    return bytes([VERSION, 0]) + varint(instance) + varint(time.monotonic_ns()) + varint(0) + bytes([1, 1, 0])
 
 
 def describe(instance, index, begin):

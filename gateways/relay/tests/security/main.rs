@@ -257,6 +257,7 @@ fn strangers_read_and_order_nothing(protocol: &str) {
         sent_ns: 1,
         suspended_ns: 0,
         wants_latest: true,
+        has_all: true,
         late_ms: None,
     });
     for stranger in outside

@@ -198,6 +198,7 @@ pub fn robot_side(data: &[u8]) {
                     sent_ns: script.number(),
                     suspended_ns: script.number(),
                     wants_latest: true,
+                    has_all: true,
                     late_ms: None,
                 };
                 side.ask(&format!("{ask}{name}"), &Ask::Ping(ping), now);

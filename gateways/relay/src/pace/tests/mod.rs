@@ -112,6 +112,29 @@ fn without_a_station_all_goes_out_and_the_next_one_begins_anew() {
     assert_eq!(pace.rate(at(alone)), Some(FIRST));
 }
 
+#[test]
+fn until_a_station_has_all_descriptions_next_to_nothing_goes_out_unless_there_is_another_one() {
+    let mut pace = Pace::default();
+    pace.meet(at(0));
+    assert_eq!(pace.rate(at(0)), Some(DESCRIBING));
+    pace.hear_describing(1, at(500));
+    pace.hear_describing(1, at(1000));
+    assert_eq!(pace.rate(at(1000)), Some(DESCRIBING));
+    pace.hear(1, None, at(1500));
+    assert_eq!(pace.rate(at(1500)), Some(FIRST));
+    pace.hear_describing(2, at(1600));
+    assert_eq!(pace.rate(at(1600)), Some(FIRST));
+    // The one that had all is gone.
+    for half in 4..10 {
+        pace.hear_describing(2, at(half * 500));
+    }
+    assert_eq!(pace.rate(at(4600)), Some(DESCRIBING));
+    // Who never speaks reads all.
+    let mut pace = Pace::default();
+    pace.meet(at(0));
+    assert_eq!(pace.rate(at(3000)), None);
+}
+
 /// A pace of which a station has said in its first seconds that its link carries all.
 fn free() -> Pace {
     let mut pace = Pace::default();

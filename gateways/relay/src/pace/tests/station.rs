@@ -100,7 +100,10 @@ fn minute(bytes_per_ms: u64) -> Seen {
         {
             match to_robot.pop_front().expect("it is there").1 {
                 Ok(ping) => {
-                    pace.hear(STATION, ping.late_ms, now);
+                    match ping.has_all {
+                        true => pace.hear(STATION, ping.late_ms, now),
+                        false => pace.hear_describing(STATION, now),
+                    }
                     way.send(MESSAGE, Passing::Pong(pong(&ping, now, pages.len())));
                 }
                 Err(Passing::Part(part)) => {
