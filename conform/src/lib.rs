@@ -7,7 +7,8 @@
 //! * [`permitted`]: what may be sent, and that nothing else is: without [`permitted::RotorDisconnected`] no type can express
 //!   a message that moves a rotor;
 //! * [`wire`]: the line as a value; [`bench`]: a check's end of it; [`monitor`]: what is judged of all messages;
-//! * [`run`]: the whole run as a value that is given time and bytes; [`report`]: what it found.
+//! * [`run`]: the whole run as a value that is given time and bytes; [`report`]: what it found; [`replay`]: a dialogue that is
+//!   played again.
 //!
 //! Nothing here has a port, a clock or a thread. A check is linear code that sends and waits, as a suspended function; the value
 //! around it goes on when time or bytes come.
@@ -21,7 +22,7 @@
 //!
 //! use conform::wire::Setup;
 //! use conform::report::Ended;
-//! use conform::run::{Conformance, Settings};
+//! use conform::run::{Conformance, Player, Settings};
 //! use dsp_protocol::{Profile, Sequence};
 //!
 //! let mut run = Conformance::new(Settings {
@@ -55,6 +56,7 @@ pub mod monitor;
 pub mod outcome;
 pub mod permitted;
 mod pilot;
+pub mod replay;
 pub mod report;
 pub mod run;
 pub mod table;

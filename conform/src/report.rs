@@ -1,5 +1,6 @@
 //! What the kit found: a verdict for each sentence, and the bytes that led to it.
 
+use std::fmt;
 use std::fmt::Write as _;
 use std::time::Duration;
 
@@ -62,6 +63,18 @@ pub struct Line {
     pub bytes: Vec<u8>,
     /// What it is, in words.
     pub text: String,
+}
+
+/// As it stands in a dialogue of `dsp-protocol/vectors/dialogues/`.
+impl fmt::Display for Line {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let side = match self.side {
+            Side::Pc => '>',
+            Side::Dsp => '<',
+        };
+        let (at_ms, bytes) = (self.at.as_millis(), hex(&self.bytes));
+        write!(f, "{at_ms:>6}  {side}   {bytes:<41} ; {}", self.text)
+    }
 }
 
 /// One sentence and what became of it.
@@ -152,17 +165,7 @@ impl CheckReport {
         let name = profile.name();
         let _ = writeln!(text, "dsp profile = {name}\npc profile = {name}\n");
         for line in &self.dialogue {
-            let side = match line.side {
-                Side::Pc => '>',
-                Side::Dsp => '<',
-            };
-            let _ = writeln!(
-                text,
-                "{:>6}  {side}   {:<41} ; {}",
-                line.at.as_millis(),
-                hex(&line.bytes),
-                line.text
-            );
+            let _ = writeln!(text, "{line}");
         }
         text
     }

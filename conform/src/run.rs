@@ -49,7 +49,22 @@ struct Progress {
     is_finished: bool,
 }
 
-/// A run as a value: it is given time and bytes, and is drained of bytes.
+/// What plays the PC as a value: it is given time and bytes, and is drained of bytes.
+pub trait Player {
+    /// Takes bytes that came until `now`, and the time; goes on as far as that leads.
+    fn step(&mut self, now: Duration, bytes: &[u8]);
+
+    /// The bytes to send.
+    fn take_outbox(&mut self) -> Vec<u8>;
+
+    /// When [`Player::step`] has something to do though nothing came; `None` when all is done, or a reset is waited for.
+    fn next_deadline(&self) -> Option<Duration>;
+
+    /// Whether all is done.
+    fn is_finished(&self) -> bool;
+}
+
+/// A whole run.
 pub struct Conformance {
     settings: Settings,
     wire: Rc<RefCell<Wire>>,
@@ -79,33 +94,6 @@ impl Conformance {
         }
     }
 
-    /// Takes bytes that came until `now`, and the time; goes on as far as that leads.
-    pub fn step(&mut self, now: Duration, bytes: &[u8]) {
-        {
-            let mut wire = self.wire.borrow_mut();
-            wire.advance(now);
-            wire.receive(now, bytes);
-        }
-        let mut context = Context::from_waker(Waker::noop());
-        if let Some(run) = &mut self.run
-            && run.as_mut().poll(&mut context).is_ready()
-        {
-            self.run = None;
-            self.progress.borrow_mut().is_finished = true;
-        }
-    }
-
-    /// The bytes to send.
-    pub fn take_outbox(&mut self) -> Vec<u8> {
-        self.wire.borrow_mut().take_outbox()
-    }
-
-    /// When [`Conformance::step`] has something to do though nothing came; `None` when the run is finished or waits for a reset.
-    pub fn next_deadline(&self) -> Option<Duration> {
-        self.run.as_ref()?;
-        self.wire.borrow().next_deadline()
-    }
-
     /// Whether the DSP is to be reset now: then [`Conformance::was_reset`] or [`Conformance::decline_reset`] goes on.
     pub fn wants_reset(&self) -> bool {
         self.wire.borrow().wants_reset()
@@ -121,11 +109,6 @@ impl Conformance {
     pub fn decline_reset(&mut self, now: Duration) {
         self.wire.borrow_mut().end_reset(Reset::Declined);
         self.step(now, &[]);
-    }
-
-    /// Whether all is done.
-    pub fn is_finished(&self) -> bool {
-        self.run.is_none()
     }
 
     /// How many checks are done.
@@ -147,6 +130,36 @@ impl Conformance {
             own_errors: self.wire.borrow().monitor().own_errors().to_vec(),
             ended_early: progress.ended_early,
         }
+    }
+}
+
+impl Player for Conformance {
+    fn step(&mut self, now: Duration, bytes: &[u8]) {
+        {
+            let mut wire = self.wire.borrow_mut();
+            wire.advance(now);
+            wire.receive(now, bytes);
+        }
+        let mut context = Context::from_waker(Waker::noop());
+        if let Some(run) = &mut self.run
+            && run.as_mut().poll(&mut context).is_ready()
+        {
+            self.run = None;
+            self.progress.borrow_mut().is_finished = true;
+        }
+    }
+
+    fn take_outbox(&mut self) -> Vec<u8> {
+        self.wire.borrow_mut().take_outbox()
+    }
+
+    fn next_deadline(&self) -> Option<Duration> {
+        self.run.as_ref()?;
+        self.wire.borrow().next_deadline()
+    }
+
+    fn is_finished(&self) -> bool {
+        self.run.is_none()
     }
 }
 
@@ -258,7 +271,7 @@ async fn attempt(
     settle(bench, proof).await;
     let outcome = match (&check.how, proof) {
         (How::Harmless(run), _) => {
-            begin_recording(wire);
+            begin_seeing(wire);
             run(bench.clone()).await
         }
         (How::Moving(place, run), Some(proof)) => {
@@ -269,7 +282,7 @@ async fn attempt(
             match prepared {
                 Ok(()) => {
                     settle_errors(bench).await;
-                    begin_recording(wire);
+                    begin_seeing(wire);
                     run(bench.clone(), proof).await
                 }
                 Err(Stop::Broken(why) | Stop::NotJudged(why)) => {
@@ -290,8 +303,9 @@ async fn attempt(
     }
 }
 
-fn begin_recording(wire: &Rc<RefCell<Wire>>) {
-    wire.borrow_mut().begin_check();
+/// What the check sees begins here; the dialogue has what led to it as well, so that it can be played to a DSP that was reset.
+fn begin_seeing(wire: &Rc<RefCell<Wire>>) {
+    wire.borrow_mut().forget_arrivals();
 }
 
 /// A command between checks: repeated as the PC does, and not judged.

@@ -16,8 +16,9 @@ use crate::report::{Line, Side};
 
 /// Arrivals that one check may see: two minutes of a status each 4 ms. Further ones are counted, and the check is not judged.
 const MAX_ARRIVALS: usize = 32_768;
-/// Lines of a dialogue that are kept, the newest ones: what leads to a failure is in the last second or two.
-const MAX_LINES: usize = 400;
+/// Lines of a dialogue that are kept, the newest ones: a minute and a half with a status each 50 ms. Those of all checks but of long
+/// flights are whole.
+const MAX_LINES: usize = 2_048;
 
 /// How the kit and the line are set up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -191,11 +192,16 @@ impl Wire {
     /// Begins a check: forgets what came before.
     pub fn begin_check(&mut self) {
         self.began = self.now;
+        self.lines.clear();
+        self.forget_arrivals();
+    }
+
+    /// Forgets what came, but not the dialogue.
+    pub fn forget_arrivals(&mut self) {
         self.arrivals.clear();
         self.taken = 0;
         self.overflow = false;
         self.is_sure = false;
-        self.lines.clear();
     }
 
     /// Whether more came than a check may see.

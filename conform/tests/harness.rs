@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use conform::permitted::{CONFIRMATION, RotorDisconnected};
 use conform::report::Report;
-use conform::run::{Conformance, Settings};
+use conform::run::{Conformance, Player, Settings};
 use conform::wire::Setup;
 use dsp_protocol::{Profile, Sequence};
 use dsp_sim::simulator::Simulator;
@@ -84,21 +84,37 @@ pub struct Played {
 /// Plays a whole run.
 pub fn play(peer: &mut impl Peer, settings: Settings) -> Played {
     let mut run = Conformance::new(settings);
-    let (mut now, mut sent) = (Duration::ZERO, Vec::new());
-    let mut bytes = Vec::new();
-    loop {
-        run.step(now, &bytes);
+    let (sent, took) = serve(&mut run, peer, |run, peer, now| {
         if run.wants_reset() {
             peer.reset(now);
             run.was_reset(now);
         }
+    });
+    Played {
+        report: run.report(),
+        sent,
+        took,
+    }
+}
+
+/// Serves a player until it is done; gives all bytes that it sent, and how long it took.
+pub fn serve<R: Player, P: Peer>(
+    run: &mut R,
+    peer: &mut P,
+    mut between: impl FnMut(&mut R, &mut P, Duration),
+) -> (Vec<u8>, Duration) {
+    let (mut now, mut sent) = (Duration::ZERO, Vec::new());
+    let mut bytes = Vec::new();
+    loop {
+        run.step(now, &bytes);
+        between(run, peer, now);
         let out = run.take_outbox();
         if !out.is_empty() {
             peer.receive(now, &out);
             sent.extend(out);
         }
         if run.is_finished() {
-            break;
+            return (sent, now);
         }
         bytes = peer.take_output();
         if bytes.is_empty() {
@@ -109,11 +125,6 @@ pub fn play(peer: &mut impl Peer, settings: Settings) -> Played {
             peer.advance(now);
             bytes = peer.take_output();
         }
-    }
-    Played {
-        report: run.report(),
-        sent,
-        took: now,
     }
 }
 

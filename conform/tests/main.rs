@@ -5,6 +5,7 @@ mod fault;
 mod harness;
 mod lossy;
 mod mutants;
+mod replay;
 mod right;
 mod safety;
 mod sentences;

@@ -78,6 +78,21 @@ fn a_broken_sentence_is_named_and_its_dialogue_is_written() {
         "{vector}"
     );
     assert!(vector.contains("  <   E9 00 04 01 "), "{vector}");
+    // Played again, it shows the same.
+    let finished = rig.run("conform --port dsp --replay failures/4.1-mask.txt", 0);
+    finished.out_says("  >   F0 01 00 4E 10 00 00 01 50 ");
+    finished.out_says("  <   E9 00 04 01 ");
+    // The start-up switches following on.
+    let dialogues = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../dsp-protocol/vectors/dialogues"
+    );
+    let args = format!("conform --port dsp --replay {dialogues}/start_up.txt");
+    let finished = rig.run(&args, 5);
+    finished.err_says("can move a rotor: it was not sent");
+    finished.out_says("  >   F0 06 76 ");
+    rig.run("conform --port dsp --replay wrong.toml", 2)
+        .err_says("a line `pc profile = classic`, or `extended`, is missing");
     end(sim, Signal::TERM);
 }
 

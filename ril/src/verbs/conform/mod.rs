@@ -14,6 +14,7 @@ use bridge::config::SerialConfig;
 use bridge::shell::serial::SerialPort;
 use clap::{Args, ValueEnum};
 use conform::permitted::{CONFIRMATION, RotorDisconnected};
+use conform::replay::{Dialogue, Replay};
 use conform::report::Ended;
 use conform::run::{Settings, left_out};
 use conform::table::chosen;
@@ -23,8 +24,8 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 
 use self::report::{list, print_report, say_plan, write_vectors};
-use self::shell::{Resetter, play};
-use crate::options::{EXIT_CODES, duration};
+use self::shell::{Resetter, play, serve};
+use crate::options::{EXIT_CODES, duration, read_text};
 
 /// `ril conform`
 ///
@@ -73,6 +74,10 @@ pub struct ConformArgs {
     #[arg(long)]
     pub lossy: bool,
 
+    /// Play the lines of the PC of a dialogue, such as --vectors writes, and print what the DSP says to them
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["only", "list", "vectors", "lossy", "json", "reset_command", "reset_by_hand"])]
+    pub replay: Option<PathBuf>,
+
     /// Write the dialogue of each sentence that is broken into this folder, as a file that can be replayed
     #[arg(long, value_name = "DIR")]
     pub vectors: Option<PathBuf>,
@@ -107,6 +112,9 @@ impl From<ProfileArg> for Profile {
 /// Code 8 when a sentence is broken, 4 when the DSP answers nothing, 5 when the helicopter flies or what was typed is not the
 /// confirmation, 6 when the port cannot be opened or is lost, 7 when a signal ends the run, 2 when no check has the name.
 pub fn conform(args: &ConformArgs) -> Result<(), Failure> {
+    if let (Some(file), Some(port)) = (&args.replay, &args.port) {
+        return replay(file, port, args);
+    }
     let profile = Profile::from(args.profile);
     let checks = chosen(profile, &args.only);
     if checks.is_empty() {
@@ -158,6 +166,52 @@ pub fn conform(args: &ConformArgs) -> Result<(), Failure> {
     };
     print_report(port, args.baud_rate, &played.report, &vectors, args.json)?;
     verdict(&played, &vectors, args)
+}
+
+/// Plays a dialogue, in the profile that it names.
+fn replay(file: &Path, port: &Path, args: &ConformArgs) -> Result<(), Failure> {
+    let dialogue = Dialogue::parse(&read_text(file)?).map_err(|error| {
+        let text = format!("{}:{}: {}", file.display(), error.line, error.what);
+        Failure::usage(text)
+    })?;
+    let profile = dialogue.profile;
+    let setup = Setup {
+        profile,
+        baud: args.baud_rate.try_into().ok(),
+        slack: args.slack,
+        first_number: Sequence::FIRST,
+        is_lossy: false,
+    };
+    let proof = match args.rotor_disconnected {
+        true => Some(confirm()?),
+        false => None,
+    };
+    let termination = Termination::install().or_fail(ExitCode::Internal)?;
+    let serial = open(port, args.baud_rate)?;
+    let mut replay = Replay::new(dialogue, setup, proof.is_some());
+    let interrupted = serve(&mut replay, &serial, &termination, |_, _| Ok(()))?;
+    let name = profile.name();
+    let mut text = format!("dsp profile = {name}\npc profile = {name}\n\n");
+    for line in replay.lines() {
+        text += &line.to_string();
+        text.push('\n');
+    }
+    io::stdout()
+        .lock()
+        .write_all(text.as_bytes())
+        .map_err(Failure::output)?;
+    if replay.was_refused() {
+        let text = "the next line of the dialogue can move a rotor: it was not sent";
+        return Err(Failure::new(ExitCode::Refused, text)
+            .with_next_step("disconnect the rotor, and add --rotor-disconnected"));
+    }
+    match interrupted {
+        Some(signal) => {
+            let text = format!("signal {signal} ended the dialogue");
+            Err(Failure::new(ExitCode::OutcomeUnknown, text))
+        }
+        None => Ok(()),
+    }
 }
 
 /// How the command ends.

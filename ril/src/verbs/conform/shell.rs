@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use bridge::shell::serial::SerialPort;
 use conform::report::{Report, Verdict};
-use conform::run::{Conformance, Settings};
+use conform::run::{Conformance, Player, Settings};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -39,45 +39,58 @@ pub fn play(
     termination: &Termination,
     resetter: &Resetter,
 ) -> Result<Played, Failure> {
-    let began = Instant::now();
     let mut run = Conformance::new(settings);
-    let (mut pending, mut buffer, mut said) = (Vec::new(), [0; READ_BYTES], 0);
-    while !run.is_finished() {
-        if termination.requested() {
-            return Ok(Played {
-                report: run.report(),
-                interrupted_by: termination.signal(),
-            });
-        }
-        let count = serial.read(&mut buffer).or_fail(ExitCode::LinkDown)?;
-        run.step(began.elapsed(), buffer.get(..count).unwrap_or_default());
+    let mut said = 0;
+    let interrupted_by = serve(&mut run, serial, termination, |run, began| {
         if run.wants_reset() {
             match reset(resetter, termination)? {
                 true => {
                     // What came before the reset is not the DSP's answer to it.
+                    let mut buffer = [0; READ_BYTES];
                     while serial.read(&mut buffer).or_fail(ExitCode::LinkDown)? > 0 {}
                     run.was_reset(began.elapsed());
                 }
                 false => run.decline_reset(began.elapsed()),
             }
         }
+        said = say_progress(run, said);
+        Ok(())
+    })?;
+    Ok(Played {
+        report: run.report(),
+        interrupted_by,
+    })
+}
+
+/// Serves a player until it is done, and calls `between` after each step; gives the signal that ended it, or `None`.
+pub fn serve<P: Player>(
+    run: &mut P,
+    serial: &SerialPort,
+    termination: &Termination,
+    mut between: impl FnMut(&mut P, Instant) -> Result<(), Failure>,
+) -> Result<Option<i32>, Failure> {
+    let began = Instant::now();
+    let (mut pending, mut buffer) = (Vec::new(), [0; READ_BYTES]);
+    while !run.is_finished() {
+        if termination.requested() {
+            return Ok(termination.signal());
+        }
+        let count = serial.read(&mut buffer).or_fail(ExitCode::LinkDown)?;
+        run.step(began.elapsed(), buffer.get(..count).unwrap_or_default());
+        between(run, began)?;
         pending.extend(run.take_outbox());
         let written = serial.write(&pending).or_fail(ExitCode::LinkDown)?;
         pending.drain(..written.min(pending.len()));
-        said = say_progress(&run, said);
         if count == 0 && !run.is_finished() {
-            wait(&run, serial, termination, !pending.is_empty(), began)?;
+            wait(run, serial, termination, !pending.is_empty(), began)?;
         }
     }
-    Ok(Played {
-        report: run.report(),
-        interrupted_by: None,
-    })
+    Ok(None)
 }
 
 /// The one wait.
 fn wait(
-    run: &Conformance,
+    run: &impl Player,
     serial: &SerialPort,
     termination: &Termination,
     needs_room: bool,
