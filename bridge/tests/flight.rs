@@ -217,6 +217,7 @@ fn a_waypoint_that_is_too_far_is_named_with_its_distance() {
     assert_eq!(report.waypoint, 2);
     let distance_m = report.value().expect("a distance");
     assert!((distance_m - 11_119.5).abs() < 5.0, "{distance_m}");
+    assert_eq!((report.port.max, report.port.kind), (10_000.0, 0));
 }
 
 #[test]

@@ -90,6 +90,8 @@ fn what_is_refused_and_why() {
     for (request, reason) in table {
         let request = rig.parameter(request);
         assert_eq!(rig.last(request), refused(reason));
+        let port = rig.last_report(request).port;
+        assert_eq!(port.kind().is_some(), reason == Reason::OutOfRange);
     }
     assert_eq!(rig.dsp.commands.len(), sent, "nothing goes to the DSP");
 

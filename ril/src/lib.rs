@@ -31,6 +31,7 @@
 pub mod cli;
 pub mod completion;
 pub mod config;
+mod mavlink_setup;
 pub mod options;
 pub mod recorded;
 pub mod render;
@@ -45,7 +46,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use clap::CommandFactory;
-use cli::RunCommand;
+use cli::{MavlinkCommand, RunCommand};
 use render::messages::object::ErrorObject;
 use runtime::exit::{self, Failure, OrFail};
 use runtime::manual;
@@ -54,7 +55,8 @@ use verbs::check::{doctor, preflight};
 use verbs::topic::meter::Quantity;
 use verbs::topic::{self, echo, measure};
 use verbs::{
-    demo, log, mavlink, order, param, plan, record, relay, replay, robots, view, wait, watch,
+    conform, demo, log, mavlink, order, param, plan, record, relay, replay, robots, view, wait,
+    watch,
 };
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
@@ -128,7 +130,10 @@ fn run(command: cli::Command) -> Result<(), Failure> {
         Command::Run(args) => process(args.command),
         Command::Bridge(args) => process(RunCommand::Bridge(args)),
         Command::Sim(args) => process(RunCommand::Sim(args)),
-        Command::Mavlink(args) => process(RunCommand::Mavlink(args)),
+        Command::Mavlink(args) => match args.command {
+            Some(MavlinkCommand::Status(args)) => mavlink::status::status(&args),
+            None => process(RunCommand::Mavlink(args.run)),
+        },
         Command::Relay(args) => relay::relay(&args),
         Command::Start(args) => order::start(&args, preflight::warn),
         Command::Stop(args) => order::stop(&args),
@@ -148,6 +153,7 @@ fn run(command: cli::Command) -> Result<(), Failure> {
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Preflight(args) => preflight::preflight(&args),
+        Command::Conform(args) => conform::conform(&args),
         Command::Wait(args) => wait::wait(&args),
         Command::Record(args) => record::record(&args),
         Command::Log(args) => log::log(&args),

@@ -60,7 +60,7 @@ pub struct RequestArgs {
     #[command(flatten)]
     pub ask: AskArgs,
 
-    /// Return once the request was accepted, instead of following it to its end
+    /// Return on acceptance; do not wait for completion
     #[arg(long)]
     pub no_wait: bool,
 }

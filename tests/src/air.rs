@@ -65,7 +65,7 @@ impl Weather {
 
 /// One direction. A pure value.
 #[derive(Clone, Copy, Debug)]
-struct Way {
+pub struct Way {
     weather: Weather,
     /// When all that was taken has left.
     free: Instant,
@@ -73,6 +73,15 @@ struct Way {
 }
 
 impl Way {
+    /// Nothing was sent yet.
+    pub fn new(weather: Weather) -> Way {
+        Way {
+            weather,
+            free: Instant::now(),
+            taken: 0,
+        }
+    }
+
     fn takes(&self, length: usize) -> Duration {
         match self.weather.bytes_per_s {
             Some(rate) => Duration::from_secs_f64((length + HEADERS) as f64 / f64::from(rate)),
@@ -81,7 +90,7 @@ impl Way {
     }
 
     /// How long the queue has no room for more.
-    fn full_for(&self, now: Instant) -> Duration {
+    pub fn full_for(&self, now: Instant) -> Duration {
         let waits = self.free.saturating_duration_since(now);
         let longest = match self.weather.bytes_per_s {
             Some(rate) => Duration::from_secs_f64(self.weather.queue as f64 / f64::from(rate)),
@@ -91,7 +100,7 @@ impl Way {
     }
 
     /// A packet is sent: when it leaves, and whether the air loses it.
-    fn take(&mut self, length: usize, now: Instant) -> (Instant, bool) {
+    pub fn take(&mut self, length: usize, now: Instant) -> (Instant, bool) {
         self.free = self.free.max(now) + self.takes(length);
         self.taken += 1;
         let is_lost = self
@@ -231,11 +240,7 @@ fn way(
 ) -> Packets {
     let (sender, packets) = mpsc::channel();
     thread::spawn(move || {
-        let mut way = Way {
-            weather,
-            free: Instant::now(),
-            taken: 0,
-        };
+        let mut way = Way::new(weather);
         let mut packet = vec![0; longest];
         while let Ok(length) = read(&mut packet)
             && (length > 0 || !is_stream)

@@ -99,9 +99,12 @@ pub fn built() -> Result<&'static Path, &'static str> {
             let is_built = folder.join("libhero_ril.so").is_file();
             return if is_built { Ok(folder) } else { Err(why) };
         }
+        // The whole workspace with a test, so that the libraries get the features that `cargo test --workspace` has built them with:
+        // nothing is compiled a second time.
         let mut command = cargo();
         command
-            .args(["build", "--quiet", "-p", "hero-ril", "-p", "ril"])
+            .args(["build", "--quiet", "--workspace"])
+            .args(["--lib", "--bin", "ril", "--test", "examples"])
             .current_dir(root())
             .env("CARGO_TARGET_DIR", target_folder());
         if !cfg!(debug_assertions) {

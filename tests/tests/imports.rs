@@ -14,7 +14,6 @@ const CRATES: &[&str] = &[
     "dsp-sim",
     "flight-record/recording",
     "flight-record/replay",
-    "flight-record/report",
     "flight-record/ros-messages",
     "gateways/relay",
     "gateways/view",

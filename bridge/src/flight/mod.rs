@@ -424,10 +424,12 @@ impl Flight {
         }
         let position = self.known_position(cx)?;
         let distance_m = ground_distance_m(&position, &segment.waypoint);
-        if distance_m > self.config.movement.max_distance_m {
+        let most_m = self.config.movement.max_distance_m;
+        if distance_m > most_m {
             return Err(Verdict::from(Reason::TooFar).about(Detail {
                 waypoint: self.number_in_path(segment) as u32,
                 value: Some(distance_m),
+                most_m,
                 ..Detail::default()
             }));
         }

@@ -86,7 +86,16 @@ impl ParameterRequests {
         in_time(header, facts.now)?;
         let port = port_number::find(number).ok_or(Reason::NoSuchPort)?;
         let write = match operation {
-            ParameterOperation::Write => Some(write_command(port, value, facts.flying)?),
+            ParameterOperation::Write => Some(write_command(port, value, facts.flying).map_err(
+                |reason| match reason {
+                    // So that the refusal says what the port takes.
+                    Reason::OutOfRange => Verdict::from(reason).about(Detail {
+                        port: Some(port),
+                        ..Detail::default()
+                    }),
+                    _ => reason.into(),
+                },
+            )?),
             _ => None,
         };
         if !facts.is_link_up {

@@ -45,6 +45,8 @@ pub struct Detail {
     pub value: Option<f64>,
     /// The port of a parameter request.
     pub port: Option<Port>,
+    /// How many metres away the waypoint may be; 0 when the reason is another one.
+    pub most_m: f64,
 }
 
 impl Verdict {
@@ -67,6 +69,7 @@ impl Verdict {
                 dsp_error: None,
                 value: None,
                 port: None,
+                most_m: 0.0,
             },
         }
     }
@@ -122,6 +125,7 @@ impl Verdict {
             dsp_error,
             value,
             port,
+            most_m,
         } = self.detail;
         report.stage = self.stage.code();
         report.reason = self.reason.code();
@@ -133,11 +137,12 @@ impl Verdict {
         let value = violation.map(|violation| violation.amount).or(value);
         report.value_valid = value.is_some().into();
         report.value = value.unwrap_or_default();
-        let of_area = PortInfo {
+        let of_limit = PortInfo {
             name: area,
+            max: most_m,
             ..PortInfo::default()
         };
-        report.port = port.map_or(of_area, info);
+        report.port = port.map_or(of_limit, info);
     }
 }
 

@@ -11,7 +11,7 @@ pub struct Event {
     pub kind: EventKind,
     /// The topic that it concerns; empty when it is the whole recording.
     pub topic: String,
-    /// How many: messages that are missing, starts of a publisher; 0 when there is nothing to count.
+    /// How many: messages that are missing, starts of a publisher, ends of a process; 0 when there is nothing to count.
     pub count: u64,
     /// When it began, as for the first message that is missing.
     pub first: MonotonicNs,
@@ -33,6 +33,8 @@ pub enum EventKind {
     Late,
     /// A publisher began again.
     Restart,
+    /// The process that publishes the topic has ended, killed or not: the topic has no sample until another process publishes it.
+    End,
     /// Another file follows, or this one follows another. Made by the recorder.
     Split,
     /// The disk did not take what it was given. Made by the recorder.
@@ -45,11 +47,12 @@ pub enum EventKind {
 
 impl EventKind {
     /// All of them.
-    pub const ALL: [EventKind; 8] = [
+    pub const ALL: [EventKind; 9] = [
         EventKind::Loss,
         EventKind::Gap,
         EventKind::Late,
         EventKind::Restart,
+        EventKind::End,
         EventKind::Split,
         EventKind::Disk,
         EventKind::Clock,
@@ -63,6 +66,7 @@ impl EventKind {
             EventKind::Gap => "gap",
             EventKind::Late => "late",
             EventKind::Restart => "restart",
+            EventKind::End => "end",
             EventKind::Split => "split",
             EventKind::Disk => "disk",
             EventKind::Clock => "clock",

@@ -26,10 +26,12 @@ uint64 at_ns
 uint64 first_ns
 # When it ended, host monotonic ns. [ns]
 uint64 last_ns
-# How many: messages that are missing, starts of a publisher.
+# How many: messages that are missing, starts of a publisher, ends of a process.
 uint64 count
-# loss: the recorder dropped messages. gap: messages were lost before the recorder. restart: a publisher began again.
+# loss: the recorder dropped messages. gap: messages were lost before the recorder. late: messages were sent before the recorder joined.
+# restart: a publisher began again. end: the process that publishes the topic has ended, between first_ns and last_ns.
 # split: another file follows. disk: the disk did not take what it was given. clock: the wall clock was set. note: see the text.
+# A word that a reader does not know is to be read as note.
 string kind
 # The topic that it concerns; empty when it is the whole recording.
 string topic

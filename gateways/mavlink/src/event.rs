@@ -48,6 +48,10 @@ pub enum OrderKind {
     GoTo(WaypointPosition),
     /// Fly paths at this speed, m/s.
     Speed(f64),
+    /// Read a port of the DSP.
+    ReadPort(u16),
+    /// Write a port of the DSP.
+    WritePort(u16, f64),
 }
 
 impl OrderKind {
@@ -66,6 +70,7 @@ impl OrderKind {
             OrderKind::Land => "land",
             OrderKind::GoTo(_) => "goto",
             OrderKind::Speed(_) => "speed",
+            OrderKind::ReadPort(_) | OrderKind::WritePort(..) => "parameter",
         }
     }
 }

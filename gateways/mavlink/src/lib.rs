@@ -5,12 +5,15 @@
 //! see.
 //!
 //! * [`wire`]: frames and their checksums; [`message`]: the messages; `received`: what is read of one; [`number`]: the protocol's numbers;
+//! * `signing`: whose frames they are;
 //! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`, `identity`: the same in messages;
 //! * `stations`, `streams`, `texts`: to whom what is sent, and when;
 //! * `decide`: what a command asks for; `commands`: each at most once; `verdict`: how it is answered;
+//! * `parameters`: the DSP's ports and some values of our own, by name;
 //! * `gateway`: all of it as one value.
 
 mod commands;
+mod counts;
 mod decide;
 mod event;
 mod gateway;
@@ -19,8 +22,10 @@ mod identity;
 pub mod message;
 mod mode;
 pub mod number;
+mod parameters;
 mod received;
 mod settings;
+mod signing;
 mod stations;
 mod streams;
 mod telemetry;
@@ -33,7 +38,8 @@ pub use commands::MEMORY;
 pub use event::{Datagram, Event, Order, OrderKind};
 pub use gateway::Gateway;
 pub use mode::Mode;
-pub use settings::Settings;
+pub use settings::{Settings, StationLost};
+pub use signing::{Key, Signing, timestamp};
 pub use stations::{MAX_STATIONS, SILENCE};
 pub use streams::Stream;
 pub use verdict::{Answer, answer_of};

@@ -3,5 +3,8 @@
 mod chance;
 mod commands;
 mod common;
+mod parameters;
 mod script;
+mod signing;
+mod stations;
 mod telemetry;

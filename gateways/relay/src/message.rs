@@ -1,16 +1,19 @@
 //! What relays say to one another, and how it is written: a version, then the message as `postcard` has it.
 //!
-//! `docs/network.md` shows the same for other languages. A station asks for the description of a [`Service`] in [`Part`]s, one after the
+//! `docs/network.md` shows the same for other languages. A station asks for a [`Page`] of descriptions in [`Part`]s, one after the
 //! other, because a slow link has no room for a schema of 256 KiB at once. Every message fits into [`MAX_BYTES`], and bytes of any kind are read
 //! without a panic: what is no message is an error that the receiver counts.
 
+use ipc_types::schema::MAX_TEXT_LEN;
+use miniz_oxide::deflate::compress_to_vec_zlib;
+use miniz_oxide::inflate::decompress_to_vec_zlib_with_limit;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::orders::message::Answer;
 
 /// Version of all messages. A relay ignores those of another version, and says so once.
-pub const VERSION: u8 = 3;
+pub const VERSION: u8 = 4;
 
 /// Longest message, bytes: an [`Order`](crate::orders::message::Order).
 pub const MAX_BYTES: usize = MAX_ORDER_BYTES;
@@ -18,7 +21,7 @@ pub const MAX_BYTES: usize = MAX_ORDER_BYTES;
 /// Longest [`Ask`], bytes: the version, two tags, four numbers of at most ten bytes.
 pub const MAX_ASK_BYTES: usize = 64;
 
-/// Longest [`Reply`], bytes: a [`Part`], of which a key has 64 bytes and all numbers, tags and lengths 26. An answer has 200.
+/// Longest [`Reply`], bytes: a [`Part`], of which all numbers, tags and lengths have 30. An answer has 200.
 pub const MAX_REPLY_BYTES: usize = PART_BYTES + 128;
 
 /// Longest request that is carried, bytes. The longest of the robot's own has 1 kB.
@@ -27,15 +30,24 @@ pub const MAX_REQUEST_BYTES: usize = 16 * 1024;
 /// Longest order, bytes: a request, and eight numbers of at most ten bytes.
 pub const MAX_ORDER_BYTES: usize = MAX_REQUEST_BYTES + 96;
 
-/// Bytes of a schema in one part. With the rest of its message (at most 90 bytes), its key expression (at most 55) and Zenoh's
+/// Bytes of a page in one part. With the rest of its message (at most 30 bytes), its key expression (at most 55) and Zenoh's
 /// headers it fits into a batch of 4,352 bytes, so that the loss of one datagram loses one part.
 pub const PART_BYTES: usize = 4096;
 
-/// Most services of a robot: three of its own, and some of each of some twenty modules.
+/// Most services of a robot: three of its own, and some of each of some twenty modules. It has as many pages at most.
 pub const MAX_SERVICES: u16 = 128;
 
+/// Longest [`Page`] before it is packed, bytes: the two longest schemas that there may be.
+pub const MAX_PAGE_TEXT: usize = 2 * MAX_TEXT_LEN;
+
+/// The same, packed: what cannot be made shorter becomes longer by 5 bytes of each 32 KiB, 6 bytes, and what is begun of each.
+const MAX_PAGE_BYTES: usize = MAX_PAGE_TEXT + MAX_PAGE_TEXT / 4096 + 64;
+
+/// How hard a page is packed, of ten. It is done once, when its services are new.
+const PACKING: u8 = 9;
+
 /// A service of the robot, as a station knows it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Service {
     /// Last part of its name, such as `hero_telemetry`.
     pub key: String,
@@ -45,44 +57,66 @@ pub struct Service {
     pub schema: String,
 }
 
-/// A part of the description of a service.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Part {
-    /// Instance of the robot's relay.
-    pub robot_instance: u64,
-    /// Index of the service in that instance.
-    pub index: u16,
-    /// See [`Service::key`].
-    pub key: String,
-    /// See [`Service::takes_requests`].
-    pub takes_requests: bool,
-    /// Length of the whole schema, bytes.
-    pub schema_bytes: u32,
-    /// Where in the schema this part begins, bytes.
-    pub from: u32,
-    /// The part, at most [`PART_BYTES`] bytes.
-    pub bytes: Vec<u8>,
-}
+/// Services of the robot, packed: those that its relay has found together. Of similar texts hardly more than one is left, and over a
+/// narrow or far link a station needs few questions.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Page(Vec<u8>);
 
-impl Service {
-    /// The part of the description that begins at the byte `from` of the schema. `None` if the schema has no such byte. An empty
-    /// schema has one part.
-    pub fn part(&self, robot_instance: u64, index: u16, from: u32) -> Option<Part> {
-        let schema = self.schema.as_bytes();
-        let rest = schema.get(usize::try_from(from).ok()?..)?;
-        if rest.is_empty() && from > 0 {
-            return None;
+impl Page {
+    /// Packs all of `services`, as few to a page as make each short enough, and in their order.
+    pub fn of(services: &[Service]) -> Vec<Page> {
+        let written = |services: &[Service]| {
+            postcard::to_extend(services, Vec::new()).expect("a vector takes what is written")
+        };
+        let text = written(services);
+        if text.len() > MAX_PAGE_TEXT && services.len() > 1 {
+            let (first, rest) = services.split_at(services.len() / 2);
+            return [Page::of(first), Page::of(rest)].concat();
         }
-        Some(Part {
+        match services.is_empty() {
+            true => Vec::new(),
+            false => vec![Page(compress_to_vec_zlib(&text, PACKING))],
+        }
+    }
+
+    /// The part that begins at the byte `from`. `None` if there is no such byte.
+    pub fn part(&self, robot_instance: u64, index: u16, from: u32) -> Option<Part> {
+        let rest = self.0.get(usize::try_from(from).ok()?..)?;
+        (!rest.is_empty()).then(|| Part {
             robot_instance,
             index,
-            key: self.key.clone(),
-            takes_requests: self.takes_requests,
-            schema_bytes: u32::try_from(schema.len()).ok()?,
+            page_bytes: self.0.len() as u32,
             from,
             bytes: rest[..rest.len().min(PART_BYTES)].to_vec(),
         })
     }
+
+    /// Whether a page may have so many bytes.
+    pub fn may_have(bytes: u32) -> bool {
+        usize::try_from(bytes).is_ok_and(|bytes| (1..=MAX_PAGE_BYTES).contains(&bytes))
+    }
+
+    /// The services of a page whose bytes have come. `None` if they are none, or more or longer than a page has.
+    pub fn unpack(bytes: &[u8]) -> Option<Vec<Service>> {
+        let text = decompress_to_vec_zlib_with_limit(bytes, MAX_PAGE_TEXT).ok()?;
+        let services: Vec<Service> = postcard::from_bytes(&text).ok()?;
+        (services.len() <= usize::from(MAX_SERVICES)).then_some(services)
+    }
+}
+
+/// A part of a [`Page`].
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Part {
+    /// Instance of the robot's relay.
+    pub robot_instance: u64,
+    /// Index of the page in that instance.
+    pub index: u16,
+    /// Length of the whole page, bytes.
+    pub page_bytes: u32,
+    /// Where in the page this part begins, bytes.
+    pub from: u32,
+    /// The part, at most [`PART_BYTES`] bytes.
+    pub bytes: Vec<u8>,
 }
 
 /// From a station to a robot.
@@ -90,13 +124,13 @@ impl Service {
 pub enum Ask {
     /// How is the link, and what is the time? Sent all the time; a robot knows by it that the station is there.
     Ping(Ping),
-    /// What is the service of this index? The part of the answer is asked for that begins there.
+    /// What has the page of this index? The part of it is asked for that begins there.
     Describe {
         /// Instance of the robot's relay.
         robot_instance: u64,
-        /// Which of its services.
+        /// Which of its pages.
         index: u16,
-        /// Where in its schema the part begins, bytes.
+        /// Where in the page the part begins, bytes.
         from: u32,
     },
 }
@@ -112,8 +146,9 @@ pub struct Ping {
     pub suspended_ns: u64,
     /// Whether the robot is to send the latest sample of each topic again, because the station may have none.
     pub wants_latest: bool,
-    /// By how much longer the last exchange took than the quickest one of late, or is overdue, ms: what waits on the way.
-    pub late_ms: u32,
+    /// By how much longer the last exchange took than the quickest one of late, or is overdue, ms: what waits on the way. `None` if no
+    /// exchange has ended yet.
+    pub late_ms: Option<u32>,
 }
 
 /// From a robot to one station.
@@ -149,8 +184,8 @@ pub struct Pong {
     /// For the requests of this instance of the station; [`NOT_PERMITTED`](crate::orders::message::NOT_PERMITTED) or
     /// [`NO_PLACE`](crate::orders::message::NO_PLACE) if it has none.
     pub session: u64,
-    /// How many services the robot's relay carries. They only become more in one instance.
-    pub services: u16,
+    /// How many pages describe the services that the robot's relay carries. They only become more in one instance.
+    pub pages: u16,
 }
 
 /// What goes with each sample of a topic.
@@ -231,15 +266,54 @@ pub fn decode<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, NoMessage> {
 mod tests {
     use super::*;
 
-    #[test]
-    fn there_is_no_part_behind_the_end() {
-        let service = Service {
-            key: "a/b".to_owned(),
+    fn service(key: &str, schema: String) -> Service {
+        Service {
+            key: key.to_owned(),
             takes_requests: false,
-            schema: "x".repeat(PART_BYTES),
-        };
-        for from in [PART_BYTES as u32, PART_BYTES as u32 + 1, u32::MAX] {
-            assert_eq!(service.part(1, 2, from), None, "{from}");
+            schema,
         }
+    }
+
+    #[test]
+    fn services_are_packed_together_and_come_out_of_their_parts_as_they_were() {
+        let layout = |of: &str| format!("# {of}\n{}", "float64 latitude_deg  # north\n".repeat(90));
+        let services: Vec<_> = ["a", "b/c", "d"]
+            .map(|key| service(key, layout(key)))
+            .into();
+        let pages = Page::of(&services);
+        assert_eq!(pages.len(), 1);
+        let page = &pages[0];
+        assert!(page.0.len() < 300, "{} of 8 kB", page.0.len());
+        assert_eq!(Page::unpack(&page.0), Some(services));
+        let part = page.part(1, 0, 20).unwrap();
+        assert_eq!((part.from, &part.bytes[..]), (20, &page.0[20..]));
+        for from in [page.0.len() as u32, u32::MAX] {
+            assert_eq!(page.part(1, 0, from), None, "{from}");
+        }
+        assert!(Page::of(&[]).is_empty());
+    }
+
+    #[test]
+    fn services_that_are_long_together_take_several_pages_of_which_none_is_too_long() {
+        let mut random = fastrand::Rng::with_seed(1);
+        let mut text = || -> String { (0..MAX_TEXT_LEN).map(|_| random.alphanumeric()).collect() };
+        let services: Vec<_> = ["a", "b", "c"].map(|key| service(key, text())).into();
+        let pages = Page::of(&services);
+        assert_eq!(pages.len(), 3);
+        let unpacked = pages.iter().flat_map(|page| {
+            assert!(Page::may_have(page.0.len() as u32));
+            Page::unpack(&page.0).expect("a page")
+        });
+        assert_eq!(unpacked.collect::<Vec<_>>(), services);
+    }
+
+    #[test]
+    fn bytes_that_are_no_page_are_refused_and_none_is_unpacked_without_a_bound() {
+        let bomb = compress_to_vec_zlib(&vec![0; 10 * MAX_PAGE_TEXT], PACKING);
+        let many = vec![service("a", String::new()); usize::from(MAX_SERVICES) + 1];
+        for bytes in [&bomb, &Page::of(&many)[0].0, &vec![], &vec![0; 50]] {
+            assert_eq!(Page::unpack(bytes), None);
+        }
+        assert!(!Page::may_have(0) && !Page::may_have(u32::MAX));
     }
 }

@@ -45,6 +45,7 @@ pub struct SampleSender {
     waiting: Vec<Vec<u8>>,
     /// The sample that was sent last.
     latest: Option<Vec<u8>>,
+    is_latest_wanted: bool,
     number: u64,
     left_out: u64,
 }
@@ -58,6 +59,7 @@ impl SampleSender {
             next: MonotonicNs(0),
             waiting: Vec::new(),
             latest: None,
+            is_latest_wanted: false,
             number: 0,
             left_out: 0,
         }
@@ -86,7 +88,10 @@ impl SampleSender {
         pace: &mut Pace,
         mut send: impl FnMut(&SampleHeader, &[u8]),
     ) {
-        if self.waiting.is_empty() || now < self.next {
+        if self.waiting.is_empty() {
+            return self.send_latest(now, lost, pace, &mut send);
+        }
+        if now < self.next {
             return;
         }
         if self.selection == Selection::Pieces {
@@ -132,19 +137,31 @@ impl SampleSender {
         pace.spend(sample.len(), now);
         send(&self.header(lost), &sample);
         self.latest = Some(sample);
+        self.is_latest_wanted = false;
     }
 
-    /// Hands on the sample that was sent last, under its own number, for a station that may not have it.
-    pub fn send_again(
-        &self,
-        (now, lost): (MonotonicNs, u64),
+    /// Hands on the sample that was sent last, under its own number, if it is wanted and the pace lets it.
+    fn send_latest(
+        &mut self,
+        now: MonotonicNs,
+        lost: u64,
         pace: &mut Pace,
-        send: impl FnOnce(&SampleHeader, &[u8]),
+        send: &mut impl FnMut(&SampleHeader, &[u8]),
     ) {
-        if let Some(latest) = &self.latest {
-            pace.spend(latest.len(), now);
-            send(&self.header(lost), latest);
+        let Some(latest) = self.latest.as_ref().filter(|_| self.is_latest_wanted) else {
+            return;
+        };
+        if !pace.is_open(now) {
+            return pace.hold();
         }
+        pace.spend(latest.len(), now);
+        send(&self.header(lost), latest);
+        self.is_latest_wanted = false;
+    }
+
+    /// The sample that was sent last is to be sent again, for a station that may not have it. A newer one serves as well.
+    pub fn want_latest(&mut self) {
+        self.is_latest_wanted = self.latest.is_some();
     }
 
     fn header(&self, lost: u64) -> SampleHeader {
@@ -158,7 +175,10 @@ impl SampleSender {
 
     /// When a sample is due that has come already.
     pub fn deadline(&self, pace: &Pace) -> Option<MonotonicNs> {
-        (!self.waiting.is_empty()).then_some(self.next.max(pace.opens()))
+        match self.waiting.is_empty() {
+            true => self.is_latest_wanted.then(|| pace.opens()),
+            false => Some(self.next.max(pace.opens())),
+        }
     }
 
     /// Samples that were sent.
@@ -285,7 +305,7 @@ mod tests {
         let mut sender = SampleSender::new(INSTANCE, Selection::All);
         let mut pace = Pace::default();
         for second in 0..9 {
-            pace.hear(1, 1000, at(second * 1000));
+            pace.hear(1, Some(1000), at(second * 1000));
         }
         let now = at(9000);
         pace.spend(3000, now);
@@ -310,7 +330,7 @@ mod tests {
         let mut sender = SampleSender::new(INSTANCE, Selection::Pieces);
         let mut pace = Pace::default();
         for second in 0..9 {
-            pace.hear(1, 1000, at(second * 1000));
+            pace.hear(1, Some(1000), at(second * 1000));
         }
         let (mut now, mut sent) = (at(9000), Vec::new());
         pace.spend(3000, now);
@@ -320,7 +340,7 @@ mod tests {
         let mut times = 0;
         while let Some(due) = sender.deadline(&pace) {
             now = due;
-            pace.hear(1, 1000, now);
+            pace.hear(1, Some(1000), now);
             sender.send(now, 0, &mut pace, |_, sample| sent.push(sample[0]));
             times += 1;
         }
@@ -355,17 +375,32 @@ mod tests {
     }
 
     #[test]
-    fn the_latest_is_sent_again_under_its_own_number() {
+    fn the_latest_is_sent_again_under_its_own_number_as_the_pace_lets_it_and_a_newer_one_serves_as_well()
+     {
         let mut sender = SampleSender::new(INSTANCE, Selection::All);
-        let pace = &mut Pace::default();
-        sender.send_again((at(0), 0), pace, |_, _| panic!("there is none"));
+        sender.want_latest();
+        assert_eq!(sent(&mut sender, at(0)), [], "there is none");
         sender.take(&[9]);
-        let _ = sent(&mut sender, at(0));
+        assert_eq!(sent(&mut sender, at(0)), [(1, 9)]);
+        sender.want_latest();
+        assert_eq!(sender.deadline(&Pace::default()), Some(at(0)));
+        assert_eq!(sent(&mut sender, at(1)), [(1, 9)]);
+        assert_eq!(sent(&mut sender, at(2)), [], "once");
+        sender.want_latest();
+        sender.take(&[10]);
+        assert_eq!(sent(&mut sender, at(3)), [(2, 10)]);
+        assert_eq!(sent(&mut sender, at(4)), []);
+        let mut pace = Pace::default();
+        pace.meet(at(1000));
+        pace.spend(3000, at(1000));
+        sender.want_latest();
+        sender.send(at(1500), 0, &mut pace, |_, _| panic!("it is held back"));
+        let due = sender.deadline(&pace).unwrap();
         let mut again = None;
-        sender.send_again((at(0), 3), pace, |header, sample| {
+        sender.send(due, 3, &mut pace, |header, sample| {
             again = Some((header.number, sample[0]));
         });
-        assert_eq!(again, Some((1, 9)));
+        assert_eq!(again, Some((2, 10)));
         let mut receiver = SampleReceiver::default();
         assert!(receiver.take(&header(1)) && !receiver.take(&header(1)));
     }

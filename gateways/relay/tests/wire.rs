@@ -19,12 +19,12 @@ fn a_ping_is_a_version_a_variant_and_five_fields() {
         sent_ns: 300,
         suspended_ns: 0,
         wants_latest: true,
-        late_ms: 300,
+        late_ms: Some(300),
     });
     let bytes = [
         &[VERSION, 0, 1][..],
         &THREE_HUNDRED,
-        &[0, 1],
+        &[0, 1, 1],
         &THREE_HUNDRED,
     ]
     .concat();
@@ -87,29 +87,19 @@ fn what_a_robot_tells_has_four_variants() {
         sent_ns: 6,
         suspended_ns: 7,
         session: 8,
-        services: 9,
+        pages: 9,
     });
     assert_eq!(encode(&pong), [VERSION, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
     let part = Reply::Part(Part {
         robot_instance: 1,
         index: 2,
-        key: "a/b".to_owned(),
-        takes_requests: true,
-        schema_bytes: 300,
+        page_bytes: 300,
         from: 4,
         bytes: b"x".to_vec(),
     });
     assert_eq!(
         encode(&part),
-        [
-            &[VERSION, 1, 1, 2, 3][..],
-            b"a/b",
-            &[1],
-            &THREE_HUNDRED,
-            &[4, 1],
-            b"x"
-        ]
-        .concat()
+        [&[VERSION, 1, 1, 2][..], &THREE_HUNDRED, &[4, 1], b"x"].concat()
     );
     let report = RequestReport::new(Stage::Done, Reason::None);
     let answer = Answer {

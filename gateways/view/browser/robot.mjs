@@ -37,30 +37,54 @@ async function freePort() {
 }
 
 export class Robot {
-  #folder = mkdtempSync(join(tmpdir(), "hero-view-"));
+  folder = mkdtempSync(join(tmpdir(), "hero-view-"));
   /** Shared memory of this robot alone. */
-  #root = `/dev/shm/${basename(this.#folder)}`;
+  #root = `/dev/shm/${basename(this.folder)}`;
   #processes = new Map();
 
   async start() {
+    await this.startRobot();
     this.port = await freePort();
-    writeFileSync(join(this.#folder, "bridge.toml"), BRIDGE);
-    await this.run("sim", ["--link", "dsp", "--seed", "1"]);
-    await this.run("bridge", ["--port", "dsp"]);
-    await this.run("status");
     await this.startView();
     return this;
   }
 
+  /** Simulator, bridge and status. @param {string[]} [sim] more options of the simulator @param {string} [bridge] the bridge's configuration */
+  async startRobot(sim = [], bridge = BRIDGE) {
+    writeFileSync(join(this.folder, "bridge.toml"), bridge);
+    await this.run("sim", ["--link", "dsp", "--seed", "1", ...sim]);
+    await this.run("bridge", ["--port", "dsp"]);
+    await this.run("status");
+  }
+
   async startView() {
     await this.run("view", ["--port", String(this.port)], []);
-    this.token = JSON.parse(readFileSync(join(this.#folder, "ril", `view-${this.port}.json`), "utf8")).token;
+    this.token = JSON.parse(readFileSync(join(this.folder, "ril", `view-${this.port}.json`), "utf8")).token;
   }
 
   /** Starts a process, and waits until it is ready. */
   async run(name, options = [], robot = ["--robot", "1"]) {
-    const env = { PATH: process.env.PATH, RIL_IPC_ROOT: this.#root, XDG_RUNTIME_DIR: this.#folder, RIL_ENDS_WITH_PARENT: "1" };
-    const child = spawn(RIL, ["run", name, ...robot, ...options], { cwd: this.#folder, env, stdio: ["ignore", "ignore", "pipe"] });
+    await this.begin(name, ["run", name, ...robot, ...options], / ready[ \n]/);
+  }
+
+  /** @param {string[]} words @param {["ignore", any, any]} stdio */
+  #spawn(words, stdio) {
+    const env = { PATH: process.env.PATH, RIL_IPC_ROOT: this.#root, XDG_RUNTIME_DIR: this.folder, RIL_ENDS_WITH_PARENT: "1" };
+    return spawn(RIL, words, { cwd: this.folder, env, stdio });
+  }
+
+  /** A command, until its end. Its exit code must be one of these. @param {string} words @param {number[]} codes */
+  async command(words, codes = [0]) {
+    const child = this.#spawn(words.split(" "), ["ignore", "ignore", "pipe"]);
+    let said = "";
+    child.stderr.on("data", (bytes) => { said += bytes; });
+    const code = await new Promise((done) => child.once("exit", done));
+    if (!codes.includes(code)) throw new Error(`ril ${words} ended with ${code}: ${said}`);
+  }
+
+  /** Starts a process that goes on, and waits until it says this. @param {string} name @param {string[]} words @param {RegExp} sign */
+  async begin(name, words, sign) {
+    const child = this.#spawn(words, ["ignore", "ignore", "pipe"]);
     this.#processes.set(name, child);
     let said = "";
     await new Promise((done, failed) => {
@@ -70,7 +94,7 @@ export class Robot {
       child.on("error", failed);
       child.stderr.on("data", (bytes) => {
         said += bytes;
-        if (!/ ready[ \n]/.test(said)) return;
+        if (!sign.test(said)) return;
         clearTimeout(timer);
         done();
       });
@@ -93,9 +117,9 @@ export class Robot {
   }
 
   async stop() {
-    for (const name of ["view", "status", "bridge", "sim"]) {
+    for (const name of ["view", "record", "status", "bridge", "sim"]) {
       if (this.#processes.has(name)) await this.end(name, name === "view" ? "SIGKILL" : "SIGTERM");
     }
-    for (const folder of [this.#folder, this.#root]) rmSync(folder, { recursive: true, force: true });
+    for (const folder of [this.folder, this.#root]) rmSync(folder, { recursive: true, force: true });
   }
 }

@@ -16,6 +16,7 @@ import * as replay from "./replay.js";
 import * as settings from "./settings.js";
 import * as sheets from "./sheets.js";
 import * as tabs from "./tabs.js";
+import * as theme from "./theme.js";
 
 /** How often the page asks for a picture, at most. */
 const RATE_HZ = 20;
@@ -257,7 +258,7 @@ function key(event) {
   if (event.key === " " && at.closest("button, [role=tab]")) return;
   /** @type {Record<string, () => void>} */
   const acts = {
-    l: bar.land, g: bar.goTo, u: bar.takeOff, o: bar.more, f: () => map.setFollow(true), a: map.whole, t: settings.nextTheme, m: settings.menu, " ": replay.playOrPause, ",": () => replay.step(-1), ".": () => replay.step(1), p: () => replay.jump(-1), n: () => replay.jump(1),
+    l: bar.land, g: bar.goTo, u: bar.takeOff, o: bar.more, f: () => map.setFollow(true), a: map.whole, t: theme.next, m: settings.menu, " ": replay.playOrPause, ",": () => replay.step(-1), ".": () => replay.step(1), p: () => replay.jump(-1), n: () => replay.jump(1),
   };
   const robot = /^[1-9]$/.test(event.key) ? model.robots[Number(event.key) - 1] : undefined;
   const act = robot ? () => choose(robot.robot) : acts[event.key.toLowerCase()];
@@ -281,7 +282,8 @@ function main() {
     },
   });
   replay.build(model, (message) => link.send(message));
-  settings.build(() => {
+  settings.build();
+  theme.build(() => {
     map.themeChanged();
     plots.themeChanged();
   });

@@ -61,10 +61,10 @@ export function metres(metres) {
   return Math.abs(m) < 1000 ? `${number(m, 0)} m` : `${number(m / 1000, Math.abs(m) < 10000 ? 2 : 1)} km`;
 }
 
-/** Time of day, UTC. @param {number|null|undefined} unixMs */
-export function clock(unixMs) {
+/** Time of day, UTC. @param {number|null|undefined} unixMs @param {boolean} [tenths] whether tenths of a second are of interest */
+export function clock(unixMs, tenths = false) {
   if (!known(unixMs) || Math.abs(/** @type {number} */ (unixMs)) > 8.64e15) return UNKNOWN;
-  return `${new Date(/** @type {number} */ (unixMs)).toISOString().slice(11, 19)}Z`;
+  return `${new Date(/** @type {number} */ (unixMs)).toISOString().slice(11, tenths ? 21 : 19)}Z`;
 }
 
 /** @param {readonly number[]|null|undefined} place */
@@ -89,4 +89,18 @@ export function mark(severity) {
 /** @param {string} severity */
 export function word(severity) {
   return (SEVERITIES[severity] ?? SEVERITIES.note)[1];
+}
+
+/** A number with as many digits as a person compares. @param {number|null|undefined} value */
+export function compared(value) {
+  if (!known(value)) return UNKNOWN;
+  const size = Math.abs(/** @type {number} */ (value));
+  return number(value, size === 0 ? 0 : size < 0.01 ? 4 : size < 0.1 ? 3 : size < 1 ? 2 : size < 100 ? 1 : 0);
+}
+
+/** A time since the beginning of a recording, such as 7.3 s or 1:05. @param {number|null|undefined} seconds */
+export function moment(seconds) {
+  if (!known(seconds)) return UNKNOWN;
+  const s = /** @type {number} */ (seconds);
+  return s < 59.95 ? `${s.toFixed(1)} s` : position(Math.round(s));
 }

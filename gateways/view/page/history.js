@@ -22,6 +22,8 @@ export class History {
   track = [];
   /** @type {{from: number, to: number|null, text: string}[]} */
   phases = [];
+  /** Whether the track is that of a whole flight, and so does not lead to where the robot is. */
+  isWhole = false;
   /** Counts each change of the track that is more than a further point at its end. */
   version = 0;
 

@@ -3,7 +3,7 @@
 
 import { byId, make, setAttribute, setHidden, setText, themed } from "./dom.js";
 import { bearing, distance, gridStep, metres, place, point } from "./geo.js";
-import { latLon, metres as inMetres, number, span } from "./format.js";
+import { latLon, mark, metres as inMetres, number, span } from "./format.js";
 
 /** @typedef {import("./protocol.d.ts").LatLon} LatLon */
 /** @typedef {import("./model.js").Model} Model */
@@ -31,32 +31,35 @@ let freshness = "never";
 /** @type {Record<string, string>} */ let ink = {};
 let wide = 1;
 
-/** @param {Model} ofModel */
-export function build(ofModel) {
+/** @param {Model} ofModel @param {boolean} [scrolls] whether the map stands in a page that scrolls, so that a wheel and one finger move the page */
+export function build(ofModel, scrolls = false) {
   model = ofModel;
   const box = byId("map");
   map = L.map(box, {
+    scrollWheelZoom: !scrolls, dragging: !scrolls || !matchMedia("(pointer: coarse)").matches,
     center: [0, 0], zoom: 2, minZoom: 2, maxZoom: 23, zoomSnap: 0.25, zoomDelta: 0.5, wheelPxPerZoomLevel: 120, zoomControl: false,
     attributionControl: false, zoomAnimation: false, fadeAnimation: false, inertia: false, doubleClickZoom: false, worldCopyJump: true,
   });
   still = make("canvas", { class: "sheet-of-map", "aria-hidden": "true" });
-  moving = make("canvas", { class: "sheet-of-map", "aria-hidden": "true" });
+  moving = make("canvas", { class: "sheet-of-map moving", "aria-hidden": "true" });
   box.append(still, moving);
   map.on("move zoom viewreset", () => {
     if (!ourMove) setFollow(false);
     redraw();
   });
   map.on("click", (event) => picking?.([event.latlng.lat, wrap(event.latlng.lng)]));
-  new ResizeObserver(() => {
-    quietly(() => map.invalidateSize({ pan: false, animate: false }));
-    keepInView();
-    redraw();
-  }).observe(box);
+  new ResizeObserver(resized).observe(box);
   byId("zoom-in").addEventListener("click", () => zoom(1));
   byId("zoom-out").addEventListener("click", () => zoom(-1));
   byId("follow").addEventListener("click", () => setFollow(!follows));
   byId("whole").addEventListener("click", whole);
   themeChanged();
+}
+
+export function resized() {
+  quietly(() => map.invalidateSize({ pan: false, animate: false }));
+  keepInView();
+  redraw();
 }
 
 /** @param {number} lon */
@@ -109,7 +112,7 @@ export function whole() {
 
 /** Colours and widths of the theme, read once. */
 export function themeChanged() {
-  for (const name of ["text", "muted", "panel", "grid", "track", "path", "inside", "outside", "robot", "home", "map", "dots"]) {
+  for (const name of ["text", "muted", "panel", "grid", "track", "path", "inside", "outside", "robot", "home", "map", "dots", "alarm-ink", "warning-ink"]) {
     ink[name] = themed(`--${name}`);
   }
   wide = Number(themed("--line-width")) || 1;
@@ -204,6 +207,23 @@ function trace(pen, places, closed) {
   if (closed) pen.closePath();
 }
 
+/**
+ * For dashes: only what is near the view, since a browser makes every dash of a line, and one round the Earth has millions.
+ * @param {CanvasRenderingContext2D} pen @param {readonly (readonly number[])[]} places @param {boolean} closed
+ */
+function traceSeen(pen, places, closed) {
+  const seen = L.bounds([-50, -50], map.getSize().add([50, 50]));
+  const all = places.map((at) => L.point(pixel(at)));
+  if (closed) all.push(all[0]);
+  pen.beginPath();
+  for (let index = 1; index < all.length; index++) {
+    const part = L.LineUtil.clipSegment(all[index - 1], all[index], seen);
+    if (!part) continue;
+    pen.moveTo(part[0].x, part[0].y);
+    pen.lineTo(part[1].x, part[1].y);
+  }
+}
+
 /** @param {CanvasRenderingContext2D} pen @param {string} colour @param {number} width @param {number[]} dashes */
 function stroke(pen, colour, width, dashes = []) {
   pen.setLineDash(dashes);
@@ -236,6 +256,8 @@ export function redraw() {
   drawPath(pen, model.chart?.path ?? []);
   const home = model.chart?.home;
   if (home) drawHome(pen, pixel(home));
+  if (model.history.isWhole && track.length > 0) drawEnds(pen, pixel(track[0]), pixel(track[track.length - 1]));
+  for (const one of model.marks) drawMark(pen, pixel(one.place), one);
   writeGrid();
   drawMoving();
 }
@@ -248,8 +270,9 @@ function drawGrid(pen, zero) {
     return metres(zero, [lat, lng]);
   };
   const [[west, south], [east, north]] = [at(0, height), at(width, 0)];
-  if (!(east > west) || east - west > 4e6) return () => {};
   const step = gridStep((east - west) / width, GRID_PIXELS);
+  // No grid of half the Earth, nor at a pole, where metres to the east are nothing.
+  if (!(east > west) || east - west > 4e6 || (north - south) / step > height) return () => {};
   const lines = [];
   pen.beginPath();
   for (let e = Math.ceil(west / step) * step; e <= east; e += step) {
@@ -288,7 +311,7 @@ function drawArea(pen, area) {
     pen.clip();
     hatch(pen, area.corners);
     pen.restore();
-    trace(pen, area.corners, true);
+    traceSeen(pen, area.corners, true);
     stroke(pen, ink.outside, 2.5, [2, 6]);
   }
   const ceiling = area.ceiling_m === null ? "" : `, up to ${inMetres(area.ceiling_m)}`;
@@ -331,7 +354,7 @@ function hatch(pen, corners) {
 /** @param {CanvasRenderingContext2D} pen @param {[number, number, number][]} path */
 function drawPath(pen, path) {
   if (path.length === 0) return;
-  trace(pen, path, false);
+  traceSeen(pen, path, false);
   stroke(pen, ink.path, 2.5, [9, 7]);
   const reached = model.robot?.movement?.waypoints_reached ?? 0;
   let last = [-99, -99];
@@ -360,13 +383,37 @@ function drawHome(pen, [x, y]) {
   pen.fillText("H", x, y + 4.5);
 }
 
+/** Where a whole track begins and ends. @param {CanvasRenderingContext2D} pen @param {[number, number]} first @param {[number, number]} last */
+function drawEnds(pen, first, last) {
+  dot(pen, first, 6, ink.map, ink.track);
+  dot(pen, last, 4, ink.track, ink.track);
+  write(pen, "start", first[0] + 9, first[1] + 15, ink.text);
+  if (Math.hypot(first[0] - last[0], first[1] - last[1]) > 40) write(pen, "end", last[0] + 9, last[1] + 15, ink.text);
+}
+
+/** Where something happened. @param {CanvasRenderingContext2D} pen @param {[number, number]} at @param {{severity: string, text: string}} of */
+function drawMark(pen, at, { severity, text }) {
+  const colour = ink[`${severity}-ink`];
+  dot(pen, at, 5, ink.map, colour);
+  write(pen, `${mark(severity)} ${text}`, at[0] + 9, at[1] + 4, colour);
+}
+
+/** @param {CanvasRenderingContext2D} pen @param {[number, number]} at @param {number} radius @param {string} fill @param {string} rim */
+function dot(pen, [x, y], radius, fill, rim) {
+  pen.beginPath();
+  pen.arc(x, y, radius, 0, 2 * Math.PI);
+  pen.fillStyle = fill;
+  pen.fill();
+  stroke(pen, rim, 2);
+}
+
 /** The robot, the newest piece of its track, where it is in five seconds, and the target. */
 function drawMoving() {
   if (!map) return;
   const pen = clean(moving);
   const { now, history } = model;
-  const tail = history.track.slice(Math.max(0, drawnTrack - 1));
-  if (now?.position) tail.push(now.position);
+  const tail = history.isWhole ? [] : history.track.slice(Math.max(0, drawnTrack - 1));
+  if (now?.position && !history.isWhole) tail.push(now.position);
   if (tail.length > 1 && freshness === "fresh") {
     trace(pen, tail, false);
     stroke(pen, ink.track, 2.5);
@@ -381,7 +428,7 @@ function drawMoving() {
 function drawTarget(pen, from, to) {
   const [x, y] = pixel(to);
   if (from) {
-    trace(pen, [from, to], false);
+    traceSeen(pen, [from, to], false);
     stroke(pen, ink.text, 1.5, [2, 5]);
   }
   pen.beginPath();

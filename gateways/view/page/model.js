@@ -19,6 +19,7 @@ export class Model {
   /** @type {import("./protocol.d.ts").Now|null} */ now = null;
   /** When `now` came, ms. */ nowAt = 0;
   history = new History();
+  /** Events with their places, of a recorded flight. @type {{place: import("./protocol.d.ts").LatLon, severity: import("./protocol.d.ts").Severity, text: string}[]} */ marks = [];
   /** The newest first. @type {import("./protocol.d.ts").EventLine[]} */ events = [];
   orders = new OrderBook();
   /** @type {import("./protocol.d.ts").CheckReport|null} */ check = null;

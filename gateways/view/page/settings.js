@@ -1,10 +1,7 @@
-// What the user may choose for this browser: the theme, and whether single keys act.
+// The menu: what single keys do, and whether they act in this browser. The theme is in theme.js.
 
 import { byId, make, recall, remember, setAttribute, setText } from "./dom.js";
 import * as sheets from "./sheets.js";
-
-const THEMES = ["light", "dark", "sun"];
-const NAMES = { light: "Light", dark: "Dark", sun: "Sun" };
 
 /** Keys as the menu lists them. */
 const KEYS = [
@@ -13,40 +10,11 @@ const KEYS = [
   [", .", "a second back or on in a replay"], ["P N", "to the event before or the next one"], ["Escape", "closes a dialog"],
 ];
 
-let theme = "light";
 let keysAct = true;
-/** @type {() => void} */ let themeChanged = () => {};
 
-/** @param {() => void} whenThemeChanges */
-export function build(whenThemeChanges) {
-  themeChanged = whenThemeChanges;
+export function build() {
   keysAct = recall("local", "keys") !== "off";
-  const dark = matchMedia("(prefers-color-scheme: dark)");
-  const contrast = matchMedia("(prefers-contrast: more)");
-  const bySystem = () => (contrast.matches ? "sun" : dark.matches ? "dark" : "light");
-  const own = recall("local", "theme");
-  setTheme(own !== null && THEMES.includes(own) ? own : bySystem());
-  for (const query of [dark, contrast]) {
-    query.addEventListener("change", () => {
-      if (recall("local", "theme") === null) setTheme(bySystem());
-    });
-  }
-  byId("theme").addEventListener("click", nextTheme);
   byId("set-up").addEventListener("click", menu);
-}
-
-/** @param {string} name */
-function setTheme(name) {
-  theme = name;
-  setAttribute(document.documentElement, "data-theme", name);
-  setText(byId("theme"), /** @type {any} */ (NAMES)[name]);
-  setAttribute(byId("theme"), "aria-label", `Theme: ${name}; press for the next one`);
-  themeChanged();
-}
-
-export function nextTheme() {
-  setTheme(THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length]);
-  remember("local", "theme", theme);
 }
 
 export function keysAreOn() {

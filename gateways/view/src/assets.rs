@@ -46,6 +46,7 @@ const ASSETS: &[Asset] = assets! {
     "map.js" SCRIPT;
     "model.js" SCRIPT;
     "orders.js" SCRIPT;
+    "plot.js" SCRIPT;
     "plots.js" SCRIPT;
     "protocol.js" SCRIPT;
     "replay.js" SCRIPT;
@@ -53,6 +54,8 @@ const ASSETS: &[Asset] = assets! {
     "sheets.js" SCRIPT;
     "style.css" STYLE;
     "tabs.js" SCRIPT;
+    "theme.css" STYLE;
+    "theme.js" SCRIPT;
     "vendor/leaflet.LICENSE" TEXT;
     "vendor/leaflet.css" STYLE;
     "vendor/leaflet.js" SCRIPT;

@@ -6,7 +6,8 @@
 //! * `http`: requests and answers; `websocket`: frames; `connection`: both, one after the other;
 //! * `authority`: who may look and order, which page commands, which orders are taken;
 //! * `pages`, `viewer` and `outbox`: what pages are sent, by the newest rules; [`page`] has the messages;
-//! * `foxglove`: any topic for panels of others.
+//! * `foxglove`: any topic for panels of others;
+//! * [`report`]: a recorded flight as the page in one file.
 
 mod assets;
 mod authority;
@@ -19,6 +20,7 @@ mod outbox;
 pub mod pace;
 pub mod page;
 mod pages;
+pub mod report;
 mod server;
 mod settings;
 mod speaks;

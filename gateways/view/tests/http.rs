@@ -49,8 +49,8 @@ fn the_page_comes_again_and_again_on_one_connection() {
     assert!(!world.server.has_viewers());
 }
 
-/// What lies beside the files that are served: for tests, and for those who read.
-const NOT_SERVED: [&str; 3] = ["protocol.d.ts", "vendor/vendor.toml", "test/"];
+/// What lies beside the files that are served: for tests, for those who read, and for the report, which is one file.
+const NOT_SERVED: [&str; 4] = ["protocol.d.ts", "report/", "vendor/vendor.toml", "test/"];
 
 fn files(folder: &Path, prefix: &str, found: &mut Vec<String>) {
     for entry in fs::read_dir(folder).unwrap() {
@@ -80,6 +80,7 @@ fn all_files_of_the_page_are_served_with_their_kind_and_bytes() {
         let is_served = !NOT_SERVED.iter().any(|not| name.starts_with(not));
         assert_eq!(answer.starts_with("HTTP/1.1 200 "), is_served, "{name}");
         let kind = match name.rsplit_once('.').unwrap().1 {
+            _ if !is_served => "text/plain",
             "html" => "text/html",
             "js" => "text/javascript",
             "css" => "text/css",

@@ -5,3 +5,4 @@ mod common;
 mod foxglove;
 mod http;
 mod pages;
+mod report;

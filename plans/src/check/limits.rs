@@ -28,7 +28,7 @@ struct PlanLimits<'a> {
 }
 
 /// A waypoint that is farther away is none of the site: beyond the range of a flight.
-const ANOTHER_SITE_M: f64 = 50_000.0;
+pub const ANOTHER_SITE_M: f64 = 50_000.0;
 
 /// Metres, of a long distance kilometres.
 fn distance(metres: f64) -> String {

@@ -10,6 +10,7 @@ use bridge::BridgeConfig;
 use dsp_protocol::{Command, Waypoint};
 
 pub use fences::area_config;
+pub use limits::ANOTHER_SITE_M;
 
 use crate::finding::Findings;
 use crate::flight::{Flight, ground_m};

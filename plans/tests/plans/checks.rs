@@ -398,3 +398,22 @@ fn waypoints_are_judged_as_the_dsp_gets_them() {
         dsp_protocol::Decoded::Message(Uplink::Waypoint(quantised(waypoint)))
     );
 }
+
+/// Nobody flies there, with or without a hold in between.
+#[test]
+fn a_plan_for_another_site_is_asked_about_and_not_divided() {
+    for (latitude_deg, expected) in [
+        (37.6, "put a hold in between"),
+        (-6.001, "are latitude and longitude swapped?"),
+    ] {
+        let plan = list(&[
+            (3, 22, 0.0, 0.0, 0.0, 0.0, 10.0),
+            (3, 16, 0.0, 0.0, latitude_deg, -6.001, 10.0),
+        ]);
+        let found = findings(&plan, &site(), "", &FAST);
+        let far = found.iter().find(|one| one.id == "max-distance");
+        let far = far.unwrap_or_else(|| panic!("{}", describe(&found)));
+        let next_step = far.next_step.as_deref().unwrap_or_default();
+        assert!(next_step.to_lowercase().contains(expected), "{far:?}");
+    }
+}

@@ -2,7 +2,7 @@
 
 use runtime::finding::{Finding, Severity};
 
-use super::words::{items, wrap};
+use super::words::{distance, items, wrap};
 
 /// What was found, or that it could not be looked at and why.
 pub fn shown(finding: &Finding) -> String {
@@ -50,10 +50,13 @@ pub fn of_plan(finding: &Finding, width: usize, columns: usize) -> String {
         first += &format!(", leg {leg}");
     }
     first += &format!(": {}", finding.id);
-    if let Some(amount_m) = finding.amount_m {
+    match finding.amount_m {
+        // What a rule cannot judge has none.
+        None | Some(0.0) => {}
         // A breach of centimetres must not look like none.
-        let decimals = if amount_m.abs() < 0.1 { 3 } else { 1 };
-        first += &format!(" by {amount_m:.decimals$} m");
+        Some(amount_m) if amount_m.abs() < 0.1 => first += &format!(" by {amount_m:.3} m"),
+        Some(amount_m) if amount_m.abs() < 9_999.5 => first += &format!(" by {amount_m:.1} m"),
+        Some(amount_m) => first += &format!(" by {}", distance(amount_m)),
     }
     let indent = " ".repeat(width);
     let mut text = wrap(&format!("{severity:<width$}"), &first, columns);
@@ -104,5 +107,19 @@ mod tests {
             lines(&Finding::note("a", "one two"), "a", 2, 12),
             "ok    a one\n        two\n"
         );
+    }
+
+    #[test]
+    fn a_finding_of_a_plan_has_its_metres_where_it_has_some() {
+        for (amount_m, expected) in [
+            (0.0, "fence"),
+            (0.02, "fence by 0.020 m"),
+            (22.04, "fence by 22.0 m"),
+            (6_585_496.4, "fence by 6585 km"),
+        ] {
+            let finding = Finding::new(Severity::Error, "fence", "text").by_m(amount_m);
+            let shown = of_plan(&finding, 8, 80);
+            assert!(shown.contains(&format!(": {expected}\n")), "{shown}");
+        }
     }
 }

@@ -11,6 +11,7 @@ mod tests;
 use dsp_protocol::port;
 use ipc_types::code::{PortKind, Reason, Stage};
 use ipc_types::payload::RequestReport;
+use plans::check::ANOTHER_SITE_M;
 use runtime::exit::ExitCode;
 
 use super::words::count;
@@ -182,10 +183,10 @@ pub const fn explain(reason: Reason) -> &'static str {
         }
         Reason::NotFinite => "a coordinate or altitude is not finite",
         Reason::OutOfRange => {
-            "a coordinate or altitude is out of range; the limits are in `[movement]` of bridge.toml"
+            "a coordinate or altitude is out of range: altitudes are from `min_altitude_m` to `max_altitude_m` of `[movement]` in bridge.toml"
         }
         Reason::TooFar => {
-            "the waypoint is farther from the helicopter than `max_distance_m` in bridge.toml: are latitude and longitude swapped?"
+            "the waypoint is farther away than `[movement] max_distance_m` of bridge.toml allows: fly there in two paths"
         }
         Reason::NotStarted => "the module has not been started, or was stopped: `ril start`",
         Reason::AlreadyRunning => {
@@ -316,6 +317,16 @@ fn explain_for_take_off(reason: Reason) -> Option<String> {
     ))
 }
 
+/// What the reason means for a waypoint, where that differs from [`explain`]: one beyond the range of a flight is a mistake.
+fn explain_for_waypoint(report: &FinalReport) -> Option<String> {
+    let distance_m = report.report.value()?;
+    let is_mistake = report.reason == Reason::TooFar && distance_m >= ANOTHER_SITE_M;
+    is_mistake.then(|| {
+        "no flight leads there: are latitude and longitude swapped? Is it for another site?"
+            .to_owned()
+    })
+}
+
 /// How a request ended, in one line: what happened, why, and what to do next.
 pub fn ending(verb: Verb, end: &FinalReport) -> String {
     match ending_parts(verb, end) {
@@ -334,7 +345,7 @@ pub fn ending_parts(verb: Verb, end: &FinalReport) -> (String, Option<String>) {
     let of_verb = match verb {
         Verb::TakeOff => explain_for_take_off(end.reason),
         _ if verb.is_about_a_port() => explain_for_port(end),
-        _ => None,
+        _ => explain_for_waypoint(end),
     };
     let explanation = of_verb.unwrap_or_else(|| explain(end.reason).to_owned());
     let why = with_details(end.reason.name(), &end.report);

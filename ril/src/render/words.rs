@@ -66,10 +66,11 @@ pub fn duration_with_tenths(seconds: f64) -> String {
     }
 }
 
-/// Metres, such as `950 m`, `12.3 km`.
+/// Metres, such as `950 m`, `12.3 km`, `4810 km`.
 pub fn distance(metres: f64) -> String {
     match metres {
         metres if metres.abs() < 9_999.5 => format!("{metres:.0} m"),
+        metres if metres.abs() >= 99_950.0 => format!("{:.0} km", metres / 1000.0),
         metres => format!("{:.1} km", metres / 1000.0),
     }
 }
@@ -179,6 +180,7 @@ mod tests {
     fn numbers_have_the_digits_that_matter() {
         assert_eq!(distance(949.6), "950 m");
         assert_eq!(distance(12_345.0), "12.3 km");
+        assert_eq!(distance(4_810_400.0), "4810 km");
         assert_eq!(items(&[3]), "item 3");
         assert_eq!(items(&[3, 4, 7]), "items 3, 4 and 7");
         assert_eq!(items(&[1, 2, 3, 4, 5, 6, 7]), "items 1, 2, 3, 4 and 3 more");

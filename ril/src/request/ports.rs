@@ -10,7 +10,7 @@ use ipc_types::payload::{
 };
 use ipc_types::{
     Client, Domain, Ipc, MonotonicNs, ReceiveError, Request, RobotId, SendError, Source, StateOf,
-    StatusModule, Subscriber, Topic,
+    StatusModule, Subscriber,
 };
 use runtime::exit::{ExitCode, Failure, OrFail};
 
@@ -164,11 +164,7 @@ impl RobotPorts {
             due.push(Process::Bridge);
         }
         for process in &due {
-            let key = match process {
-                Process::Bridge => ModuleState::KEY,
-                Process::Status => StateOf::<StatusModule>::KEY,
-                Process::Relay => RelayLink::KEY,
-            };
+            let key = process.key();
             let provider = match self.ipc.provider(key) {
                 Ok(provider) => provider,
                 Err(error) => {

@@ -53,8 +53,14 @@ impl From<&Fence> for FenceFile {
 /// An area of the fence as a closed line.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outline {
+    /// Its name.
+    pub name: String,
     /// Whether the robot must stay inside.
     pub is_inclusion: bool,
+    /// It begins at this telemetry altitude, m; `None` if it has no floor.
+    pub floor_m: Option<f64>,
+    /// It ends at this telemetry altitude, m; `None` if it has no ceiling.
+    pub ceiling_m: Option<f64>,
     /// Corners in order; the last one is joined with the first.
     pub corners: Vec<Place>,
 }
@@ -154,8 +160,25 @@ impl Outline {
             _ => corners(area.polygon.as_deref().unwrap_or_default()),
         };
         Outline {
+            name: area.name.clone(),
             is_inclusion: area.kind == AreaKind::Inclusion,
+            floor_m: area.floor_m,
+            ceiling_m: area.ceiling_m,
             corners,
+        }
+    }
+}
+
+/// As the page draws it.
+impl From<Outline> for view::page::Area {
+    fn from(area: Outline) -> Self {
+        let corners = area.corners.into_iter();
+        view::page::Area {
+            name: area.name,
+            inclusion: area.is_inclusion,
+            floor_m: area.floor_m,
+            ceiling_m: area.ceiling_m,
+            corners: corners.map(Place::degrees).collect(),
         }
     }
 }
@@ -163,7 +186,10 @@ impl Outline {
 impl From<&OutlineArea> for Outline {
     fn from(area: &OutlineArea) -> Outline {
         Outline {
+            name: area.name.clone(),
             is_inclusion: area.is_inclusion,
+            floor_m: area.floor_m,
+            ceiling_m: area.ceiling_m,
             corners: match &area.shape {
                 OutlineShape::Polygon(polygon) => corners(polygon),
                 OutlineShape::Circle { centre, radius_m } => circle(*centre, *radius_m),

@@ -8,6 +8,9 @@ use ipc_types::MonotonicNs;
 /// A topic is overdue when nothing has come for so long; then its process is looked for. Twice the bridge's period.
 pub const OVERDUE_AFTER: Duration = Duration::from_millis(500);
 
+/// The same of the state of status, of the relay and of other modules, which comes once a second.
+pub const MODULE_OVERDUE_AFTER: Duration = Duration::from_millis(1500);
+
 /// How often a process that lives and says nothing is looked for.
 pub const LOOK_PERIOD: Duration = Duration::from_millis(500);
 
@@ -110,6 +113,11 @@ impl Feed {
         self.provided = Some(lives);
         // A process that is gone is not looked for: its successor wakes every subscriber.
         self.next_look = lives.then(|| now + LOOK_PERIOD);
+    }
+
+    /// When to look for the process; `None` while a sample or a new generation will say that it is there.
+    pub fn next_look(&self) -> Option<MonotonicNs> {
+        self.next_look
     }
 
     /// Whether to look for the process now.

@@ -26,6 +26,11 @@ impl Place {
             longitude_deg,
         })
     }
+
+    /// Degrees north and east, as pages have places.
+    pub fn degrees(self) -> [f64; 2] {
+        [self.latitude_deg, self.longitude_deg]
+    }
 }
 
 /// How far `to` lies from `from`: metres east, metres north, the shorter way round the Earth.

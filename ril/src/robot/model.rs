@@ -9,13 +9,13 @@ use std::time::Duration;
 
 use ipc_types::module::State;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations};
-use ipc_types::{MonotonicNs, RobotId};
+use ipc_types::{Module, MonotonicNs, RobotId, StatusModule, Topic};
 
 use crate::robot::alarms::{Alarms, Change};
 use crate::robot::changes::Weight;
 use crate::robot::chart::Chart;
 use crate::robot::controller::Senders;
-use crate::robot::freshness::{Feed, Freshness, OVERDUE_AFTER};
+use crate::robot::freshness::{Feed, Freshness, MODULE_OVERDUE_AFTER, OVERDUE_AFTER};
 use crate::robot::geo::Place;
 use crate::robot::geo::Track;
 use crate::robot::history::{EventLog, History};
@@ -28,9 +28,6 @@ pub const TELEMETRY_STALE_AFTER: Duration = Duration::from_secs(1);
 
 /// Every module publishes its state at least once a second: three of them.
 const MODULE_STALE_AFTER: Duration = Duration::from_secs(3);
-
-/// Status and relay publish once a second, so this is late.
-const MODULE_OVERDUE_AFTER: Duration = Duration::from_millis(1500);
 
 /// How long a DSP error is shown as an alarm. The journal keeps it.
 const DSP_ERROR_SHOWN: Duration = Duration::from_secs(10);
@@ -52,6 +49,15 @@ pub enum Process {
 impl Process {
     /// All of them.
     pub const ALL: [Process; 3] = [Process::Bridge, Process::Status, Process::Relay];
+
+    /// Key of the topic that the process publishes at least once a second, so that silence is a reason to look for the process.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Process::Bridge => ModuleState::KEY,
+            Process::Status => StatusModule::STATE_KEY,
+            Process::Relay => RelayLink::KEY,
+        }
+    }
 }
 
 /// The place of take-off: where the robot was last seen on the ground.

@@ -10,11 +10,12 @@ use ipc_types::payload::{
 };
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::{Module, MonotonicNs, RobotId, StatusModule, Topic};
+use recording::EventKind;
 use recording::play::key_of;
-use recording::read::RecordedMessage;
+use recording::read::{RecordedEvent, RecordedMessage};
 
 use crate::robot::chart::Chart;
-use crate::robot::model::WatchedRobot;
+use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::past::Past;
 
 /// Time between two looks at what is wrong: as often as the page of a live robot is renewed.
@@ -60,6 +61,10 @@ impl PlayedRobot {
             self.look(at);
         }
         self.heard = at;
+        if let Some(event) = RecordedEvent::of(message) {
+            self.take_event(&event, at);
+            return;
+        }
         let key = key_of(message.topic()).map(|(_, key)| key);
         let (Some(key), Some(sample)) = (key, message.data().get(CDR_HEADER.len()..)) else {
             return;
@@ -89,6 +94,18 @@ impl PlayedRobot {
         }
     }
 
+    /// Takes the end of a process. It may be the last message of the file, so what is wrong is judged at once.
+    fn take_event(&mut self, event: &RecordedEvent, at: MonotonicNs) {
+        let key = key_of(&event.topic).map(|(_, key)| key);
+        let mut processes = Process::ALL.into_iter();
+        if event.kind == EventKind::End
+            && let Some(process) = processes.find(|process| Some(process.key()) == key)
+        {
+            self.robot.provider(process, false, at);
+            self.look(at);
+        }
+    }
+
     fn take_outline(&mut self, piece: &BridgeOutline) {
         if self.outline.take(piece)
             && let Some(outline) = self.outline.outline()
@@ -109,7 +126,7 @@ impl PlayedRobot {
     /// Judges what is wrong at `now`.
     pub fn look(&mut self, now: MonotonicNs) {
         self.looked = now;
-        // A recording does not say which processes live: as long as it goes on, they are taken to.
+        // A process lives until the recording says that it has ended. Then no look for it is due before its successor's first sample.
         let due: Vec<_> = self.robot.looks_due(now).collect();
         for process in due {
             self.robot.provider(process, true, now);

@@ -2,6 +2,7 @@
 //! another verb.
 
 pub mod check;
+pub mod conform;
 pub mod demo;
 pub mod log;
 pub mod mavlink;

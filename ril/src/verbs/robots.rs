@@ -22,7 +22,9 @@ use serde::Serialize;
 
 use crate::options::{EXIT_CODES, duration};
 use crate::render::json_line;
+use crate::render::words::module_words;
 use crate::robot::domain::{DomainFacts, Provided};
+use crate::robot::pilot;
 use crate::robot::sample_age::{age_ms, is_present, named};
 use crate::session::{Latest, Topics, as_user, configuration, other_domains};
 
@@ -190,6 +192,9 @@ fn describe(
             doing => format!("{status}, {}", named(doing, state.functionality)),
         }
     };
+    let flying = hero
+        .filter(|hero| is_present(hero.received(), now))
+        .map(|hero| hero.flying == 1);
     RobotSummary {
         schema: SCHEMA,
         robot: id.get(),
@@ -206,10 +211,23 @@ fn describe(
         phase: state
             .filter(|state| is_present(state.published(), now))
             .map(phase),
-        flying: hero
-            .filter(|hero| is_present(hero.received(), now))
-            .map(|hero| hero.flying == 1),
+        doing: state
+            .filter(|state| is_present(state.published(), now))
+            .map(|state| doing(state, flying)),
+        flying,
         age_ms: state.and_then(|state| age_ms(MonotonicNs(state.published_ns), now)),
+    }
+}
+
+/// What the robot does, or how its module stands while that does nothing, in a word or two for people.
+fn doing(state: &ModuleState, flying: Option<bool>) -> String {
+    match state.functionality() {
+        Some(Functionality::AtRest) | None => {
+            let status = ModuleStatus::from_code(state.status);
+            let words = module_words(status, state.is_blocked());
+            words.map_or_else(|| named(status, state.status), str::to_owned)
+        }
+        Some(doing) => pilot::activity(doing, flying).to_owned(),
     }
 }
 
@@ -233,6 +251,9 @@ pub struct RobotSummary {
     pub link: Option<String>,
     /// What its module does: status and functionality; `None` if that is not known.
     pub phase: Option<String>,
+    /// The same for people.
+    #[serde(skip)]
+    pub doing: Option<String>,
     /// Whether it flies; `None` if no telemetry of the present came.
     pub flying: Option<bool>,
     /// How old its state is, ms; `None` if none came.
@@ -266,7 +287,7 @@ impl fmt::Display for RobotTable<'_> {
                 "{:<6} {live:<5} {:<10} {flying:<8} {:<22} {processes}",
                 robot.robot,
                 or_dash(&robot.link),
-                or_dash(&robot.phase),
+                or_dash(&robot.doing),
             )?;
         }
         Ok(())
@@ -287,6 +308,7 @@ mod tests {
             relayed: false,
             link: Some("up".to_owned()),
             phase: Some("running, taking-off".to_owned()),
+            doing: Some("taking off".to_owned()),
             flying: Some(true),
             age_ms: Some(100),
         };
@@ -296,6 +318,7 @@ mod tests {
             processes: Vec::new(),
             link: None,
             phase: None,
+            doing: None,
             flying: None,
             age_ms: None,
             ..live.clone()
@@ -303,10 +326,32 @@ mod tests {
         let text = RobotTable(&[live, dead]).to_string();
         let expected = "\
 ROBOT  LIVE  LINK       FLYING   PHASE                  PROCESSES
-1      yes   up         yes      running, taking-off    bridge, status
+1      yes   up         yes      taking off             bridge, status
 12     no    -          -        -                      -
 ";
         assert_eq!(text, expected);
         assert!(text.lines().all(|line| line.len() <= 80));
+    }
+
+    #[test]
+    fn people_read_how_a_module_stands_and_not_the_words_of_the_wire() {
+        for (status, is_blocked, functionality, expected) in [
+            (ModuleStatus::Ended, 0, Functionality::AtRest, "ready"),
+            (ModuleStatus::Ended, 1, Functionality::AtRest, "stopped"),
+            (
+                ModuleStatus::Running,
+                0,
+                Functionality::FollowingPath,
+                "flying the path",
+            ),
+        ] {
+            let state = ModuleState {
+                status: status.code(),
+                blocked: is_blocked,
+                functionality: functionality.code(),
+                ..ModuleState::default()
+            };
+            assert_eq!(doing(&state, Some(true)), expected);
+        }
     }
 }

@@ -169,7 +169,7 @@ fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped()
         &format!("goto {near} {near} {far},{longitude},{up} {near}"),
         5,
     );
-    refused.err_says("goto was refused (too-far: waypoint 3, 111.2 km away)");
+    refused.err_says("goto was refused (too-far: waypoint 3, 111 km away (limit 10.0 km))");
     rig.run("takeoff 500m", 5)
         .err_says("the DSP takes 0.5 to 200 m above take-off (port 20121)");
     let state = processes.watch.until("at rest", |state| {

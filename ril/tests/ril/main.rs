@@ -8,6 +8,7 @@ mod audit;
 mod authority;
 mod cable;
 mod chain;
+mod conform;
 mod consistency;
 mod control;
 mod demo;

@@ -165,7 +165,7 @@ fn the_first_refusal_ends_a_path() {
     bridge.answer_next(Answer::Reports(vec![too_far]));
     let finished = rig.run("goto 37,-6,20 38,-6,20 37,-6,20", 5);
     assert!(finished.stdout.is_empty(), "{finished:#?}");
-    finished.err_says("goto was refused (too-far: waypoint 2, 111.2 km away)");
+    finished.err_says("goto was refused (too-far: waypoint 2, 111 km away)");
     finished.err_says("are latitude and longitude swapped?");
     // The third was never sent: the next request is another command's.
     rig.run("land", 0);

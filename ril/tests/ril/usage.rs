@@ -23,8 +23,12 @@ fn usage_errors_are_refused_before_a_request_is_sent() {
         ("hz ../etc", "a topic is called such as"),
         ("delay hero --json", "<--count <N>|--duration <DURATION>>"),
         (
-            "echo hero --field latitude_rad",
-            "did you mean `geodetic.latitude_rad`?",
+            "echo hero --field altitude_m",
+            "did you mean `geodetic.altitude_m` or",
+        ),
+        (
+            "echo /robot1/hero/telemetry",
+            "is called `hero/telemetry`, and the robot --robot 1",
         ),
         (
             "echo state --field zzz",

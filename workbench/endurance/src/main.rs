@@ -25,6 +25,7 @@ use endurance::plan::{Kind, Plan};
 use endurance::site::Site;
 use endurance::*;
 use ril_tests::Sandbox;
+use ril_tests::air::Weather;
 use ril_tests::readers::readers_or_skip;
 use ril_tests::sandbox::beside_or_skip;
 use runtime::signal::Termination;
@@ -39,15 +40,22 @@ struct Args {
     what: What,
     #[command(flatten)]
     plan: Plan,
-    /// Packets that are lost, percent [default: mission 10, requests 20, outages and narrow 0]
+    /// Packets that are lost, percent [default: mission 10, requests and connect 20, outages and narrow 0]
     #[arg(long, value_parser = clap::value_parser!(u8).range(0..=90))]
     loss: Option<u8>,
     /// How long an outage lasts, s
     #[arg(long, default_value = "10")]
     outage_s: u64,
-    /// Protocol between the relays: tcp, udp, tls or quic, with certificates that are made for it
-    #[arg(long, default_value = "tcp")]
-    over: String,
+    /// Protocol between the relays: tcp, udp, tls or quic, with certificates that are made for it [default: tcp; narrow and connect
+    /// take tcp and quic]
+    #[arg(long)]
+    over: Option<String>,
+    /// Narrow: a link of this rate alone, kbit/s
+    #[arg(long, value_parser = clap::value_parser!(u32).range(8..=100_000))]
+    kbit_per_s: Option<u32>,
+    /// Narrow with a rate, and connect: round trip of the link, ms [default: narrow 200, connect 600]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(..=10_000))]
+    round_trip_ms: Option<u32>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -86,8 +94,24 @@ enum What {
     Requests,
     /// Relays: what comes after outages (20), and how old it is said to be
     Outages,
+    /// Relays: how soon a station (12 times) is connected over a link with long round trips that loses much, over TCP and QUIC
+    Connect,
     /// Relays: how soon orders (40) end over narrow links, and what comes of telemetry, over TCP and QUIC
     Narrow,
+}
+
+impl Args {
+    /// One way of the link, whose round trip takes `usual_ms` unless another one was given.
+    fn one_way(&self, usual_ms: u32) -> Duration {
+        Duration::from_millis(self.round_trip_ms.unwrap_or(usual_ms).into()) / 2
+    }
+
+    fn protocols(&self) -> Vec<&str> {
+        match &self.over {
+            Some(protocol) => vec![protocol.as_str()],
+            None => narrow::PROTOCOLS.to_vec(),
+        }
+    }
 }
 
 fn main() -> ExitCode {
@@ -163,10 +187,16 @@ fn measure(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool, mut show: impl F
         }
         What::Narrow => measure_narrow(args, ril, goes_on, show),
         What::Views => views::run(&site(), plan, goes_on, &mut show),
-        What::Mission | What::Requests | What::Outages => {
-            match measure_relays(args, ril, goes_on) {
-                Ok(outcome) => show(outcome),
-                Err(reason) => eprintln!("SKIPPED: {reason}"),
+        What::Mission | What::Requests | What::Outages | What::Connect => {
+            let protocols = match args.what {
+                What::Connect => args.protocols(),
+                _ => vec![args.over.as_deref().unwrap_or("tcp")],
+            };
+            for protocol in protocols {
+                match measure_relays(args, ril, protocol, goes_on) {
+                    Ok(outcome) => show(outcome),
+                    Err(reason) => return eprintln!("SKIPPED: {reason}"),
+                }
             }
         }
     }
@@ -179,8 +209,14 @@ fn measure_narrow(
     goes_on: &dyn Fn() -> bool,
     mut show: impl FnMut(Outcome),
 ) {
-    let links = narrow::LINKS.into_iter();
-    let cases = links.flat_map(|link| narrow::PROTOCOLS.map(|protocol| (link, protocol)));
+    let delay = args.one_way(200);
+    let links = match args.kbit_per_s {
+        Some(kbit_per_s) => vec![(kbit_per_s, delay)],
+        None => narrow::LINKS.to_vec(),
+    };
+    let protocols = args.protocols();
+    let links = links.into_iter();
+    let cases = links.flat_map(|link| protocols.iter().map(move |protocol| (link, *protocol)));
     for ((kbit_per_s, delay), protocol) in cases {
         if goes_on() {
             let narrow = Narrow {
@@ -201,16 +237,26 @@ fn measure_narrow(
 }
 
 /// Measures relays on a bad link. An error is why this machine cannot do it.
-fn measure_relays(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool) -> Result<Outcome, String> {
+fn measure_relays(
+    args: &Args,
+    ril: &Path,
+    protocol: &str,
+    goes_on: &dyn Fn() -> bool,
+) -> Result<Outcome, String> {
     let (name, usual_loss) = match args.what {
         What::Mission => ("mission", 10),
         What::Requests => ("requests", 20),
+        What::Connect => ("connect", 20),
         _ => ("outages", 0),
     };
     let plan = field::site::Plan {
         name,
         ril: ril.to_owned(),
-        protocol: args.over.clone(),
+        protocol: protocol.to_owned(),
+        weather: Weather::far(match args.what {
+            What::Connect => args.one_way(600),
+            _ => Duration::ZERO,
+        }),
         loss: f64::from(args.loss.unwrap_or(usual_loss)) / 100.0,
         limit: TIME_LIMIT,
         seed: args.plan.seed,
@@ -219,6 +265,7 @@ fn measure_relays(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool) -> Result
     match args.what {
         What::Mission => field::mission::run(&plan),
         What::Requests => field::requests::run(&plan, count(1000), goes_on),
+        What::Connect => field::connect::run(&plan, count(12), goes_on),
         _ => {
             let outage = Duration::from_secs(args.outage_s);
             field::outages::run(&plan, count(20), outage, goes_on)

@@ -8,6 +8,7 @@ use endurance::field::narrow::{self, Narrow};
 use endurance::field::site::Plan;
 use endurance::field::{mission, outages};
 use endurance::outcome::Outcome;
+use ril_tests::air::Weather;
 use ril_tests::languages::skip;
 use ril_tests::sandbox::beside_or_skip;
 
@@ -20,6 +21,7 @@ fn measure(name: &'static str, loss: f64, run: impl FnOnce(&Plan) -> Result<Outc
         name,
         ril,
         protocol: "tcp".to_owned(),
+        weather: Weather::far(Duration::ZERO),
         loss,
         limit: Duration::from_secs(300),
         seed: 1,

@@ -22,7 +22,7 @@ use crate::config::{Config, Side};
 pub use crate::failure::NetworkError;
 pub use crate::queue::Room;
 pub use inbox::{Inbox, Incoming};
-pub use outbox::{Declaration, Outbox, Token};
+pub use outbox::{Declaration, Outbox, Token, Watch};
 pub use settings::{MAX_MESSAGE_BYTES, check, share_one_thread};
 
 /// A relay's part in the network.
@@ -69,7 +69,7 @@ impl Network {
         })
     }
 
-    /// Can be read when something has arrived, and when a way out is open that was not.
+    /// Can be read when something has arrived, when a way out is open that was not, and when a [`Watch`] has noticed somebody.
     pub fn descriptor(&self) -> BorrowedFd<'_> {
         self.arrivals.as_fd()
     }
@@ -97,6 +97,12 @@ impl Network {
     /// A liveliness token, which others see later, and before every way out that is asked for after it.
     pub fn token(&self, key: String) -> Token {
         Token::open(&self.declarations, &self.session, key)
+    }
+
+    /// Notices when another process is connected, and when somebody begins to receive what is sent to `key`, a pattern, and nobody
+    /// did. It begins later.
+    pub fn watch(&self, key: String) -> Watch {
+        Watch::open(&self.declarations, &self.session, key, &self.arrivals)
     }
 
     /// The id of this relay in the network.

@@ -1,13 +1,18 @@
-//! [`Outbox`]: a way out for samples, and [`Token`]: a sign that something is there.
+//! [`Outbox`]: a way out for samples, [`Token`]: a sign that something is there, and [`Watch`]: others come.
 //!
-//! Zenoh waits for a peer that reads nothing when something is declared, for seconds. So both are declared in the background, and
+//! Zenoh waits for a peer that reads nothing when something is declared, for seconds. So all are declared in the background, and
 //! samples go out as soon as that is done.
+
+use std::os::fd::OwnedFd;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use ros_messages::Reliability;
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority as ZenohPriority, Reliability as ZenohReliability};
+use zenoh::sample::SampleKind;
 
 use crate::background::{Background, Made};
 use crate::config::Priority;
@@ -77,6 +82,61 @@ impl Token {
         Token {
             _declared: background.make(move || said(token(&session, &key))),
         }
+    }
+}
+
+/// Notices when another process is connected, and when somebody begins to receive under a key and nobody did, through a router
+/// perhaps. It is declared in the background.
+pub struct Watch {
+    has_come: Arc<AtomicBool>,
+    _declared: Made<Publisher<'static>>,
+}
+
+impl Watch {
+    /// `arrivals` can be read when somebody has come.
+    pub(super) fn open(
+        background: &Background,
+        session: &zenoh::Session,
+        key: String,
+        arrivals: &Arc<OwnedFd>,
+    ) -> Watch {
+        let has_come = Arc::new(AtomicBool::new(false));
+        let (session, arrivals) = (session.clone(), Arc::clone(arrivals));
+        let noticed = Arc::clone(&has_come);
+        let notice = move |has_come| {
+            if has_come {
+                noticed.store(true, Ordering::Release);
+                let _ = rustix::io::write(&*arrivals, &1_u64.to_ne_bytes());
+            }
+        };
+        let declare = move || -> zenoh::Result<Publisher<'static>> {
+            let notice_too = notice.clone();
+            let info = session.info();
+            // Before any subscriber is known, Zenoh sends everything to a peer that was just connected.
+            info.transport_events_listener()
+                .callback(move |event| notice_too(event.kind() == SampleKind::Put))
+                .background()
+                .wait()?;
+            let publisher = session.declare_publisher(key).wait()?;
+            publisher
+                .matching_listener()
+                .callback(move |status| notice(status.matching()))
+                .background()
+                .wait()?;
+            Ok(publisher)
+        };
+        let declared = background.make(move || {
+            said(declare().map_err(|error| NetworkError::new("nobody is noticed", error)))
+        });
+        Watch {
+            has_come,
+            _declared: declared,
+        }
+    }
+
+    /// Whether somebody has come since the last call.
+    pub fn has_one_come(&self) -> bool {
+        self.has_come.swap(false, Ordering::AcqRel)
     }
 }
 

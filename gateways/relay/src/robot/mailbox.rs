@@ -201,7 +201,7 @@ impl Admission {
         named.orders.grant(1, now).then_some(name)
     }
 
-    /// Whether a part of the description of a service may be sent, which has so many bytes.
+    /// Whether a part of the descriptions of services may be sent, which has so many bytes.
     pub fn describes(&mut self, bytes: usize, now: MonotonicNs) -> bool {
         self.descriptions.grant(bytes as u64, now)
     }

@@ -20,7 +20,7 @@ use crate::Failure;
 use crate::config::{Config, LinkLoss, Side};
 use crate::message::{Ask, Ping, Pong, Reply, encode};
 use crate::names;
-use crate::network::Network;
+use crate::network::{Network, Watch};
 use crate::orders::message::{NOT_PERMITTED, Order};
 use crate::orders::robot as orders;
 use crate::orders::robot::{NotSent, Output};
@@ -39,6 +39,8 @@ pub struct RobotSide {
     config: Config,
     robot: NonZeroU32,
     instance: u64,
+    /// Notices who may be a station.
+    newcomers: Watch,
     network: Network,
     mailbox: Mailbox,
     services: Services,
@@ -87,6 +89,7 @@ impl RobotSide {
             ),
             orders: orders::Robot::new(order_config, fresh()),
             reaction: Reaction::open(&ipc, config.commands.link_loss)?,
+            newcomers: network.watch(names::tell(robot, "*")),
             network,
             config,
             own_topics,
@@ -169,7 +172,7 @@ impl RobotSide {
             sent_ns: MonotonicNs::now().0,
             suspended_ns: suspended_ns(),
             session,
-            services: self.services.count(),
+            pages: self.services.pages(),
         }
     }
 
@@ -306,6 +309,9 @@ impl Process for RobotSide {
     fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
         let mut out = Vec::new();
         let now = MonotonicNs::now();
+        if self.newcomers.has_one_come() {
+            self.services.pace.meet(now);
+        }
         // Before the first question of a station is answered.
         if now >= self.next_look {
             self.services
@@ -328,7 +334,7 @@ impl Process for RobotSide {
             self.own_topics.hasten(now);
         }
         if self.is_latest_wanted && now >= self.next_latest {
-            self.services.send_latest(now);
+            self.services.want_latest();
             self.is_latest_wanted = false;
             self.next_latest = now + LATEST_PERIOD;
         }

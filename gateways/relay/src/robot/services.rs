@@ -19,7 +19,7 @@ use ros_messages::{Reliability, message as cdr_message};
 use super::ros2_publisher::Ros2Publisher;
 use crate::config::{TopicPlan, TopicsConfig};
 use crate::message::encode;
-use crate::message::{MAX_SERVICES, Part, Service};
+use crate::message::{MAX_SERVICES, Page, Part, Service};
 use crate::names;
 use crate::network::{Declaration, Network, Outbox};
 use crate::orders::robot::NotSent;
@@ -50,6 +50,8 @@ pub struct Services {
     robot: NonZeroU32,
     discovery: Discovery,
     carried: Vec<Carried>,
+    /// What describes them, in their order.
+    pages: Vec<Page>,
     ports: PortSet,
     ros2: Option<Ros2Publisher>,
     /// How much goes out.
@@ -74,6 +76,7 @@ impl Services {
             robot,
             discovery: Discovery::default(),
             carried: Vec::new(),
+            pages: Vec::new(),
             ports: PortSet::new()?,
             ros2,
             pace: Pace::default(),
@@ -87,6 +90,7 @@ impl Services {
     /// no bridge.
     pub fn look(&mut self, ipc: &Ipc, network: &Network, config: &TopicsConfig) {
         let mut discovery = std::mem::take(&mut self.discovery);
+        let before = self.carried.len();
         discovery.look(ipc, |pattern, facts| {
             let key = facts.key.clone();
             let taken = match pattern {
@@ -102,6 +106,9 @@ impl Services {
                 .is_ok()
         });
         self.discovery = discovery;
+        let found = self.carried[before..].iter();
+        let found: Vec<_> = found.map(|carried| carried.service.clone()).collect();
+        self.pages.extend(Page::of(&found));
     }
 
     fn take_topic(
@@ -179,15 +186,16 @@ impl Services {
         &self.ports
     }
 
-    /// How many there are.
-    pub fn count(&self) -> u16 {
-        self.carried.len() as u16
+    /// How many pages describe them.
+    pub fn pages(&self) -> u16 {
+        self.pages.len() as u16
     }
 
-    /// A part of the description of the service of this index, for a station.
+    /// A part of the page of this index, for a station.
     pub fn describe(&self, index: u16, from: u32) -> Option<Part> {
-        let carried = self.carried.get(usize::from(index))?;
-        carried.service.part(self.instance, index, from)
+        self.pages
+            .get(usize::from(index))?
+            .part(self.instance, index, from)
     }
 
     /// The request service that orders call so. `None` if the robot does not have it.
@@ -224,11 +232,11 @@ impl Services {
         sent
     }
 
-    /// Sends the latest sample of each topic again.
-    pub fn send_latest(&mut self, now: MonotonicNs) {
+    /// The latest sample of each topic is to be sent again, as the pace lets it.
+    pub fn want_latest(&mut self) {
         for carried in &mut self.carried {
             if let Some(topic) = carried.topic() {
-                topic.send_latest(now, &mut self.pace);
+                topic.sender.want_latest();
             }
         }
     }
@@ -290,14 +298,6 @@ impl Topic {
             }
         });
         self.sender.sent() - before
-    }
-
-    /// Sends the latest sample again.
-    fn send_latest(&self, now: MonotonicNs, pace: &mut Pace) {
-        let lost = self.subscriber.losses().lost;
-        self.sender.send_again((now, lost), pace, |header, sample| {
-            self.outbox.send(cdr_message(sample), encode(header));
-        });
     }
 
     /// When a sample is due that has come already.

@@ -8,6 +8,7 @@
 //!
 //! Requests and samples pass while it is up alone.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
@@ -26,6 +27,13 @@ pub const PING_PERIOD: Duration = Duration::from_millis(500);
 /// The same while no answer comes, so that a link that is back is up at once.
 const SEARCH_PERIOD: Duration = Duration::from_millis(200);
 
+/// Pings without an answer that are remembered. The oldest says how late the answer is, and of the others some come to be the oldest.
+const UNANSWERED: usize = 32;
+
+/// As long as descriptions come, an answer that is overdue by less may wait behind a part and samples: of 64 kbit/s a part takes
+/// 0.6 s.
+const BEHIND_A_PART: Duration = Duration::from_millis(1500);
+
 /// The link to one robot.
 #[derive(Debug)]
 pub struct Link {
@@ -43,9 +51,26 @@ pub struct Link {
     catalog: Catalog,
     /// Whether all services that the robot had at first were described once.
     is_complete: bool,
-    wants_latest: bool,
-    /// By how much longer the last exchange took than the quickest one of late.
-    late: Duration,
+    latest: Latest,
+    /// By how much longer the last exchange took than the quickest one of late, if it began after `measured_from`.
+    late: Option<Duration>,
+    quickest: Duration,
+    /// When all was described: an exchange that began before may have waited behind a part.
+    measured_from: Option<MonotonicNs>,
+    /// When the pings were sent that have no answer yet, oldest first, at most [`UNANSWERED`].
+    unanswered: VecDeque<MonotonicNs>,
+}
+
+/// What the station has of samples that were published before it could take any.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Latest {
+    /// Nothing: the robot is asked to send the latest sample of each topic again, as soon as all topics are described. The first ping
+    /// that asked so.
+    Wanted(Option<MonotonicNs>),
+    /// The robot has said that it was asked.
+    Coming,
+    /// They came.
+    Here,
 }
 
 /// What an answer of the robot has changed.
@@ -73,8 +98,11 @@ impl Link {
             session: NOT_PERMITTED,
             catalog: Catalog::default(),
             is_complete: false,
-            wants_latest: true,
-            late: Duration::ZERO,
+            latest: Latest::Wanted(None),
+            late: None,
+            quickest: Duration::ZERO,
+            measured_from: None,
+            unanswered: VecDeque::new(),
         }
     }
 
@@ -89,12 +117,29 @@ impl Link {
             } else {
                 SEARCH_PERIOD
             };
+        // What is not described cannot be provided here, and would take the place of the description on a narrow link.
+        let wants_latest =
+            self.latest != Latest::Here && self.is_up() && self.catalog.is_complete();
+        if wants_latest && self.latest == Latest::Wanted(None) {
+            self.latest = Latest::Wanted(Some(now));
+        }
+        if !self.catalog.is_complete() {
+            self.measured_from = None;
+        } else if self.measured_from.is_none() && self.is_up() {
+            self.measured_from = Some(now);
+            self.unanswered.clear();
+            self.late = None;
+        }
+        let late_ms = self.late_ms(now);
+        if self.unanswered.len() < UNANSWERED {
+            self.unanswered.push_back(now);
+        }
         Some(Ping {
             station_instance: self.instance,
             sent_ns: now.0,
             suspended_ns,
-            wants_latest: self.wants_latest,
-            late_ms: self.late_ms(now),
+            wants_latest,
+            late_ms,
         })
     }
 
@@ -107,11 +152,16 @@ impl Link {
         if self.robot_instance != Some(pong.robot_instance) {
             self.robot_instance = Some(pong.robot_instance);
             self.catalog = Catalog::default();
-            self.wants_latest = true;
+            self.latest = Latest::Wanted(None);
             update.is_other_instance = true;
         }
+        if let Latest::Wanted(Some(asked)) = self.latest
+            && pong.ping_sent_ns >= asked.0
+        {
+            self.latest = Latest::Coming;
+        }
         self.session = pong.session;
-        self.catalog.expect(pong.services);
+        self.catalog.expect(pong.pages);
         let exchange = Exchange {
             sent: MonotonicNs(pong.ping_sent_ns),
             remote_received: RemoteNs(pong.received_ns),
@@ -129,7 +179,10 @@ impl Link {
         let there = Duration::from_nanos(pong.sent_ns.saturating_sub(pong.received_ns));
         let took = at.since(exchange.sent).saturating_sub(there);
         let quickest = self.clock.estimate(at).map(|of| of.round_trip_ns);
-        self.late = took.saturating_sub(quickest.map_or(took, Duration::from_nanos));
+        self.quickest = quickest.map_or(took, Duration::from_nanos);
+        let is_measured = self.measured_from.is_some_and(|from| exchange.sent >= from);
+        self.late = is_measured.then(|| took.saturating_sub(self.quickest));
+        self.unanswered.retain(|sent| *sent > exchange.sent);
         self.last_heard = Some(at);
         if self.state != RelayLinkState::Up && self.clock.estimate(at).is_some() {
             self.change(RelayLinkState::Up, at);
@@ -138,16 +191,25 @@ impl Link {
         update
     }
 
-    /// By how much longer the last exchange took than the quickest, or the next one is overdue.
-    fn late_ms(&self, now: MonotonicNs) -> u32 {
-        let heard = self.last_heard.map_or(Duration::ZERO, |at| now.since(at));
-        let overdue = heard.saturating_sub(2 * PING_PERIOD);
-        u32::try_from(self.late.max(overdue).as_millis()).unwrap_or(u32::MAX)
+    /// By how much longer the last exchange took than the quickest, or the next one takes already. `None` if none has ended yet, since
+    /// nobody knows how long the way is, or if it may have waited behind a description.
+    fn late_ms(&self, now: MonotonicNs) -> Option<u32> {
+        self.last_heard?;
+        let oldest = self.unanswered.front();
+        let waits = oldest.map_or(Duration::ZERO, |sent| now.since(*sent));
+        let overdue = waits.saturating_sub(self.quickest);
+        if self.late.is_none() && overdue < BEHIND_A_PART {
+            return None;
+        }
+        let late = self.late.unwrap_or_default().max(overdue);
+        Some(u32::try_from(late.as_millis()).unwrap_or(u32::MAX))
     }
 
-    /// A sample has come: the robot need not send the latest ones again.
+    /// A sample has come: the robot need not send the latest ones again, if it was asked to.
     pub fn hear_sample(&mut self) {
-        self.wants_latest = false;
+        if self.latest == Latest::Coming {
+            self.latest = Latest::Here;
+        }
     }
 
     /// The time passes. Says whether the link has gone down.
@@ -158,7 +220,7 @@ impl Link {
         }
         self.change(RelayLinkState::Down, now);
         self.outages = self.outages.saturating_add(1);
-        self.wants_latest = true;
+        self.latest = Latest::Wanted(None);
         self.next_ping = now;
         true
     }
@@ -187,12 +249,16 @@ impl Link {
         }
     }
 
-    /// A part of a description has come. Says which service is described by now that was not before.
-    pub fn take_part(&mut self, part: &Part) -> Option<Service> {
-        match self.robot_instance == Some(part.robot_instance) {
-            true => self.catalog.take(part),
-            false => None,
+    /// A part of a page of descriptions has come. Says which services are described by now that were not before.
+    pub fn take_part(&mut self, part: &Part) -> Vec<Service> {
+        if self.robot_instance != Some(part.robot_instance) {
+            return Vec::new();
         }
+        let services = self.catalog.take(part);
+        if !services.is_empty() && self.catalog.is_complete() {
+            self.latest = Latest::Wanted(None);
+        }
+        services
     }
 
     /// When something is to be done though nothing comes.
@@ -257,6 +323,7 @@ impl Link {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::message::Page;
 
     const INSTANCE: u64 = 5;
 
@@ -268,8 +335,16 @@ mod tests {
         Link::new(INSTANCE, Duration::from_millis(2000), at(0))
     }
 
+    fn service() -> Service {
+        Service {
+            key: "a/b".to_owned(),
+            takes_requests: false,
+            schema: String::new(),
+        }
+    }
+
     /// The answer of a robot whose clock shows an hour more, 10 ms after the ping.
-    fn pong(robot_instance: u64, ping: &Ping, services: u16) -> Pong {
+    fn pong(robot_instance: u64, ping: &Ping, pages: u16) -> Pong {
         let robot_ns = ping.sent_ns + 3_600_000_000_000 + 5_000_000;
         Pong {
             robot_instance,
@@ -280,13 +355,13 @@ mod tests {
             sent_ns: robot_ns,
             suspended_ns: 0,
             session: 2,
-            services,
+            pages,
         }
     }
 
-    fn answered(link: &mut Link, now: u64, robot_instance: u64, services: u16) -> Update {
+    fn answered(link: &mut Link, now: u64, robot_instance: u64, pages: u16) -> Update {
         let ping = link.ping(at(now), 0).expect("it is due");
-        link.take(&pong(robot_instance, &ping, services), at(now + 10), 0)
+        link.take(&pong(robot_instance, &ping, pages), at(now + 10), 0)
     }
 
     #[test]
@@ -317,7 +392,7 @@ mod tests {
                 sent_ns: 0,
                 suspended_ns: 0,
                 wants_latest: false,
-                late_ms: 0,
+                late_ms: None,
             };
             let pong = Pong {
                 session,
@@ -345,48 +420,82 @@ mod tests {
         let _ = answered(&mut link, 0, 9, 2);
         let question = |index| Question { index, from: 0 };
         assert_eq!(link.question(at(10)), Some((9, question(0))));
-        let service = Service {
-            key: "a/b".to_owned(),
-            takes_requests: false,
-            schema: String::new(),
-        };
-        let part = |robot_instance, index| service.part(robot_instance, index, 0).unwrap();
-        assert_eq!(link.take_part(&part(8, 0)), None, "of another instance");
-        assert_eq!(link.take_part(&part(9, 0)), Some(service.clone()));
+        let service = service();
+        let page = Page::of(std::slice::from_ref(&service)).remove(0);
+        let part = |robot_instance, index| page.part(robot_instance, index, 0).unwrap();
+        assert_eq!(link.take_part(&part(8, 0)), [], "of another instance");
+        assert_eq!(link.take_part(&part(9, 0)), std::slice::from_ref(&service));
         link.note_complete();
         assert_eq!(link.shown_state(), RelayLinkState::Connecting);
-        assert_eq!(link.take_part(&part(9, 1)), Some(service.clone()));
+        assert_eq!(link.take_part(&part(9, 1)), [service]);
         link.note_complete();
         assert_eq!(link.shown_state(), RelayLinkState::Up);
         assert!(answered(&mut link, 2000, 10, 1).is_other_instance);
-        assert_eq!(
-            link.take_part(&part(9, 0)),
-            None,
-            "that was another instance"
-        );
+        assert_eq!(link.take_part(&part(9, 0)), [], "that was another instance");
         assert_eq!(link.question(at(2100)), Some((10, question(0))));
     }
 
     #[test]
-    fn the_latest_samples_are_asked_for_until_one_comes_and_again_after_an_outage() {
+    fn the_latest_samples_are_asked_for_when_all_is_described_until_one_comes_and_again_after_an_outage()
+     {
         let mut link = link();
-        assert!(link.ping(at(0), 0).unwrap().wants_latest);
-        let _ = answered(&mut link, 500, 1, 0);
+        let service = service();
+        let asks = |link: &mut Link, ms| {
+            let ping = link.ping(at(ms), 0).unwrap();
+            (ping.wants_latest, ping)
+        };
+        assert!(!asks(&mut link, 0).0, "nothing is known");
+        let _ = answered(&mut link, 500, 1, 1);
+        assert!(!asks(&mut link, 1000).0, "it is not described");
+        let page = Page::of(&[service]).remove(0);
+        assert_eq!(link.take_part(&page.part(1, 0, 0).unwrap()).len(), 1);
         link.hear_sample();
-        assert!(!link.ping(at(1000), 0).unwrap().wants_latest);
-        assert!(link.pass(at(5000)));
-        assert!(link.ping(at(5000), 0).unwrap().wants_latest);
+        let (is_asked, ping) = asks(&mut link, 1500);
+        assert!(is_asked, "that came before it was asked for");
+        link.hear_sample();
+        assert!(asks(&mut link, 2000).0, "that may have been under way");
+        link.take(&pong(1, &ping, 1), at(2010), 0);
+        assert!(asks(&mut link, 2500).0, "none has come");
+        link.hear_sample();
+        assert!(!asks(&mut link, 3000).0);
+        assert!(link.pass(at(6000)));
+        assert!(!asks(&mut link, 6000).0, "it is down");
+        assert!(answered(&mut link, 6200, 1, 1).is_up);
+        assert!(asks(&mut link, 6700).0);
     }
 
     #[test]
     fn a_ping_says_by_how_much_the_last_answer_was_late_or_the_next_one_is_overdue() {
         let mut link = link();
-        let _ = answered(&mut link, 0, 1, 0);
-        let ping = link.ping(at(1000), 0).unwrap();
-        assert_eq!(ping.late_ms, 0);
-        link.take(&pong(1, &ping, 0), at(1410), 0);
-        assert_eq!(link.ping(at(1500), 0).unwrap().late_ms, 400);
-        assert_eq!(link.ping(at(3000), 0).unwrap().late_ms, 590);
+        let ping = |link: &mut Link, ms| link.ping(at(ms), 0).unwrap();
+        assert_eq!(ping(&mut link, 0).late_ms, None);
+        let _ = answered(&mut link, 200, 1, 0);
+        let first = ping(&mut link, 1000);
+        assert_eq!(first.late_ms, None, "none has ended since all is described");
+        link.take(&pong(1, &first, 0), at(1410), 0);
+        assert_eq!(ping(&mut link, 1500).late_ms, Some(400));
+        assert_eq!(ping(&mut link, 2000).late_ms, Some(490));
+        assert_eq!(ping(&mut link, 3000).late_ms, Some(1490));
+    }
+
+    #[test]
+    fn while_descriptions_come_an_answer_is_late_only_if_it_is_very_late() {
+        let mut link = link();
+        let page = Page::of(&[service()]).remove(0);
+        let ping = |link: &mut Link, ms| link.ping(at(ms), 0).unwrap();
+        let _ = answered(&mut link, 0, 1, 1);
+        let first = ping(&mut link, 500);
+        link.take(&pong(1, &first, 1), at(1200), 0);
+        let behind_a_part = ping(&mut link, 1200);
+        assert_eq!(behind_a_part.late_ms, None);
+        assert_eq!(ping(&mut link, 2500).late_ms, None);
+        assert_eq!(ping(&mut link, 3000).late_ms, Some(1790));
+        assert_eq!(link.take_part(&page.part(1, 0, 0).unwrap()).len(), 1);
+        let clean = ping(&mut link, 3500);
+        link.take(&pong(1, &behind_a_part, 1), at(3600), 0);
+        assert_eq!(ping(&mut link, 4000).late_ms, None, "that was before");
+        link.take(&pong(1, &clean, 1), at(4200), 0);
+        assert_eq!(ping(&mut link, 4500).late_ms, Some(690));
     }
 
     #[test]

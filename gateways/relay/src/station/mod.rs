@@ -332,10 +332,10 @@ impl Remote {
     }
 
     fn take_part(&mut self, part: &Part) {
-        if let Some(service) = self.link.take_part(part)
-            && (self.robot.command || !service.takes_requests)
-        {
-            self.mirrors.provide(service, &self.ipc);
+        for service in self.link.take_part(part) {
+            if self.robot.command || !service.takes_requests {
+                self.mirrors.provide(service, &self.ipc);
+            }
         }
     }
 

@@ -12,6 +12,7 @@ import queue
 import struct
 import sys
 import time
+import zlib
 
 import zenoh
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -20,7 +21,7 @@ from compare import differences
 
 # A program that hangs ends after this time, and says where it was.
 WATCHDOG_S = 120
-VERSION = 3
+VERSION = 4
 STATION = "watcher"
 CDR = bytes([0, 1, 0, 0])
 
@@ -40,6 +41,10 @@ class Fields:
         if message[0] != VERSION:
             raise ValueError(f"version {message[0]}, not {VERSION}")
         self.rest = message[1:]
+
+    @classmethod
+    def without_version(cls, text):
+        return cls(bytes([VERSION]) + text)
 
     def number(self):
         value = shift = 0
@@ -90,24 +95,25 @@ def schemas(session, robot):
     subscriber = session.declare_subscriber(f"hero/{robot}/tell/{STATION}", lambda sample: told.put(sample.payload.to_bytes()))
     put = lambda message: session.put(f"hero/{robot}/ask/{STATION}", message)
     pong = answer(told, put, lambda: ping(7), 0)
-    names = "robot_instance station_instance ping_sent_ns ping_suspended_ns received_ns sent_ns suspended_ns session services"
+    names = "robot_instance station_instance ping_sent_ns ping_suspended_ns received_ns sent_ns suspended_ns session pages"
     pong = pong.numbers(names)
     if pong["station_instance"] != 7 or pong["session"] != 0:
         raise ValueError(f"a pong for another station, or one that may command: {pong}")
     found = {}
-    for index in range(pong["services"]):
-        text, size = b"", None
-        while size is None or len(text) < size:
-            part = answer(told, put, lambda: describe(pong["robot_instance"], index, len(text)), 1)
+    for index in range(pong["pages"]):
+        packed, size = b"", None
+        while size is None or len(packed) < size:
+            part = answer(told, put, lambda: describe(pong["robot_instance"], index, len(packed)), 1)
             part.number()
-            at, key, takes_requests = part.number(), part.bytes().decode(), part.number()
-            size, begin, piece = part.number(), part.number(), part.bytes()
+            at, size, begin, piece = part.number(), part.number(), part.number(), part.bytes()
             part.end()
-            if (at, begin) == (index, len(text)):
-                text += piece
-            if size == 0:
-                break
-        found[key] = (text.decode(), bool(takes_requests))
+            if (at, begin) == (index, len(packed)):
+                packed += piece
+        page = Fields.without_version(zlib.decompress(packed))
+        for _ in range(page.number()):
+            key, takes_requests, text = page.bytes().decode(), page.number(), page.bytes().decode()
+            found[key] = (text, bool(takes_requests))
+        page.end()
     subscriber.undeclare()
     return found, pong["robot_instance"]
 

@@ -296,6 +296,6 @@ fn ping(station_instance: u64) -> Vec<u8> {
         sent_ns: MonotonicNs::now().0,
         suspended_ns: 0,
         wants_latest: true,
-        late_ms: 0,
+        late_ms: None,
     }))
 }

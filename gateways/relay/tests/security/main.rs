@@ -257,7 +257,7 @@ fn strangers_read_and_order_nothing(protocol: &str) {
         sent_ns: 1,
         suspended_ns: 0,
         wants_latest: true,
-        late_ms: 0,
+        late_ms: None,
     });
     for stranger in outside
         .iter()

@@ -5,8 +5,8 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{MAX_STATIONS, RequestReport};
-use relay::message::Part;
 use relay::message::{Ask, Ping, Pong, Reply, SampleHeader, decode, encode};
+use relay::message::{Page, Part};
 use relay::orders::message::{Answer, NO_PLACE, Order, WINDOW};
 use relay::orders::robot::{
     Config as RobotConfig, NotSent, ORPHANS, Output, Robot, SESSIONS, Traits,
@@ -41,7 +41,9 @@ pub fn messages(data: &[u8]) {
         one::<Part>(data);
         one::<SampleHeader>(data);
         if let Ok(Reply::Part(part)) = decode::<Reply>(data) {
-            let _ = ipc_types::Schema::parse(&String::from_utf8_lossy(&part.bytes));
+            for service in Page::unpack(&part.bytes).unwrap_or_default() {
+                let _ = ipc_types::Schema::parse(&service.schema);
+            }
         }
     }
 }
@@ -196,7 +198,7 @@ pub fn robot_side(data: &[u8]) {
                     sent_ns: script.number(),
                     suspended_ns: script.number(),
                     wants_latest: true,
-                    late_ms: 0,
+                    late_ms: None,
                 };
                 side.ask(&format!("{ask}{name}"), &Ask::Ping(ping), now);
             }
@@ -258,7 +260,7 @@ pub fn station_side(data: &[u8]) {
                 sent_ns: script.number(),
                 suspended_ns: script.number(),
                 session: script.number(),
-                services: script.number() as u16,
+                pages: script.number() as u16,
             })),
             3 => Some(Reply::Answer(Answer {
                 session: script.number(),
@@ -269,9 +271,7 @@ pub fn station_side(data: &[u8]) {
             4 if action >= 128 => Some(Reply::Part(Part {
                 robot_instance: link.robot_instance().unwrap_or_default(),
                 index: script.byte().into(),
-                key: "a/b".to_owned(),
-                takes_requests: false,
-                schema_bytes: script.number() as u32,
+                page_bytes: script.number() as u32,
                 from: script.number() as u32,
                 bytes: script.bytes().to_vec(),
             })),
@@ -316,9 +316,9 @@ pub fn station_side(data: &[u8]) {
                 }
             }
             Some(Reply::Part(part)) => {
-                if let Some(service) = link.take_part(&part) {
-                    assert!(service.schema.len() <= 3 * ipc_types::schema::MAX_TEXT_LEN);
-                }
+                let described = link.take_part(&part);
+                let texts = described.iter().map(|service| service.schema.len());
+                assert!(texts.sum::<usize>() <= relay::message::MAX_PAGE_TEXT);
             }
             Some(Reply::Answer(answer)) => orders.answer(&answer, now, &mut out),
             Some(Reply::UnknownSession(session)) => orders.unknown_session(session),

@@ -1,6 +1,7 @@
 // The page's pure modules: node --test gateways/view/page/test/
 
 import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { Ages } from "../ages.js";
 import { Contact } from "../contact.js";
@@ -10,8 +11,10 @@ import { History } from "../history.js";
 import { Link, pause } from "../link.js";
 import { Model } from "../model.js";
 import { OrderBook, severityOf } from "../orders.js";
+import { timeLabel, timeTicks, tint } from "../plot.js";
 import { parse } from "../protocol.js";
 import { eventFrom } from "../replay.js";
+import { extent, lineAt } from "../report/figures.js";
 
 test("what is no message is dropped", () => {
   for (const text of ["", "{", "null", "7", "[]", '{"type":7}', "{}", undefined, new ArrayBuffer(3)]) assert.equal(parse(text), null);
@@ -306,4 +309,70 @@ test("a message is sent now or never, and a silent connection is given up", () =
   link.stop();
   timers[0].then();
   assert.equal(made.length, 1, "a page that is hidden does not connect");
+});
+
+test("times and numbers of a report are as long as a person compares", () => {
+  assert.deepEqual([0, 7.31, 59.94, 59.96, 65, 7205].map(format.moment), ["0.0 s", "7.3 s", "59.9 s", "1:00", "1:05", "2:00:05"]);
+  assert.deepEqual([0, 0.123, 24.19, 1234.5, -0.004, null].map(format.compared), ["0", "0.12", "24.2", "1235", "\u22120.0040", "–"]);
+});
+
+test("ticks of time are those of a clock", () => {
+  for (const [span, most, expected] of [
+    [7, 8, "0.0 s 1.0 s 2.0 s 3.0 s 4.0 s 5.0 s 6.0 s 7.0 s"], [19.5, 5, "0 s 5 s 10 s 15 s"], [507, 6, "0:00 2:00 4:00 6:00 8:00"], [3600, 6, "0:00 10:00 20:00 30:00 40:00 50:00 1:00:00"],
+  ]) assert.equal(timeTicks(span, most).map((at) => timeLabel(at, span)).join(" "), expected);
+  assert.ok(timeTicks(1e9, 6).length <= 7);
+});
+
+test("the axis of a plot holds all that was measured, whatever was asked for", () => {
+  const line = (kind, values) => ({ kind, values });
+  const auto = { scale: { kind: "auto", least_span: 4 } };
+  const [low, high] = extent(auto, [line("line", [10, null, 10.5]), line("dashes", [0, 99])]);
+  assert.ok(low < 10 && high > 10.5 && high - low >= 4 && high < 20, `${low} ${high}`);
+  assert.ok(extent(auto, [line("dashes", [0, 99])])[1] > 99, "what was asked for is shown where nothing was measured");
+  assert.deepEqual(extent({ scale: { kind: "from-zero", least_top: 100 } }, [line("line", [3])]), [0, 108]);
+  assert.deepEqual(extent({ scale: { kind: "from-zero", least_top: 1 } }, [{ kind: "bars", bars: [[0, 1, 50]] }]), [0, 54]);
+  assert.deepEqual(extent({ scale: { kind: "logarithmic", least: 0.1 } }, [line("line", [800])]), [0.1, 1000]);
+  assert.deepEqual(extent({ scale: { kind: "logarithmic", least: 0.1 } }, [line("line", [-5])]), [0.1, 1]);
+  for (const value of [1e12, -1e12]) {
+    const [from, to] = extent(auto, [line("line", [value, value])]);
+    assert.ok(from < to);
+  }
+});
+
+test("a value at the playhead is the last one before it, and none where the line is interrupted", () => {
+  const [t, values] = [[1, 2, 2.001, 5], [10, 20, null, 30]];
+  assert.deepEqual([0.5, 1, 1.9, 2, 3, 5, 5.5, 7].map((at) => lineAt(t, values, at)), [null, 10, 10, 20, null, 30, 30, null]);
+  assert.equal(lineAt([], [], 0), null);
+});
+
+/** Contrast of two colours as WCAG 2 defines it. */
+function contrast(one, other) {
+  const linear = (part) => (part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4);
+  const full = (colour) => (colour.length === 4 ? colour.replace(/[0-9a-f]/gi, "$&$&") : colour);
+  const light = (colour) => [1, 3, 5].map((at) => linear(Number.parseInt(full(colour).slice(at, at + 2), 16) / 255)).reduce((sum, part, at) => sum + part * [0.2126, 0.7152, 0.0722][at], 0);
+  const [a, b] = [light(one), light(other)];
+  return (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+}
+
+test("every line is seen on every background of every theme", () => {
+  const css = readFileSync(new URL("../theme.css", import.meta.url), "utf8");
+  const colours = (selector) => {
+    const rules = css.slice(css.indexOf(`${selector} {`)).split("}")[0];
+    return Object.fromEntries([...rules.matchAll(/--([\w-]+): (#[0-9a-f]{3,6});/gi)].map(([, name, colour]) => [name, colour]));
+  };
+  const light = colours(":root");
+  for (const theme of [light, { ...light, ...colours(':root[data-theme="dark"]') }, { ...light, ...colours(':root[data-theme="sun"]') }]) {
+    const backgrounds = ["panel", ...Object.keys(theme).filter((name) => name.startsWith("tint-"))];
+    assert.equal(backgrounds.length, 7);
+    for (const background of backgrounds) {
+      for (const line of ["plot-1", "plot-2", "plot-3", "path", "alarm-ink", "warning-ink", "muted"]) assert.ok(contrast(theme[line], theme[background]) >= 3, `${line} on ${background}`);
+      assert.ok(contrast(theme.text, theme[background]) >= 7, background);
+    }
+    for (const line of ["track", "path", "inside", "outside", "alarm-ink", "warning-ink"]) assert.ok(contrast(theme[line], theme.map) >= 3, `${line} on the map`);
+  }
+});
+
+test("a phase has the tint of its kind", () => {
+  const phases = ["on the ground", "taking off", "hovering", "landing", "stopping", "flying the path", "in the air"];
+  assert.deepEqual(phases.map(tint), ["ground", "takeoff", "hover", "landing", "stopping", "path", "path"].map((kind) => `tint-${kind}`));
 });

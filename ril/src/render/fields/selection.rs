@@ -5,11 +5,17 @@ use ipc_types::schema::{Kind, Message};
 use runtime::config::nearest;
 use runtime::exit::Failure;
 
+/// How the name of an angle ends.
+const RADIANS: &str = "_rad";
+const DEGREES: &str = "_deg";
+
 /// Which fields to show.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
     /// Names of fields, plain or nested; none stands for all.
     pub(super) names: Vec<String>,
+    /// Those of them that are angles in radians and are shown in degrees.
+    pub(super) in_degrees: Vec<String>,
 }
 
 /// A field that the sample does not have.
@@ -31,26 +37,30 @@ fn instead(suggestions: &[String], known: &[String]) -> String {
 }
 
 impl Selection {
-    /// The fields `names` of what `schema` describes; all of them when there is no name.
+    /// The fields `names` of what `schema` describes; all of them when there is no name. A field that no other one ends like may be named
+    /// by its last part, and an angle in radians in degrees: `latitude_deg` is `geodetic.latitude_rad`.
     ///
     /// # Errors
     ///
     /// The first name that it does not have, with what may have been meant.
     pub fn of(schema: &Schema, names: &[String]) -> Result<Selection, UnknownField> {
-        match names.iter().find(|name| schema.find(name).is_empty()) {
-            None => Ok(Selection {
-                names: names.to_vec(),
-            }),
-            Some(unknown) => {
-                let known = field_names(schema.root());
-                Err(UnknownField {
-                    topic: schema.root().name.clone(),
-                    name: unknown.clone(),
-                    suggestions: suggestions(unknown, &known),
-                    known,
-                })
+        let mut selection = Selection::default();
+        for name in names {
+            let (path, is_in_degrees) = resolve(schema, name)?;
+            if is_in_degrees {
+                selection.in_degrees.push(path.clone());
             }
+            selection.names.push(path);
         }
+        Ok(selection)
+    }
+
+    /// What the field `path` is called as it is shown, when that is another name: in degrees.
+    pub(super) fn name_in_degrees(&self, path: &str) -> Option<String> {
+        let is_meant = self.in_degrees.iter().any(|angle| angle == path);
+        let angle = path.strip_suffix(RADIANS).filter(|_| is_meant)?;
+        let last = angle.rsplit('.').next()?;
+        Some(format!("{last}{DEGREES}"))
     }
 
     /// The same with the failure of a command that was asked for a field which the topic `key` does not have.
@@ -74,6 +84,11 @@ impl Selection {
         self.is_everything() || self.names.iter().any(is_under)
     }
 
+    /// Whether one number of `schema` was chosen, and nothing else.
+    pub fn is_number(&self, schema: &Schema) -> bool {
+        matches!(&self.names[..], [only] if schema.number(only).is_some())
+    }
+
     /// Whether all fields were chosen.
     pub fn is_everything(&self) -> bool {
         self.names.is_empty()
@@ -90,19 +105,65 @@ impl Selection {
     }
 }
 
-/// Names with the same last part, or else the one that is nearest by its letters.
+/// The field that `name` stands for, and whether in degrees.
+fn resolve(schema: &Schema, name: &str) -> Result<(String, bool), UnknownField> {
+    if !schema.find(name).is_empty() {
+        return Ok((name.to_owned(), false));
+    }
+    let known = field_names(schema.root());
+    let radians = name
+        .strip_suffix(DEGREES)
+        .map(|angle| format!("{angle}{RADIANS}"));
+    for (wanted, is_in_degrees) in [(Some(name), false), (radians.as_deref(), true)] {
+        let Some(wanted) = wanted else { continue };
+        let is_meant = |one: &&String| *one == wanted || last(one) == wanted;
+        let mut meant = known.iter().filter(is_meant);
+        if let (Some(only), None) = (meant.next(), meant.next())
+            && schema.number(only).is_some()
+            && !only.contains('[')
+        {
+            return Ok((only.clone(), is_in_degrees));
+        }
+    }
+    Err(UnknownField {
+        topic: schema.root().name.clone(),
+        name: name.to_owned(),
+        suggestions: suggestions(name, &known),
+        known,
+    })
+}
+
+fn last(name: &str) -> &str {
+    name.rsplit('.').next().unwrap_or_default()
+}
+
+/// The last part of a name without its unit: `altitude` of `geodetic.altitude_m`.
+fn quantity(name: &str) -> &str {
+    let last = last(name);
+    last.rsplit_once('_').map_or(last, |(quantity, _)| quantity)
+}
+
+/// Names with the same last part, or else those that are nearest by their letters, as a whole or as a quantity without its unit.
 fn suggestions(unknown: &str, known: &[String]) -> Vec<String> {
-    let last = |name: &str| name.rsplit('.').next().unwrap_or_default().to_owned();
-    let same_end: Vec<String> = known
-        .iter()
-        .filter(|name| last(name) == last(unknown))
-        .cloned()
-        .collect();
+    let those = |is_meant: &dyn Fn(&str) -> bool| -> Vec<String> {
+        known
+            .iter()
+            .filter(|name| is_meant(name))
+            .cloned()
+            .collect()
+    };
+    let same_end = those(&|name| last(name) == last(unknown));
     if !same_end.is_empty() {
         return same_end;
     }
-    let nearest = nearest(unknown, known.iter().map(String::as_str));
-    nearest.map(str::to_owned).into_iter().collect()
+    // A word of some letters is near to every other one, `x` of `x_m` for example.
+    let quantities = known.iter().map(|name| quantity(name));
+    let quantities = quantities.filter(|quantity| quantity.len() > 3);
+    let words = known.iter().map(String::as_str).chain(quantities);
+    let near = nearest(unknown, words);
+    near.map_or_else(Vec::new, |near| {
+        those(&|name| name == near || quantity(name) == near)
+    })
 }
 
 /// A path of fields without the `[3]` of arrays.

@@ -1,7 +1,7 @@
 //! What is shown of samples, and by which names it can be chosen.
 
 use ipc_types::code::{ImiError, ModuleStatus};
-use ipc_types::payload::{DspTelemetry, ModuleState};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{Schema, TelemetryGroup};
 use serde_json::Value;
 
@@ -53,6 +53,29 @@ fn chosen_fields_keep_their_place_and_their_digits() {
 }
 
 #[test]
+fn a_field_is_named_by_its_last_part_and_an_angle_in_degrees() {
+    let mut hero = HeroTelemetry {
+        valid_groups: u32::MAX,
+        ..HeroTelemetry::default()
+    };
+    hero.geodetic.latitude_rad = 0.5;
+    let schema = r#"{"schema":"hero.HeroTelemetry.v2","geodetic":"#;
+    for (name, expected) in [
+        ("latitude_deg", r#"{"latitude_deg":28.6478897565}}"#),
+        (
+            "geodetic.latitude_deg",
+            r#"{"latitude_deg":28.6478897565}}"#,
+        ),
+        ("latitude_rad", r#"{"latitude_rad":0.5}}"#),
+    ] {
+        assert_eq!(json(&hero, &[name]), format!("{schema}{expected}"));
+    }
+    hero.valid_groups = 0;
+    let nothing = format!(r#"{schema}{{"latitude_deg":null}}}}"#);
+    assert_eq!(json(&hero, &["latitude_deg"]), nothing);
+}
+
+#[test]
 fn codes_are_shown_by_name_and_unknown_ones_as_they_are() {
     let mut state = ModuleState {
         status: ModuleStatus::Running.code(),
@@ -100,9 +123,12 @@ fn all_fields_are_shown_when_none_is_chosen() {
 fn an_unknown_field_is_refused_with_what_may_have_been_meant() {
     let schema = Schema::of::<DspTelemetry>();
     for (name, expected) in [
-        ("latitude_deg", "did you mean `geographic.latitude_deg`?"),
         (
             "altitude_m",
+            "did you mean `geographic.altitude_m` or `references.altitude_m`?",
+        ),
+        (
+            "altitud",
             "did you mean `geographic.altitude_m` or `references.altitude_m`?",
         ),
         ("geografic", "did you mean `geographic`?"),
@@ -127,6 +153,7 @@ fn an_unknown_field_is_refused_with_what_may_have_been_meant() {
 fn a_description_is_about_the_chosen_fields_and_what_they_lie_in() {
     let chosen = |names: &[&str]| Selection {
         names: names.iter().map(|name| (*name).to_owned()).collect(),
+        ..Selection::default()
     };
     for (names, path, expected) in [
         (&["cells[2]"][..], "cells", true),

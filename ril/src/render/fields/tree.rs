@@ -163,7 +163,11 @@ impl SampleReader<'_> {
     fn field(&self, field: &Field, path: &str, offset: usize, inner: &mut Vec<(String, Tree)>) {
         let name = field.name.clone();
         let Some(len) = field.len else {
-            inner.push((name, self.one(field, path, offset)));
+            let one = self.one(field, path, offset);
+            inner.push(match self.selection.name_in_degrees(path) {
+                Some(name) => (name, in_degrees(one, &field.kind)),
+                None => (name, one),
+            });
             return;
         };
         let element_at = |index| {
@@ -215,6 +219,19 @@ impl SampleReader<'_> {
 
     fn is_void(&self, path: &str) -> bool {
         self.void.iter().any(|name| is_at_or_under(path, name))
+    }
+}
+
+/// An angle that is given in radians, with the digits that its type has.
+fn in_degrees(angle: Tree, kind: &Kind) -> Tree {
+    let digits = match kind {
+        Kind::Number(NumberType::F32) => 1e5,
+        _ => 1e10,
+    };
+    let degrees = |angle: f64| Value::from((angle.to_degrees() * digits).round() / digits);
+    match angle {
+        Tree::Plain(value) => Tree::Plain(value.as_f64().map_or(Value::Null, degrees)),
+        other => other,
     }
 }
 

@@ -130,7 +130,12 @@ pub fn details(report: &RequestReport) -> Option<String> {
     let value = report.value().filter(|value| value.is_finite());
     let excess = match report.reason() {
         Some(Reason::TooLate) => value.map(|late_s| format!("{late_s:.1} s late")),
-        Some(Reason::TooFar) => value.map(|metres| format!("{} away", distance(metres))),
+        Some(Reason::TooFar) => value.map(|metres| match report.port.max {
+            most_m if most_m > 0.0 && most_m.is_finite() => {
+                format!("{} away (limit {})", distance(metres), distance(most_m))
+            }
+            _ => format!("{} away", distance(metres)),
+        }),
         _ => None,
     };
     let error = report.dsp_error().map(dsp_error);
@@ -326,7 +331,13 @@ mod tests {
         };
         assert_eq!(
             details(&report).as_deref(),
-            Some("waypoint 1, 4810.4 km away")
+            Some("waypoint 1, 4810 km away")
+        );
+        let mut limited = report;
+        limited.port.max = 2_000.0;
+        assert_eq!(
+            details(&limited).as_deref(),
+            Some("waypoint 1, 4810 km away (limit 2000 m)")
         );
     }
 

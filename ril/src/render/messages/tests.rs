@@ -203,6 +203,31 @@ fn a_take_off_that_is_too_high_names_the_limit_of_the_dsp() {
     assert!(of_path.contains("`[movement]`"), "{of_path}");
 }
 
+#[test]
+fn a_waypoint_that_is_too_far_says_how_far_and_what_may_be_wrong() {
+    for (distance_m, expected) in [
+        (
+            4_810_400.0,
+            "goto was refused (too-far: waypoint 1, 4810 km away (limit 10.0 km)): no flight leads there: \
+             are latitude and longitude swapped? Is it for another site?",
+        ),
+        (
+            12_000.0,
+            "goto was refused (too-far: waypoint 1, 12.0 km away (limit 10.0 km)): the waypoint is farther away than \
+             `[movement] max_distance_m` of bridge.toml allows: fly there in two paths",
+        ),
+    ] {
+        let mut refused = RequestReport {
+            value: distance_m,
+            value_valid: 1,
+            waypoint: 1,
+            ..RequestReport::new(Stage::Refused, Reason::TooFar)
+        };
+        refused.port.max = 10_000.0;
+        assert_eq!(end(Verb::GoTo, refused), expected);
+    }
+}
+
 /// A landing that was just refused must not read that it is always taken.
 #[test]
 fn a_refused_landing_says_what_can_be_done_now() {

@@ -16,6 +16,7 @@ use status::log::read::{LogReader, MAX_LINE_BYTES};
 use super::options::LogPlaceArgs;
 use super::recording::McapReader;
 use super::recording::{Entry, Format, ReadError, Recording};
+use crate::render::words::count;
 
 /// Most damaged lines that are named: the first ones show what happened, the number of all how bad it is.
 pub(super) const MAX_NAMED: u64 = 5;
@@ -413,15 +414,16 @@ pub(super) fn ending(
     if let Some(error) = trouble {
         return Err(unreadable(name, error));
     }
+    let lines = count(damaged, "damaged line");
+    let bytes = format!(
+        "ends with {} of a row that is cut off",
+        count(unfinished_bytes as u64, "byte")
+    );
     let text = match (damaged, unfinished_bytes) {
         (0, 0) => return Ok(()),
-        (0, bytes) => format!("{name} ends with {bytes} bytes of a row that is cut off"),
-        (lines, 0) => format!("{name} has {lines} damaged lines"),
-        (lines, bytes) => {
-            format!(
-                "{name} has {lines} damaged lines and ends with {bytes} bytes of a row that is cut off"
-            )
-        }
+        (0, _) => format!("{name} {bytes}"),
+        (_, 0) => format!("{name} has {lines}"),
+        _ => format!("{name} has {lines} and {bytes}"),
     };
     let text = format!("{text}: everything else was read");
     Err(Failure::new(ExitCode::NotInOrder, text))

@@ -91,7 +91,7 @@ pub struct LogFileArgs {
 
 /// `ril log report`
 ///
-/// The page is one file that loads nothing and runs nothing. A page that is there already is replaced.
+/// The page is one file that needs no server and no network. A page that is there already is replaced.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]
 pub struct LogReportArgs {
@@ -106,10 +106,6 @@ pub struct LogReportArgs {
     /// Write the page to this file [default: named after the log, in the working directory]
     #[arg(long, value_name = "FILE.html")]
     pub output: Option<PathBuf>,
-
-    /// Write each plot as an SVG file into this folder as well, for papers; made if it is not there
-    #[arg(long, value_name = "FOLDER")]
-    pub svg: Option<PathBuf>,
 
     /// Configuration of the bridge, of which the geofence is drawn [default: bridge.toml, if it is there]
     #[arg(long, value_name = "FILE")]

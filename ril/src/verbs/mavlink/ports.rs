@@ -103,16 +103,14 @@ impl Ports {
     ) -> Result<(), Failure> {
         let (issued_ns, begin_by_ns) = (order.issued.0, order.begin_by.map_or(0, |by| by.0));
         let (verb, request_id, sent) = match wanted(order.kind) {
-            Wanted::Speed(speed_mps) => {
-                let request =
-                    ParameterRequest::write(fresh_request_id(), port::CRUISE_SPEED_MPS, speed_mps);
+            Wanted::Parameter(verb, request) => {
                 let request = ParameterRequest {
                     issued_ns,
                     begin_by_ns,
                     ..request
                 };
                 let sent = send(&self.ipc, &mut self.parameters, &request)?;
-                (Verb::SetParameter, request.request_id, sent)
+                (verb, request.request_id, sent)
             }
             Wanted::Robot(wanted) => match wanted.request(0) {
                 OrderRequest::Movement(request) => {
@@ -162,11 +160,14 @@ impl Ports {
 /// What an order is in the words of `ril`.
 enum Wanted {
     Robot(RobotOrder),
-    /// Write the cruise speed, m/s.
-    Speed(f64),
+    Parameter(Verb, ParameterRequest),
 }
 
 fn wanted(kind: OrderKind) -> Wanted {
+    let write = |port, value| {
+        let request = ParameterRequest::write(fresh_request_id(), port, value);
+        Wanted::Parameter(Verb::SetParameter, request)
+    };
     Wanted::Robot(match kind {
         OrderKind::Start => RobotOrder::Start,
         OrderKind::Stop => RobotOrder::Stop,
@@ -174,7 +175,12 @@ fn wanted(kind: OrderKind) -> Wanted {
         OrderKind::Hold => RobotOrder::Hold,
         OrderKind::Land => RobotOrder::Land,
         OrderKind::GoTo(position) => RobotOrder::GoTo(position),
-        OrderKind::Speed(speed_mps) => return Wanted::Speed(speed_mps),
+        OrderKind::Speed(speed_mps) => return write(port::CRUISE_SPEED_MPS, speed_mps),
+        OrderKind::WritePort(port, value) => return write(port, value),
+        OrderKind::ReadPort(port) => {
+            let request = ParameterRequest::read(fresh_request_id(), port);
+            return Wanted::Parameter(Verb::GetParameter, request);
+        }
     })
 }
 

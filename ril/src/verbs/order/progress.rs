@@ -2,6 +2,7 @@
 //! renewed. [`Way`] is the pure part.
 
 use std::io::{self, IsTerminal};
+use std::time::Duration;
 
 use ipc_types::code::Stage;
 use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport, WaypointPosition};
@@ -18,6 +19,15 @@ use crate::session::Session;
 
 /// Slower than this the helicopter hovers or turns, and its speed says nothing about the time to go, m/s.
 const MIN_SPEED_MPS: f64 = 0.5;
+
+/// A helicopter whose speed has not risen by this part for [`STEADY`] has the speed at which it flies the path.
+const RISE: f64 = 1.1;
+
+/// See [`RISE`]. It speeds up by some tenths of a metre per second in a second at least.
+const STEADY: Duration = Duration::from_secs(2);
+
+/// A turn takes no longer. A speed that is not reached again in that time is not the one of this path: the path before it was faster.
+const TURN: Duration = Duration::from_secs(5);
 
 /// The way of a path, along the ground.
 #[derive(Debug)]
@@ -50,9 +60,43 @@ impl Way {
     }
 }
 
-/// The metres, and the seconds at this speed if it is one.
+/// At which speed the path is flown: the highest of late, once the helicopter has sped up. In turns it is slower for a while.
+#[derive(Debug, Default)]
+struct Pace {
+    /// The highest speed in this and in the last span of [`TURN`], m/s.
+    highest_mps: [f64; 2],
+    /// When this span began.
+    began: MonotonicNs,
+    /// To which speed it has risen last, m/s, and when.
+    risen: (f64, MonotonicNs),
+}
+
+impl Pace {
+    fn take(&mut self, speed_mps: f64, now: MonotonicNs) {
+        if now.since(self.began) >= TURN {
+            self.highest_mps = [0.0, self.highest_mps[0]];
+            self.began = now;
+        }
+        self.highest_mps[0] = self.highest_mps[0].max(speed_mps);
+        self.risen.0 = self.risen.0.min(self.highest());
+        if speed_mps > self.risen.0 * RISE {
+            self.risen = (speed_mps, now);
+        }
+    }
+
+    fn highest(&self) -> f64 {
+        self.highest_mps[0].max(self.highest_mps[1])
+    }
+
+    /// `None` while the helicopter hovers or speeds up.
+    fn speed_mps(&self, now: MonotonicNs) -> Option<f64> {
+        let is_steady = now.since(self.risen.1) >= STEADY;
+        Some(self.highest()).filter(|speed_mps| is_steady && *speed_mps >= MIN_SPEED_MPS)
+    }
+}
+
+/// The metres, and the seconds at this speed if it is known.
 fn to_go(metres: f64, speed_mps: Option<f64>) -> String {
-    let speed_mps = speed_mps.filter(|speed_mps| *speed_mps >= MIN_SPEED_MPS);
     let time = speed_mps.map_or_else(String::new, |speed_mps| {
         format!(", about {}", duration(metres / speed_mps))
     });
@@ -69,6 +113,7 @@ pub struct Progress {
     /// How long the path is from where it was begun, and when that was.
     whole: Option<(f64, MonotonicNs)>,
     now: PilotView,
+    pace: Pace,
     reached: usize,
     /// Whether the bridge says that it flies this path.
     is_flown: bool,
@@ -94,6 +139,7 @@ impl Progress {
             way: Way::new(waypoints),
             whole: None,
             now: PilotView::default(),
+            pace: Pace::default(),
             reached: 0,
             is_flown: false,
             block: is_live.then(Block::default),
@@ -110,7 +156,7 @@ impl Progress {
     fn line(&self) -> Option<String> {
         let way = self.way.as_ref().filter(|_| self.is_flown)?;
         let left = way.waypoints.len().saturating_sub(self.reached);
-        let to_go = to_go(self.to_go_m()?, self.now.ground_speed_mps);
+        let to_go = to_go(self.to_go_m()?, self.pace.speed_mps(MonotonicNs::now()));
         let waypoints = count(left, "waypoint");
         Some(format!("{}: {waypoints}, {to_go}", self.verb.name()))
     }
@@ -132,6 +178,9 @@ impl Companion for Progress {
             if self.is_flown {
                 self.reached = state.movement.waypoints_reached as usize;
             }
+        }
+        if let Some(speed_mps) = self.now.ground_speed_mps.filter(|_| self.is_flown) {
+            self.pace.take(speed_mps, MonotonicNs::now());
         }
         if self.whole.is_none() {
             self.whole = self.to_go_m().map(|metres| (metres, MonotonicNs::now()));
@@ -166,7 +215,7 @@ impl Companion for Progress {
             (Some(Stage::Accepted), _) => whole.map(distance),
             (Some(Stage::Progress), _) => self
                 .to_go_m()
-                .map(|metres| to_go(metres, self.now.ground_speed_mps)),
+                .map(|metres| to_go(metres, self.pace.speed_mps(MonotonicNs::now()))),
             (Some(Stage::Done), Some((metres, begun))) => {
                 let took = MonotonicNs::now().since(begun).as_secs_f64();
                 Some(format!("{} in {}", distance(metres), duration(took)))
@@ -206,11 +255,37 @@ mod tests {
             assert!((metres - expected).abs() < 0.1, "{reached}: {metres}");
         }
         assert_eq!(to_go(100.0, Some(4.0)), "100 m to go, about 25s");
-        assert_eq!(to_go(100.0, Some(0.1)), "100 m to go");
+        assert_eq!(to_go(100.0, None), "100 m to go");
         let nowhere = WaypointPosition {
             latitude_deg: f64::NAN,
             ..square[0]
         };
         assert!(Way::new(&[nowhere]).is_none());
+    }
+
+    #[test]
+    fn the_time_to_go_is_said_once_the_helicopter_has_sped_up() {
+        let mut pace = Pace::default();
+        let at = |seconds: f64| MonotonicNs((seconds * 1e9) as u64);
+        // Half a metre per second more in each second, as far as 5 m/s; then a turn; then a slower path.
+        for tenth in 0..400 {
+            let seconds = f64::from(tenth) / 10.0;
+            let speed_mps = match seconds {
+                ..15.0 => (0.5 * seconds).min(5.0),
+                ..19.0 => 1.0,
+                ..24.0 => 5.0,
+                _ => 3.0,
+            };
+            pace.take(speed_mps, at(seconds));
+            let expected = match seconds {
+                // The last rise by a tenth is that to 4.6 m/s or more.
+                ..11.0 => None,
+                ..13.0 => continue,
+                ..24.0 => Some(5.0),
+                ..35.0 => continue,
+                _ => Some(3.0),
+            };
+            assert_eq!(pace.speed_mps(at(seconds)), expected, "{seconds}");
+        }
     }
 }

@@ -149,10 +149,10 @@ impl<'a> PlanReport<'a> {
         let mut text = line(
             "plan",
             &format!(
-                "{}: {}, {} items",
+                "{}: {}, {}",
                 self.file.display(),
                 plan.format,
-                plan.items.len()
+                count(plan.items.len() as u64, "item")
             ),
         );
         let altitude = match site.is_home_altitude_known {

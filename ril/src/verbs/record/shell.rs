@@ -195,9 +195,12 @@ impl Process for RecorderShell {
             true => None,
             false => self.recorder.deadline(),
         };
+        let gather = self.gather.deadline();
+        // While samples flow, topics are drained with the next look for samples.
+        let topics = self.topics.deadline().max(gather);
         [
-            self.gather.deadline().filter(|_| self.end.is_none()),
-            self.topics.deadline(),
+            gather.filter(|_| self.end.is_none()),
+            topics.filter(|_| self.end.is_none()),
             recorder,
             self.sinks.deadline(),
             self.reporter.deadline(),

@@ -14,11 +14,12 @@ use ipc_types::service::Pattern;
 use ipc_types::{
     DynamicSubscriber, Ipc, JournalPiece, Losses, MonotonicNs, PortSet, Schema, Topic as _,
 };
-use recording::{Channel, ChannelId, EventKind, Recorder};
+use recording::{Channel, ChannelId, Event, EventKind, Recorder};
 use ros_messages::{OFFERED_QOS_PROFILES, Qos};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::loss_events::LossEvents;
+use super::process_watch::ProcessWatch;
 use super::sinks::Sinks;
 use super::tail::{Piece, Tail};
 use crate::recorded::topic_of;
@@ -54,6 +55,8 @@ struct Topic {
     intake: Intake,
     /// Of a journal: a second subscriber, because a journal has a snapshot when one comes. It goes when the snapshot is there.
     asks: Option<DynamicSubscriber>,
+    /// Of a topic by which a process shows that it lives.
+    process: Option<ProcessWatch>,
     is_failing: bool,
 }
 
@@ -168,7 +171,11 @@ impl Topics {
 
     /// When [`drain`](Topics::drain) has to be called though no port is ready.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        self.retry
+        let processes = self.topics.iter().filter_map(|topic| {
+            let process = topic.process.as_ref()?;
+            process.deadline()
+        });
+        processes.chain(self.retry).min()
     }
 
     /// Opens topics that are new, announces them to `recorder`, and takes all samples that are there. Says how many those were of the
@@ -197,6 +204,9 @@ impl Topics {
         let most = topics.map(|topic| topic.drain(&mut to, wakes)).max();
         if is_changed {
             self.take_rests(&mut to);
+        }
+        for topic in &mut self.topics {
+            topic.look(&self.ipc, &mut to);
         }
         most.unwrap_or_default()
     }
@@ -304,6 +314,7 @@ impl Topic {
         Topic {
             intake: Intake::new(topics, facts),
             asks: None,
+            process: ProcessWatch::of_topic(&facts.key, MonotonicNs::now()),
             is_failing: false,
             subscriber,
         }
@@ -323,13 +334,48 @@ impl Topic {
             self.asks = None;
         }
         let was_failing = std::mem::replace(&mut self.is_failing, drained.is_err());
-        drained.unwrap_or_else(|error| {
+        let count = drained.unwrap_or_else(|error| {
             if !was_failing {
                 let topic = &self.intake.channel.topic;
                 tracing::warn!(topic, %error, "a topic cannot be read");
             }
             0
-        })
+        });
+        if let Some(process) = self.process.as_mut().filter(|_| count > 0) {
+            process.sample(to.now);
+        }
+        count
+    }
+
+    /// Looks for the process when that is due, and records that it has ended.
+    fn look(&mut self, ipc: &Ipc, to: &mut Destination<'_>) {
+        let now = to.now;
+        let process = self.process.as_mut();
+        let Some(process) = process.filter(|one| one.deadline().is_some_and(|due| due <= now))
+        else {
+            return;
+        };
+        let lives = match ipc.provider(self.subscriber.key()) {
+            Ok(provider) => provider.is_some(),
+            Err(error) => {
+                tracing::debug!(%error, "the process cannot be looked for");
+                true
+            }
+        };
+        if let Some(first) = process.looked(lives, now) {
+            let topic = &self.intake.channel.topic;
+            tracing::info!(topic, "a process has ended");
+            let event = Event {
+                at: now,
+                kind: EventKind::End,
+                topic: topic.clone(),
+                count: 1,
+                first,
+                last: now,
+                text: format!("the process that publishes {topic} has ended"),
+            };
+            to.recorder.event(now, &event);
+        }
     }
 }
 

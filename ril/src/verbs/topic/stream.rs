@@ -25,9 +25,16 @@ use crate::session::{Session, configuration};
 
 /// Reads the key or the short name of a topic.
 pub(super) fn topic_key(text: &str) -> Result<String, String> {
-    match is_key(key_of(text)) {
-        true => Ok(key_of(text).to_owned()),
-        false => Err("a topic is called such as battery_watch/cell_voltages".to_owned()),
+    // As in a recording, which has the robot in the name.
+    let in_recording = text
+        .strip_prefix("/robot")
+        .and_then(|rest| rest.split_once('/'));
+    match (is_key(key_of(text)), in_recording) {
+        (true, _) => Ok(key_of(text).to_owned()),
+        (false, Some((robot, name))) => Err(format!(
+            "here the topic is called `{name}`, and the robot --robot {robot}"
+        )),
+        (false, None) => Err("a topic is called such as battery_watch/cell_voltages".to_owned()),
     }
 }
 

@@ -5,7 +5,6 @@ use ipc_types::outline::{Outline, OutlineArea, OutlineShape};
 use view::page;
 
 use crate::robot::chart;
-use crate::robot::geo::Place;
 
 /// The fence of an outline.
 ///
@@ -42,23 +41,10 @@ fn area(held: &OutlineArea) -> Result<Area, String> {
 
 /// The areas of an outline, to be drawn.
 pub(super) fn areas(held: &Outline) -> Vec<page::Area> {
-    let corners = |area: &OutlineArea| {
-        let corners = chart::Outline::from(area).corners;
-        corners.into_iter().map(position).collect()
-    };
-    let areas = held.areas.iter().map(|area| page::Area {
-        name: area.name.clone(),
-        inclusion: area.is_inclusion,
-        floor_m: area.floor_m,
-        ceiling_m: area.ceiling_m,
-        corners: corners(area),
-    });
-    areas.collect()
-}
-
-/// A place as a page has it.
-pub(super) fn position(place: Place) -> [f64; 2] {
-    [place.latitude_deg, place.longitude_deg]
+    let areas = held.areas.iter();
+    areas
+        .map(|area| chart::Outline::from(area).into())
+        .collect()
 }
 
 #[cfg(test)]

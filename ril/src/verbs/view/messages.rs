@@ -9,11 +9,12 @@ use ipc_types::payload::ModuleState;
 use runtime::finding::{Finding, Severity};
 use view::page;
 
-use super::held::{self, position};
+use super::held;
 use crate::robot::alarms::Alarm;
 use crate::robot::changes::Weight;
 use crate::robot::clock::Clocks;
 use crate::robot::freshness::Freshness;
+use crate::robot::geo::Place;
 use crate::robot::history::EventLine;
 use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::past::Past;
@@ -182,7 +183,7 @@ pub(super) fn now(
         sent_ms: sent.0 / 1_000_000,
         telemetry: age(telemetry, view.received, now),
         bridge: age(bridge, published, now),
-        position: view.place.map(position),
+        position: view.place.map(Place::degrees),
         altitude_m: view.altitude_m,
         height_m: robot.height_m(),
         attitude: attitude(robot),
@@ -243,7 +244,7 @@ pub(super) fn chart(robot: &WatchedRobot, held: Option<&Outline>) -> page::Chart
             .map(|at| [at.latitude_deg, at.longitude_deg, at.altitude_m])
             .collect(),
         home: robot.home.map(|home| {
-            let [latitude_deg, longitude_deg] = position(home.place);
+            let [latitude_deg, longitude_deg] = home.place.degrees();
             [latitude_deg, longitude_deg, home.altitude_m]
         }),
     }
@@ -255,7 +256,13 @@ pub(super) fn past(robot: &WatchedRobot, past: &Past, clock: Clocks) -> page::Pa
     let before = |at: MonotonicNs| -now.since(at).as_secs_f64();
     page::Past {
         robot: robot.id.get(),
-        track: robot.track.points().iter().copied().map(position).collect(),
+        track: robot
+            .track
+            .points()
+            .iter()
+            .copied()
+            .map(Place::degrees)
+            .collect(),
         t_s: past.points().map(|point| before(point.at)).collect(),
         altitude_m: past.points().map(|point| point.altitude_m).collect(),
         ground_speed_mps: past.points().map(|point| point.ground_speed_mps).collect(),

@@ -11,7 +11,7 @@ use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Schema, TelemetryGroup};
 
-use crate::render::fields::{Selection, Tree, field_names};
+use crate::render::fields::{Selection, Tree};
 use crate::robot::sample_age::is_present;
 
 /// A helicopter that is slower than this over ground, and that climbs and sinks more slowly, hovers, m/s. Gusts move one that
@@ -153,6 +153,18 @@ impl Condition {
         })
     }
 
+    /// How things are while it is not fulfilled: `battery is 24.8 V (battery<22.5V)`, `not landed (flying)`.
+    pub fn unmet(&self, standing: &Standing) -> String {
+        let (text, value) = (&self.text, &standing.value);
+        let is_number = value.starts_with(|first: char| first.is_ascii_digit() || first == '-');
+        let name = text.split(['>', '<', '=', '!']).next().unwrap_or_default();
+        match (&self.kind, is_number) {
+            (ConditionKind::Compare(_), true) => format!("{} is {value} ({text})", name.trim()),
+            (ConditionKind::Compare(_), false) => format!("{text} ({value})"),
+            _ => format!("not {text} ({value})"),
+        }
+    }
+
     /// Whether it needs the state of the bridge.
     pub fn needs_state(&self) -> bool {
         matches!(self.kind, ConditionKind::Up | ConditionKind::Hovering)
@@ -270,7 +282,7 @@ impl Comparison {
             return Err("an operator is >, >=, <, <=, = or !=".to_owned());
         };
         let (field, factor, unit) = field(name.trim());
-        let selection = select(&field)?;
+        let selection = select(field)?;
         Ok(Comparison {
             selection,
             factor,
@@ -313,26 +325,13 @@ impl Comparison {
     }
 }
 
-/// Field, factor and unit that `name` stands for. An angle may be named in degrees, and a field by the last part of its name if that is
-/// the only one of the kind, as in a log: `latitude_deg`.
-fn field(name: &str) -> (String, f64, &'static str) {
+/// Field, factor and unit that `name` stands for.
+fn field(name: &str) -> (&str, f64, &'static str) {
     if let Some(short) = SHORT.iter().find(|short| short.name == name) {
-        return (short.field.to_owned(), short.factor, short.unit);
+        return (short.field, short.factor, short.unit);
     }
     let unit = UNITS.iter().find(|(end, _)| name.ends_with(end));
-    let unit = unit.map_or("", |(_, unit)| unit);
-    let (field, factor) = match name.strip_suffix("_deg") {
-        Some(angle) => (format!("{angle}_rad"), DEG_PER_RAD),
-        None => (name.to_owned(), 1.0),
-    };
-    let known = field_names(Schema::of::<HeroTelemetry>().root());
-    let mut ends = known
-        .iter()
-        .filter(|one| one.rsplit('.').next() == Some(&field));
-    match (ends.next(), ends.next()) {
-        (Some(only), None) => (only.clone(), factor, unit),
-        _ => (field, factor, unit),
-    }
+    (name, 1.0, unit.map_or("", |(_, unit)| unit))
 }
 
 /// The one number that `field` names.
@@ -346,7 +345,7 @@ fn select(field: &str) -> Result<Selection, String> {
             None => error.to_string(),
         }
     })?;
-    if schema.number(field).is_none() {
+    if !selection.is_number(&schema) {
         return Err(format!(
             "`{field}` is not one number; `ril topic info hero` lists the fields"
         ));

@@ -115,7 +115,7 @@ pub fn wait(args: &WaitArgs) -> Result<(), Failure> {
     }
     look_for_providers(&topics, &session)?;
     let missing = missing(&args.conditions, &standings);
-    let text = format!("timed out after {}: {missing}", Shown(args.timeout));
+    let text = format!("timed out after {}; {missing}", Shown(args.timeout));
     Err(Failure::new(ExitCode::Timeout, text))
 }
 
@@ -162,7 +162,7 @@ fn missing(conditions: &[Condition], standings: &[Standing]) -> String {
     let unmet = conditions.iter().zip(standings);
     let unmet = unmet.filter(|(_, standing)| !standing.is_met);
     let words: Vec<String> = unmet
-        .map(|(condition, standing)| format!("{condition} ({})", standing.value))
+        .map(|(condition, standing)| condition.unmet(standing))
         .collect();
     words.join(", ")
 }

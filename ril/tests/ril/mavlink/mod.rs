@@ -49,6 +49,10 @@ fn a_station_arms_takes_off_flies_there_holds_and_lands() {
         2
     );
     rig.run("control show", 0).out_says("control of robot 1: ");
+    let shown = rig.run("mavlink status", 0);
+    shown.out_says("helicopter  heard for ");
+    shown.out_says("station     255/190 at 127.0.0.1:");
+    shown.out_says("may command");
 
     let here = station.until("a position", |message| {
         message.is(33) && message.i32(16) > 5_000
@@ -80,6 +84,9 @@ fn a_helicopter_that_is_not_heard_is_silent_and_its_orders_are_refused() {
     end(robot.status, Signal::TERM);
     // Samples of before may still be new.
     station.until_not_heard();
+    let shown = rig.run("mavlink status --json", 6);
+    shown.out_says("\"helicopter\":\"no-telemetry\"");
+    shown.err_says("nothing is sent to stations: no telemetry comes");
     let between = station.between_command(193, [0.0; 7]);
     assert!(
         between
@@ -97,9 +104,14 @@ fn a_helicopter_that_is_not_heard_is_silent_and_its_orders_are_refused() {
 #[test]
 fn a_wrong_configuration_is_refused_and_a_port_has_one_owner() {
     let rig = sandbox();
-    rig.write("mavlink.toml", "\nstations = ['192.168.0.7:14550']\n");
-    let wrong = rig.run("run mavlink", 78);
-    wrong.err_says("mavlink.toml:2: `192.168.0.7:14550` is no address on loopback");
+    rig.write("mavlink.toml", "\nlisten = '0.0.0.0'\n");
+    for command in ["run mavlink", "run mavlink --check-config"] {
+        let wrong = rig.run(command, 78);
+        wrong.err_says("mavlink.toml:2: MAVLink is not protected");
+    }
+    rig.write("mavlink.toml", "key = 'no-such.key'\nport = 0\n");
+    rig.run("mavlink", 78)
+        .err_says("the key of signatures no-such.key cannot be used");
     rig.write("mavlink.toml", "take_off_m = 5.0\n");
     rig.run("run mavlink --check-config", 0)
         .out_says("take_off_m = 5.0");

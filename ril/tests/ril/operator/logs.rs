@@ -102,12 +102,12 @@ fn a_real_flight_is_listed_summed_up_and_converted() {
     );
     let html = fs::read_to_string(&page).unwrap();
     for expected in [
-        "<!DOCTYPE html>",
+        "<!doctype html>",
         "Flight of robot 1",
         "took off",
         "landed",
         "in the air",
-        "<polyline",
+        "\"track\":[[",
     ] {
         assert!(html.contains(expected), "{expected}");
     }
@@ -155,7 +155,7 @@ fn a_report_says_what_was_written_and_never_takes_the_place_of_the_log() {
         "QGC WPL 110\n1\t0\t3\t16\t0\t0\t0\t0\t37.4113\t-6.001\t18\t1\n",
     );
     let finished = rig.run(
-        "log report --json --output page.html --svg plots --plan plan.waypoints",
+        "log report --json --output page.html --plan plan.waypoints",
         0,
     );
     let object = json(&finished.stdout[0]);
@@ -164,26 +164,6 @@ fn a_report_says_what_was_written_and_never_takes_the_place_of_the_log() {
         (&"ril.LogReport.v1".into(), &20.into(), &0.into())
     );
     assert_eq!(object["output"], "page.html");
-    let plots: Vec<&str> = object["plots"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .filter_map(|plot| plot.as_str())
-        .collect();
-    assert_eq!(
-        plots,
-        [
-            "plots/track.svg",
-            "plots/timeline.svg",
-            "plots/altitude.svg",
-            "plots/link.svg",
-            "plots/ages.svg"
-        ]
-    );
-    for plot in plots {
-        let svg = fs::read_to_string(rig.folder().join(plot)).unwrap();
-        roxmltree::Document::parse(&svg).unwrap();
-    }
     // Again: the page is replaced, and nothing else is left.
     rig.run("log report --output page.html", 0);
     let before = fs::read(&log).unwrap();
@@ -195,7 +175,7 @@ fn a_report_says_what_was_written_and_never_takes_the_place_of_the_log() {
     assert_eq!(fs::read(&log).unwrap(), before);
     for (command, expected) in [
         ("log report --output absent/page.html", "cannot be written"),
-        ("log report --output plots", "it is no regular file"),
+        ("log report --output log", "it is no regular file"),
         ("log report --plan absent.plan", "absent.plan"),
     ] {
         rig.run(command, 2).err_says(expected);
@@ -266,7 +246,7 @@ fn damaged_and_cut_files_give_what_can_be_read_and_say_so() {
     ] {
         finished.out_says(expected);
     }
-    finished.err_says("1 damaged lines and ends with 8 bytes");
+    finished.err_says("1 damaged line and ends with 8 bytes");
     let finished = rig.run("log csv", 8);
     assert_eq!(finished.stdout.len(), 3, "{finished:#?}");
     assert!(
@@ -277,7 +257,7 @@ fn damaged_and_cut_files_give_what_can_be_read_and_say_so() {
         "{finished:#?}"
     );
     rig.run("log report --output damaged.html", 8)
-        .err_says("1 damaged lines and ends with 8 bytes");
+        .err_says("1 damaged line and ends with 8 bytes");
     let page = fs::read_to_string(rig.folder().join("damaged.html")).unwrap();
     assert!(page.contains("the recording is damaged: line 3"), "{page}");
     let finished = rig.run("log tail", 0);

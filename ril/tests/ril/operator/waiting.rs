@@ -33,10 +33,12 @@ fn a_flight_is_followed_by_conditions() {
     );
     // What is never so ends in time, with how things are.
     rig.run("wait --for landed --for up --timeout 50ms", 4)
-        .err_says("timed out after 50ms: ")
-        .err_says("landed (");
+        .err_says("timed out after 50ms; ")
+        .err_says("not landed (");
     let finished = rig.run("wait --for battery<1 --timeout 50ms", 4);
-    finished.err_says("timed out after 50ms: battery<1 (");
+    finished
+        .err_says("timed out after 50ms; battery is ")
+        .err_says(" V (battery<1)");
     let finished = rig.run("wait --for battery<1 --timeout 50ms --json", 4);
     assert_eq!(json(&finished.stdout[0])["met"], false);
     let landing = rig.start("land");
@@ -82,9 +84,9 @@ fn a_dead_link_is_no_landing() {
         ipc_types::MonotonicNs::now().since(last) > std::time::Duration::from_millis(1100)
     });
     rig.run("wait --for landed --timeout 5s", 4)
-        .err_says("landed (the telemetry is old)");
+        .err_says("not landed (the telemetry is old)");
     rig.run("wait --for up --timeout 5s", 4)
-        .err_says("up (link gone)");
+        .err_says("not up (link gone)");
     for process in [status, bridge] {
         end(process, Signal::INT);
     }
@@ -111,6 +113,6 @@ fn mistakes_are_usage_errors_and_a_signal_is_no_success() {
     let mut waiting = rig.start("wait --for up --timeout 600s");
     until_joined(&rig, "ril");
     waiting.signal(Signal::INT);
-    waiting.exits(7).err_says("interrupted: up (");
+    waiting.exits(7).err_says("interrupted: not up (");
     end(bridge, Signal::INT);
 }

@@ -48,7 +48,9 @@ fn a_killed_recorder_leaves_a_file_without_a_hole_which_can_be_made_whole() {
         rig.run(&format!("log recover {name} --output whole.mcap"), 0);
         rig.run("log check whole.mcap", 0);
         assert_eq!(samples(&rig.folder().join("whole.mcap"), TOPIC), found);
-        rig.run(&format!("log recover {name} --output whole.mcap"), 2);
+        rig.run(&format!("log recover {name} --output whole.mcap"), 2)
+            .err_says("whole.mcap exists already")
+            .err_says("name another file with --output");
     }
 }
 

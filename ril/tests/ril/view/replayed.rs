@@ -131,6 +131,73 @@ fn the_replay_of_a_faulty_flight_has_the_alarms_of_the_live_view() {
     end(shown.process, Signal::TERM);
 }
 
+/// Words of the alarms that a process has ended.
+const ENDED: [&str; 2] = ["`ril run status` has ended", "the bridge is gone"];
+
+#[test]
+fn a_replay_shows_processes_that_were_killed_as_gone_when_the_live_view_did() {
+    let rig = sandbox();
+    let robot = rig.start_robot(1, 1);
+    let view = View::start(&rig);
+    let mut page = view.page();
+    let mut recorder = rig.start(&words(""));
+    recorder.wait_for_text("recorded topic=\"/robot1/status/state\"");
+    page.until("telemetry", |message| {
+        message["type"] == "now" && message["telemetry"]["freshness"] == "fresh"
+    });
+    let mut live: Vec<Value> = Vec::new();
+    for (process, text) in [robot.status, robot.bridge].into_iter().zip(ENDED) {
+        rig.kill(process);
+        page.until(text, |message| {
+            let is_event = message["type"] == "event";
+            if is_event {
+                live.push(message.clone());
+            }
+            is_event && message["text"].as_str().unwrap().contains(text)
+        });
+    }
+    // The recorder finds both ends by itself; what came after the last message is in no file.
+    for key in ["status/state", "bridge/state"] {
+        recorder.wait_for_text(&format!("has ended topic=\"/robot1/{key}\""));
+    }
+    end(recorder, Signal::TERM);
+    view.end();
+    end(robot.sim, Signal::INT);
+
+    let file = only_file(&rig);
+    let shown = ShownFile::start(&rig, file.to_str().unwrap());
+    let mut page = shown.page();
+    let hello = page.until_type("hello");
+    let events = hello["replay"]["events"].as_array().unwrap();
+    let start_s = hello["replay"]["start_unix_ms"].as_f64().unwrap() / 1000.0;
+    for text in ENDED {
+        let find = |events: &[Value]| {
+            let mut events = events.iter();
+            let found = events.find(|event| event["text"].as_str().unwrap().contains(text));
+            found
+                .unwrap_or_else(|| panic!("no event {text}: {hello:#}"))
+                .clone()
+        };
+        let (event, same) = (find(events), find(&live));
+        assert_eq!(
+            (&event["text"], &event["severity"]),
+            (&same["text"], &same["severity"])
+        );
+        // At its time: a machine that stalls makes either of them late.
+        let live_s = same["at_unix_ms"].as_f64().unwrap() / 1000.0;
+        let apart_s = live_s - (start_s + event["at_s"].as_f64().unwrap());
+        assert!(apart_s.abs() < 20.0, "{event} {same}");
+    }
+    // The last moment of the file has both alarms.
+    page.send(&replay("seek", Some(1e6), None));
+    page.until("both alarms", |message| {
+        let alarms = message["alarms"].as_array();
+        let has = |id: &str| alarms.is_some_and(|all| all.iter().any(|alarm| alarm["id"] == id));
+        message["type"] == "robot" && has("bridge-gone") && has("status-gone")
+    });
+    end(shown.process, Signal::TERM);
+}
+
 #[test]
 fn all_pages_share_one_playhead_and_order_nothing() {
     let rig = sandbox();

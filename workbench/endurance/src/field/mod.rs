@@ -6,6 +6,7 @@
 //! measurement says which is missing; [`narrow`] alone needs none of it. Everything goes when the program ends, even if it is killed. Times are printed and not judged.
 
 mod ages;
+pub mod connect;
 pub mod mission;
 pub mod narrow;
 pub mod outages;

@@ -64,12 +64,12 @@ pub fn run(narrow: &Narrow<'_>, goes_on: &dyn Fn() -> bool) -> Outcome {
     let (robot, station) = (machine(), machine());
     let tcp = free_endpoint();
     let endpoint = match narrow.protocol {
-        "quic" => {
+        "quic" | "tls" => {
             robot.run(&format!("relay certify pki robot-1=127.0.0.1 {STATION}"), 0);
             let folder = robot.path("pki");
             robot.write("relay.toml", &certificates(&folder, "robot-1"));
             station.write("relay.toml", &certificates(&folder, STATION));
-            tcp.replace("tcp", "quic")
+            tcp.replace("tcp", narrow.protocol)
         }
         _ => tcp,
     };

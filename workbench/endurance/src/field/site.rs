@@ -8,6 +8,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use ipc_types::Domain;
+use ril_tests::air::Weather;
 use ril_tests::process::Finished;
 use ril_tests::relayed::STATION;
 use ril_tests::{Process, Rig, Sandbox};
@@ -49,6 +50,8 @@ pub struct Plan {
     pub ril: PathBuf,
     /// Protocol of the link, such as `tcp`.
     pub protocol: String,
+    /// Rate and delay of the link.
+    pub weather: Weather,
     /// Packets that are lost but for outages, 0 … 1.
     pub loss: f64,
     /// A measurement that takes longer hangs.
@@ -77,8 +80,12 @@ impl Site {
         let clock = format!("--time --monotonic={AHEAD_S} --boottime={AHEAD_S}");
         let places = [Place::make(&clock)?, Place::make("")?];
         let [robot, station] = &places;
-        let tunnel = Tunnel::between([&robot.network(), &station.network()], plan.seed)
-            .map_err(|error| format!("/dev/net/tun: {error}"))?;
+        let tunnel = Tunnel::between(
+            [&robot.network(), &station.network()],
+            plan.weather,
+            plan.seed,
+        )
+        .map_err(|error| format!("/dev/net/tun: {error}"))?;
         for (place, address) in places.iter().zip(ADDRESSES) {
             place.run("ip link set lo up")?;
             place.run(&format!("ip addr add {address}/24 dev {INTERFACE}"))?;

@@ -1,16 +1,20 @@
-//! [`Tunnel`]: carries packets between two network namespaces, and loses some by a seed, on a thread of its own.
+//! [`Tunnel`]: carries packets between two network namespaces, at the rate and with the delay of a [`Weather`], and loses some by a seed,
+//! on a thread of its own.
 //!
 //! Each namespace has a network interface whose other end is this program. Everything ends with the program, even when it is
 //! killed: the interfaces are not persistent, and the namespaces are those of child processes that end with it.
 
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::os::fd::AsFd;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::thread;
+use std::time::Instant;
 
 use dsp_sim::random::Random;
+use ril_tests::air::{Way, Weather};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::ioctl::{Opcode, Setter, ioctl};
@@ -44,7 +48,7 @@ pub struct Tunnel {
 
 impl Tunnel {
     /// Makes the interface in both namespaces, and begins to carry packets.
-    pub fn between(namespaces: [&Path; 2], seed: u64) -> std::io::Result<Tunnel> {
+    pub fn between(namespaces: [&Path; 2], weather: Weather, seed: u64) -> std::io::Result<Tunnel> {
         let ends = namespaces.map(open_in);
         let [first, second] = ends;
         let ends = [first?, second?];
@@ -53,7 +57,7 @@ impl Tunnel {
             loss: Arc::clone(&loss),
         };
         thread::spawn(move || {
-            if let Err(error) = carry(ends, &loss, seed) {
+            if let Err(error) = carry(ends, weather, &loss, seed) {
                 eprintln!("the tunnel has ended: {error}");
             }
         });
@@ -95,21 +99,43 @@ fn attach(tun: &File) -> std::io::Result<()> {
     Ok(())
 }
 
-fn carry(mut ends: [File; 2], loss: &Mutex<f64>, seed: u64) -> std::io::Result<()> {
+fn carry(
+    mut ends: [File; 2],
+    weather: Weather,
+    loss: &Mutex<f64>,
+    seed: u64,
+) -> std::io::Result<()> {
     let mut chance = Random::new(seed, 0);
+    let mut ways = [Way::new(weather); 2];
+    // What is under way from each end: when it arrives, and what it is.
+    let mut passing = [(); 2].map(|()| VecDeque::<(Instant, Vec<u8>)>::new());
     let mut packet = [0; PACKET];
     loop {
         for (from, to) in [(0, 1), (1, 0)] {
             while let Ok(length) = ends[from].read(&mut packet) {
-                if chance.uniform() >= *loss.lock().expect("no panic while it is held") {
-                    // An interface that is down, or full, loses it.
-                    let _ = ends[to].write(&packet[..length]);
+                let now = Instant::now();
+                let is_lost = chance.uniform() < *loss.lock().expect("no panic while it is held");
+                if is_lost || !ways[from].full_for(now).is_zero() {
+                    continue;
                 }
+                let (leaves, _) = ways[from].take(length, now);
+                passing[from].push_back((leaves + weather.delay, packet[..length].to_vec()));
+            }
+            let now = Instant::now();
+            while let Some((arrives, _)) = passing[from].front()
+                && *arrives <= now
+                && let Some((_, packet)) = passing[from].pop_front()
+            {
+                // An interface that is down, or full, loses it.
+                let _ = ends[to].write(&packet);
             }
         }
+        let next = passing.iter().filter_map(VecDeque::front);
+        let next = next.map(|(arrives, _)| arrives.saturating_duration_since(Instant::now()));
+        let timeout = next.min().and_then(|left| left.try_into().ok());
         let [first, second] = &ends;
         let mut descriptors = [first, second].map(|end| PollFd::new(end, PollFlags::IN));
-        poll(&mut descriptors, None)?;
+        poll(&mut descriptors, timeout.as_ref())?;
         let is_gone = |end: &PollFd<'_>| end.revents().contains(PollFlags::ERR);
         if descriptors.iter().any(is_gone) {
             return Ok(());

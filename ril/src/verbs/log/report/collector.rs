@@ -1,10 +1,10 @@
 //! [`Collector`]: takes the samples of a flight one after the other and keeps none: curves, phases, events and track, all bounded.
 
-use flight_report::Flight;
-use flight_report::flight::{Area, Ink, Lane, Limit, Map, Weight};
 use ipc_types::TelemetryGroup;
 use ipc_types::code::PilotSwitch;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use view::report::Flight;
+use view::report::flight::{Ink, Lane, Limit, Map, Weight};
 
 use super::clock::{Clock, RelativeDelay};
 use super::curves::{Curves, GAP_S};
@@ -15,8 +15,7 @@ use super::requests::Requests;
 use crate::recorded::RequestEvent;
 use crate::render::messages::details;
 use crate::robot::chart::Chart;
-use crate::robot::geo::Track;
-use crate::robot::geo::{Place, distance_m, offset_m};
+use crate::robot::geo::{Place, Spaced, Track, distance_m};
 use crate::robot::pilot::PilotView;
 
 /// Most points of the track: more than a map has columns.
@@ -73,6 +72,19 @@ fn with_fix(view: PilotView) -> PilotView {
     }
 }
 
+/// Where the helicopter was, and when, s.
+#[derive(Clone, Copy, Debug)]
+struct Visit {
+    place: Place,
+    at_s: f64,
+}
+
+impl Spaced for Visit {
+    fn distance_m(self, to: Visit) -> f64 {
+        distance_m(self.place, to.place)
+    }
+}
+
 /// What the sample before said.
 #[derive(Clone, Copy, Debug)]
 struct Before {
@@ -91,7 +103,7 @@ pub struct Collector {
     air: States,
     switch: States,
     fix: States,
-    track: Track,
+    track: Track<Visit>,
     places: Places,
     gaps: Vec<[f64; 2]>,
     before: Option<Before>,
@@ -139,7 +151,7 @@ impl Collector {
         self.states(at_s, &view);
         self.curves.sample(at_s, dsp, &view);
         if let Some(place) = view.place.and_then(|place| self.places.confirm(place)) {
-            self.track.push(place);
+            self.track.push(Visit { place, at_s });
         }
         self.before = Some(Before {
             at_s,
@@ -341,14 +353,12 @@ impl Collector {
         flight.plots = self.curves.plots(limits(chart));
         let (events, left_out) = self.event_log.finish();
         flight.events_left_out = left_out;
-        let places = events.iter().enumerate();
-        let places = places.filter_map(|(number, (_, place))| Some((number, (*place)?)));
         // What was asked for is the plan, when the operator names none.
         let mut chart = chart.clone();
         if chart.path.is_empty() {
             chart.path = self.requests.path();
         }
-        flight.map = map_of(self.track.points(), &chart, places);
+        flight.map = map_of(self.track.points(), chart);
         flight.requests = self.requests.finish(|ns| self.clock.within(ns));
         if self.requests.left_out() > 0 {
             let text = format!(
@@ -357,7 +367,7 @@ impl Collector {
             );
             flight.remarks.push(text);
         }
-        flight.events = events.into_iter().map(|(event, _)| event).collect();
+        flight.events = events;
         if self.clock.jumps() > 0 {
             flight.remarks.push(format!(
                 "The clock jumped {} times; times go on where they were.",
@@ -371,40 +381,22 @@ impl Collector {
 /// Most waypoints and corners that are drawn; a survey has some hundreds.
 const MAX_POINTS: usize = 5000;
 
-/// The map of a track with what files say of its surroundings, and with the places of events by their number.
-fn map_of(track: &[Place], chart: &Chart, events: impl Iterator<Item = (usize, Place)>) -> Map {
-    let corners = chart.fence.iter().flat_map(|area| &area.corners);
-    let Some(zero) = track
-        .iter()
-        .chain(&chart.path)
-        .chain(corners)
-        .next()
-        .copied()
-    else {
-        return Map::default();
-    };
-    let places = |places: &[Place]| -> Vec<flight_report::flight::Place> {
-        places
-            .iter()
-            .take(MAX_POINTS)
-            .map(|place| at(zero, *place))
-            .collect()
-    };
+/// The map of a track with what files say of its surroundings.
+fn map_of(track: &[Visit], chart: Chart) -> Map {
+    let fence = chart.fence.into_iter().map(|mut area| {
+        area.corners.truncate(MAX_POINTS);
+        area.into()
+    });
     Map {
-        track: places(track),
-        plan: places(&chart.path),
-        fence: chart
-            .fence
-            .iter()
-            .map(|area| Area {
-                is_inclusion: area.is_inclusion,
-                corners: places(&area.corners),
-            })
+        track: track.iter().map(|visit| visit.place.degrees()).collect(),
+        track_s: track.iter().map(|visit| visit.at_s).collect(),
+        plan: chart
+            .path
+            .into_iter()
+            .take(MAX_POINTS)
+            .map(Place::degrees)
             .collect(),
-        events: events
-            .map(|(number, place)| (number, at(zero, place)))
-            .collect(),
-        zero_deg: Some([zero.latitude_deg, zero.longitude_deg]),
+        fence: fence.collect(),
     }
 }
 
@@ -421,11 +413,6 @@ fn limits(chart: &Chart) -> Vec<Limit> {
         })
     });
     known.collect()
-}
-
-fn at(zero: Place, place: Place) -> flight_report::flight::Place {
-    let (east_m, north_m) = offset_m(zero, place);
-    flight_report::flight::Place { east_m, north_m }
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! [`Curves`]: the values of a flight over time, in bounded memory.
 
-use flight_report::bins::Bins;
-use flight_report::envelope::Envelope;
-use flight_report::flight::{Curve, Ink, Limit, Plot, Scale};
 use ipc_types::TelemetryGroup;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
+use view::report::bins::Bins;
+use view::report::envelope::Envelope;
+use view::report::flight::{Curve, Ink, Limit, Plot, Scale};
 
 use crate::robot::pilot::PilotView;
 

@@ -1,7 +1,7 @@
 //! [`EventLog`]: what happened in a flight, bounded: of each kind at most [`MAX_OF_A_KIND`] events are kept, so that no kind crowds
 //! out another, and the others are counted. What repeats within some seconds is one event.
 
-use flight_report::flight::{Event, Weight};
+use view::report::flight::{Event, Weight};
 
 use crate::robot::geo::Place;
 
@@ -122,18 +122,15 @@ impl EventLog {
         });
     }
 
-    /// The events in the order of time, each with its place, and how many were left out.
-    pub fn finish(mut self) -> (Vec<(Event, Option<Place>)>, u64) {
+    /// The events in the order of time, and how many were left out.
+    pub fn finish(mut self) -> (Vec<Event>, u64) {
         self.all
             .sort_by(|one, other| one.at_s.total_cmp(&other.at_s));
-        let event = |entry: Entry| {
-            let text = entry.words();
-            let event = Event {
-                at_s: entry.at_s,
-                weight: entry.weight,
-                text,
-            };
-            (event, entry.place)
+        let event = |entry: Entry| Event {
+            at_s: entry.at_s,
+            weight: entry.weight,
+            text: entry.words(),
+            place: entry.place.map(Place::degrees),
         };
         (self.all.into_iter().map(event).collect(), self.left_out)
     }
@@ -169,10 +166,7 @@ mod tests {
         }
         event_log.add(Kind::Flying, 2.0, Weight::Note, "took off", None);
         let (events, left_out) = event_log.finish();
-        let texts: Vec<&str> = events
-            .iter()
-            .map(|(event, _)| event.text.as_str())
-            .collect();
+        let texts: Vec<&str> = events.iter().map(|event| event.text.as_str()).collect();
         assert_eq!(
             texts,
             [
@@ -200,6 +194,6 @@ mod tests {
         let (events, left_out) = event_log.finish();
         assert_eq!(events.len(), MAX_OF_A_KIND + 1);
         assert_eq!(left_out, 10_000 - MAX_OF_A_KIND as u64);
-        assert_eq!(events[MAX_OF_A_KIND].0.text, "landed");
+        assert_eq!(events[MAX_OF_A_KIND].text, "landed");
     }
 }

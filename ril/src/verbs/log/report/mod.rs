@@ -1,4 +1,4 @@
-//! `ril log report`: a log as a page, and its plots as files.
+//! `ril log report`: a log as a page in one file.
 
 mod clock;
 mod collector;
@@ -17,11 +17,11 @@ use std::io::{self, Read as _, Write};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-use flight_report::Flight;
-use flight_report::flight::{Table, Weight};
 use recording::read::{RecordFile, Summary as RecordSummary, summary_of};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
+use view::report::Flight;
+use view::report::flight::{Table, Weight};
 
 use self::collector::Collector;
 use self::row::SampleReader;
@@ -49,8 +49,6 @@ struct ReportObject {
     file: String,
     /// The page.
     output: String,
-    /// The plots.
-    plots: Vec<String>,
     samples: u64,
     duration_s: f64,
     events: usize,
@@ -92,13 +90,9 @@ pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
     };
     refuse_the_log_itself(&log, &output)?;
     let read = read(file, record.as_ref(), &chart)?;
-    let page = flight_report::page(&read.flight).map_err(Failure::internal)?;
+    let page = view::report::page(&read.flight);
     replace(&output, page.as_bytes())?;
-    let mut plots = Vec::new();
-    if let Some(folder) = &args.svg {
-        plots = write_plots(folder, &read.flight)?;
-    }
-    print_result(args, &log, &output, &plots, &read, page.len())?;
+    print_result(args, &log, &output, &read, page.len())?;
     let Summary {
         damaged_lines,
         unfinished_bytes,
@@ -221,19 +215,6 @@ fn read(mut file: LogFile, record: Option<&Record>, chart: &Chart) -> Result<Rea
     })
 }
 
-/// Writes each plot as a file of its own.
-fn write_plots(folder: &Path, flight: &Flight) -> Result<Vec<PathBuf>, Failure> {
-    fs::create_dir_all(folder).map_err(|error| unwritten(folder, &error))?;
-    let papers = flight_report::papers(flight).map_err(Failure::internal)?;
-    let mut written = Vec::new();
-    for paper in papers {
-        let file = folder.join(format!("{}.svg", paper.name));
-        replace(&file, paper.svg.as_bytes())?;
-        written.push(file);
-    }
-    Ok(written)
-}
-
 /// Writes a file as a whole, in place of an earlier one.
 fn replace(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     if path.exists() && !path.is_file() {
@@ -262,7 +243,6 @@ fn print_result(
     args: &LogReportArgs,
     log: &Path,
     output: &Path,
-    plots: &[PathBuf],
     read: &Read,
     bytes: usize,
 ) -> Result<(), Failure> {
@@ -279,7 +259,6 @@ fn print_result(
             schema: SCHEMA,
             file: name(log),
             output: name(output),
-            plots: plots.iter().map(|plot| name(plot)).collect(),
             samples: read.summary.rows,
             duration_s: flight.duration_s,
             events: flight.events.len(),
@@ -295,8 +274,5 @@ fn print_result(
         bytes.div_ceil(1000)
     )
     .map_err(Failure::output)?;
-    for plot in plots {
-        writeln!(out, "{}", name(plot)).map_err(Failure::output)?;
-    }
     out.flush().or_fail(ExitCode::Internal)
 }

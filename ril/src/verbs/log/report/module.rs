@@ -1,9 +1,9 @@
 //! [`Module`]: what the bridge said of itself, its link and its safety rules becomes phases, states and events.
 
-use flight_report::flight::{Ink, Lane, Span, Weight};
 use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::ModuleState;
 use runtime::finding::Severity;
+use view::report::flight::{Ink, Lane, Span, Weight};
 
 use super::curves::Curves;
 use super::events::{EventLog, Kind};

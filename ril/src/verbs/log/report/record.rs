@@ -3,12 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use flight_report::flight::{Table, Weight};
 use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
 use recording::EventKind;
 use recording::read::{self, RecordFile, RecordedEvent, RecordedMessage};
 use ros_messages::{Level, Log};
+use view::report::flight::{Table, Weight};
 
 use super::collector::Collector;
 use super::events::Kind;

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use flight_report::flight::{Outcome, Request};
 use ipc_types::code::Stage;
+use view::report::flight::{Outcome, Request};
 
 use crate::recorded::RequestEvent;
 use crate::robot::geo::Place;

@@ -1,7 +1,7 @@
 //! Logs as reports.
 
-use flight_report::Flight;
-use flight_report::flight::Weight;
+use view::report::Flight;
+use view::report::flight::Weight;
 
 use status::log::read::LogReader;
 
@@ -151,7 +151,7 @@ fn a_flight_with_faults_has_its_events_in_order() {
             .starts_with("3 of the 613 samples"),
         "{sentences:?}"
     );
-    flight_report::page(&flight).unwrap();
+    view::report::page(&flight);
 }
 
 #[test]
@@ -202,6 +202,6 @@ fn a_log_with_few_columns_or_no_row_is_a_report() {
         let (flight, sentences) = flight(text);
         assert!(!sentences.is_empty());
         assert!(flight.duration_s < 1.0, "{}", flight.duration_s);
-        flight_report::page(&flight).unwrap();
+        view::report::page(&flight);
     }
 }

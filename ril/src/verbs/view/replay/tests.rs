@@ -1,6 +1,7 @@
 //! A recorded flight with faults: what the page of the replay says is what `ril watch` said, whatever way its playhead goes.
 
 use std::fs;
+use std::ops::Range;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -9,13 +10,14 @@ use ipc_types::module::State;
 use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::schema::{CDR_HEADER, text};
 use ipc_types::{Module, MonotonicNs, RobotId, StatusModule, Topic};
-use recording::{Anchor, Channel, ChannelId, FlightInfo, Recorder, Settings};
+use recording::{Anchor, Channel, ChannelId, Event, EventKind, FlightInfo, Recorder, Settings};
 use view::page::EventSeverity;
 
 use super::recording::Recording;
 use crate::recorded::topic_of;
 use crate::robot::fixture::{at, hero, on_path, state, translating};
-use crate::robot::model::WatchedRobot;
+use crate::robot::freshness::{MODULE_OVERDUE_AFTER, OVERDUE_AFTER};
+use crate::robot::model::{Process, WatchedRobot};
 
 const ZERO_UNIX_NS: u64 = 1_700_000_000_000_000_000;
 
@@ -24,6 +26,24 @@ enum Sample {
     Bridge(ModuleState),
     Hero(HeroTelemetry),
     Status(State),
+    /// A process that does not live, when a recorder finds that.
+    End(Process),
+}
+
+/// When status is killed and starts again, ms, in the flight of [`flight`].
+const WITHOUT_STATUS: Range<u64> = 50_000..56_000;
+
+/// The same of the bridge.
+const WITHOUT_BRIDGE: Range<u64> = 51_000..57_000;
+
+/// Whether a process lives at a moment of the flight.
+fn lives(process: Process, now: MonotonicNs) -> bool {
+    let ms = now.since(at(0)).as_millis() as u64;
+    match process {
+        Process::Bridge => !WITHOUT_BRIDGE.contains(&ms),
+        Process::Status => !WITHOUT_STATUS.contains(&ms),
+        Process::Relay => true,
+    }
 }
 
 /// A flight of so many ms with a sample of each each 250 ms, without those that fail, and with the faults of a bad day.
@@ -41,8 +61,10 @@ fn flight(ms: u64) -> Vec<(MonotonicNs, Sample)> {
             bridge.dsp_errors.total = 1;
             bridge.dsp_errors.last_code = 7;
         }
-        samples.push((at(ms), Sample::Status(translating(ms))));
-        if !(40_000..46_000).contains(&ms) {
+        if !WITHOUT_STATUS.contains(&ms) {
+            samples.push((at(ms), Sample::Status(translating(ms))));
+        }
+        if !(40_000..46_000).contains(&ms) && !WITHOUT_BRIDGE.contains(&ms) {
             samples.push((at(ms + 1), Sample::Bridge(bridge)));
         }
         if !(30_000..34_000).contains(&ms) {
@@ -50,7 +72,23 @@ fn flight(ms: u64) -> Vec<(MonotonicNs, Sample)> {
             telemetry.gps_quality = if ms / 1000 == 15 { 0 } else { 4 };
             samples.push((at(ms + 2), Sample::Hero(telemetry)));
         }
+        // A recorder looks for a process when its topic is overdue.
+        for (process, without, last_ms, overdue) in [
+            (
+                Process::Status,
+                WITHOUT_STATUS,
+                49_750,
+                MODULE_OVERDUE_AFTER,
+            ),
+            (Process::Bridge, WITHOUT_BRIDGE, 50_751, OVERDUE_AFTER),
+        ] {
+            let found = at(last_ms) + overdue;
+            if without.contains(&ms) && (at(ms)..at(ms + 250)).contains(&found) {
+                samples.push((found, Sample::End(process)));
+            }
+        }
     }
+    samples.sort_by_key(|(time, _)| *time);
     samples
 }
 
@@ -60,7 +98,7 @@ fn watched(samples: &[(MonotonicNs, Sample)]) -> Vec<(MonotonicNs, String)> {
     let mut now = at(0);
     let judge = |robot: &mut WatchedRobot, now| {
         for process in robot.looks_due(now).collect::<Vec<_>>() {
-            robot.provider(process, true, now);
+            robot.provider(process, lives(process, now), now);
         }
         robot.judge(now);
     };
@@ -76,6 +114,7 @@ fn watched(samples: &[(MonotonicNs, Sample)]) -> Vec<(MonotonicNs, String)> {
             Sample::Bridge(state) => robot.state(state, now),
             Sample::Hero(hero) => robot.hero(hero, now),
             Sample::Status(state) => robot.status(state, now),
+            Sample::End(_) => {}
         }
         judge(&mut robot, now);
     }
@@ -114,6 +153,11 @@ fn file(samples: &[(MonotonicNs, Sample)], is_finished: bool) -> Vec<u8> {
     for (time, sample) in samples {
         now = *time;
         let (id, bytes) = match sample {
+            Sample::End(process) => {
+                recorder.event(now, &end(*process, now));
+                write(&mut recorder, now, &mut file);
+                continue;
+            }
             Sample::Bridge(sample) => (bridge, sample.bytes()),
             Sample::Hero(sample) => (telemetry, sample.bytes()),
             Sample::Status(sample) => (status, sample.bytes()),
@@ -126,6 +170,18 @@ fn file(samples: &[(MonotonicNs, Sample)], is_finished: bool) -> Vec<u8> {
         write(&mut recorder, now, &mut file);
     }
     file
+}
+
+fn end(process: Process, now: MonotonicNs) -> Event {
+    Event {
+        at: now,
+        kind: EventKind::End,
+        topic: topic_of(RobotId::DEFAULT, process.key()),
+        count: 1,
+        first: now,
+        last: now,
+        text: String::new(),
+    }
 }
 
 fn write(recorder: &mut Recorder, now: MonotonicNs, file: &mut Vec<u8>) {
@@ -150,7 +206,7 @@ fn open(bytes: &[u8]) -> (Recording, view::page::ReplayInfo) {
 
 #[test]
 fn a_replay_has_the_alarms_and_events_of_the_flight_at_their_times() {
-    let samples = flight(60_000);
+    let samples = flight(66_000);
     let expected = watched(&samples);
     let texts: Vec<&str> = expected.iter().map(|(_, text)| text.as_str()).collect();
     for fault in [
@@ -159,6 +215,9 @@ fn a_replay_has_the_alarms_and_events_of_the_flight_at_their_times() {
         "telemetry is 1 s old",
         "the bridge says nothing: is it stopped, or is the machine overloaded?",
         "no GPS fix in flight",
+        "`ril run status` has ended: telemetry is the bridge's own, and no logs are written",
+        "the bridge is gone: start `ril bridge --robot 1`",
+        "over: the bridge is gone: start `ril bridge --robot 1`",
     ] {
         assert!(texts.contains(&fault), "{fault}: {texts:#?}");
     }
@@ -169,14 +228,15 @@ fn a_replay_has_the_alarms_and_events_of_the_flight_at_their_times() {
         let apart_s = event.at_s - time.since(at(0)).as_secs_f64();
         assert!((0.0..=0.051).contains(&apart_s), "{text}: {apart_s}");
     }
-    assert_eq!(info.duration_s, 60.002);
+    assert_eq!(info.duration_s, 66.002);
     assert_eq!(
         info.start_unix_ms,
         Some((ZERO_UNIX_NS + at(0).0) / 1_000_000)
     );
     let phases: Vec<&str> = info.phases.iter().map(|phase| &*phase.text).collect();
-    // While the bridge says nothing, what the helicopter does is not known.
-    assert_eq!(phases, ["taking off", "flying the path", "flying the path"]);
+    // While the bridge is silent or gone, what the helicopter does is not known.
+    let path = "flying the path";
+    assert_eq!(phases, ["taking off", path, path, path]);
     assert!(
         info.events
             .iter()

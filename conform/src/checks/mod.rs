@@ -1,0 +1,11 @@
+//! The checks, by what they are about.
+
+pub mod boot;
+pub mod commands;
+pub mod errors;
+pub mod extended;
+pub mod flight;
+pub mod frames;
+pub mod groups;
+pub mod ports;
+pub mod status;

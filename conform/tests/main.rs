@@ -1,0 +1,10 @@
+//! The kit against right and wrong DSPs, in virtual time: no port, no waiting.
+
+mod dsp;
+mod fault;
+mod harness;
+mod lossy;
+mod mutants;
+mod right;
+mod safety;
+mod sentences;

@@ -1,0 +1,107 @@
+//! Nothing that can move a rotor is sent unless its proof is given.
+
+use conform::permitted::{MotionWatch, moves};
+use conform::report::Ended;
+use dsp_protocol::{Command, Decoded, Decoder, Profile, Uplink};
+use dsp_sim::simulator::{Setup, Simulator};
+
+use crate::dsp::Dsp;
+use crate::fault::{Fault, mutants};
+use crate::harness::{Peer, everything, play};
+
+/// What moves a rotor, as a right decoder of the profile sees it.
+fn moving(profile: Profile, sent: &[u8]) -> Vec<Uplink> {
+    let mut decoder = Decoder::<Uplink>::with_profile(profile);
+    let (mut rest, mut found) = (sent, Vec::new());
+    while !rest.is_empty() {
+        let (taken, decoded) = decoder.receive(rest);
+        rest = &rest[taken..];
+        if let Decoded::Message(got) = decoded
+            && match got.message {
+                Uplink::Waypoint(_) => true,
+                Uplink::Command(Command::Following { on }) => on,
+                Uplink::Command(Command::Write16 { port, .. } | Command::Write32 { port, .. }) => {
+                    moves(port)
+                }
+                Uplink::Command(_) => false,
+            }
+        {
+            found.push(got.message);
+        }
+    }
+    found
+}
+
+#[test]
+fn without_the_proof_no_frame_of_a_whole_run_moves_a_rotor() {
+    for profile in Profile::ALL {
+        let mut settings = everything(profile, 115_200);
+        settings.proof = None;
+        let mut peer = Simulator::new(Setup {
+            profile,
+            ..Setup::default()
+        });
+        let played = play(&mut peer, settings);
+        assert!(played.report.totals().kept > 80);
+        assert!(played.sent.len() > 5_000);
+        // In neither profile, whatever the check fields.
+        for profile in Profile::ALL {
+            assert_eq!(moving(profile, &played.sent), []);
+        }
+        assert!(!MotionWatch::default().is_moved_by(&played.sent));
+        assert!(!peer.dsp().is_following() && !peer.dsp().was_started_up());
+    }
+}
+
+#[test]
+fn without_the_proof_no_wrong_dsp_is_sent_what_moves_a_rotor() {
+    for mutant in mutants() {
+        let mut settings = everything(mutant.profile, 115_200);
+        settings.proof = None;
+        let mut peer = Dsp::new(mutant.profile, 115_200, mutant.fault);
+        let sent = play(&mut peer, settings).sent;
+        assert!(
+            !MotionWatch::default().is_moved_by(&sent),
+            "{:?}",
+            mutant.fault
+        );
+    }
+}
+
+#[test]
+fn with_the_proof_a_run_takes_off() {
+    let mut peer = Dsp::new(Profile::Classic, 115_200, Fault::None);
+    let played = play(&mut peer, everything(Profile::Classic, 115_200));
+    assert!(!moving(Profile::Classic, &played.sent).is_empty());
+}
+
+#[test]
+fn a_helicopter_that_flies_is_left_alone() {
+    for profile in Profile::ALL {
+        let mut peer = Simulator::new(Setup {
+            profile,
+            ..Setup::default()
+        });
+        let mut proof = everything(profile, 115_200);
+        proof.only = vec!["8.4-taken".to_owned()];
+        // Another PC has flown it: started up, and in a climb.
+        let orders = [
+            Command::Following { on: true },
+            Command::Write16 {
+                port: dsp_protocol::port::TAKE_OFF,
+                value: 1,
+            },
+        ];
+        for (number, order) in orders.into_iter().enumerate() {
+            let sequence = dsp_protocol::Sequence::new(number as u8);
+            let frame = Uplink::Command(order).encode_in(profile, sequence);
+            Peer::receive(&mut peer, std::time::Duration::ZERO, frame.as_bytes());
+        }
+        Peer::take_output(&mut peer);
+        let played = play(&mut peer, proof);
+        assert_eq!(played.report.ended_early, Some(Ended::Flies));
+        assert!(!played.report.conforms());
+        assert_eq!(moving(profile, &played.sent), []);
+        assert!(played.sent.len() < 400, "{}", played.sent.len());
+    }
+}

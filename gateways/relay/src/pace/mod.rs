@@ -1,0 +1,232 @@
+//! [`Pace`]: how many bytes of samples a second go out, by what stations say of the delay. A pure value.
+//!
+//! | state | becomes | when |
+//! |---|---|---|
+//! | all goes out | starting | a station is connected, or speaks and none had for some time: what the narrowest link carries |
+//! | starting | starting | its exchanges are not late: twice as much; none has ended yet: the same |
+//! | starting | paced | they are late: half |
+//! | all goes out | paced | every station's exchanges have been late for some time: half of what went out |
+//! | paced | slower | they still are, and not less than before: half |
+//! | paced | faster | those of a station are not late: an eighth more; near the rate that was too much, a little more |
+//! | starting, paced | all goes out | nothing was held back for some time, or no station speaks any more |
+//!
+//! A link that is too slow collects what is sent in buffers that the relay does not see: of the kernel, of QUIC, of a radio. Orders and
+//! their reports would wait behind it. Samples that are held back cost nothing, because the newest is sent when there is room again.
+//!
+//! A sample goes to all stations alike, so the one with the best link decides: one on a bad link holds up no other one. The copies for
+//! ROS 2 nodes do not count: they go to other sessions.
+
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
+
+/// An exchange that takes so much longer than the quickest one has waited behind samples.
+const LATE_MS: u32 = 300;
+
+/// So much that the way is to become empty first.
+const VERY_LATE_MS: u32 = 1000;
+
+/// An exchange that is later by less than this has met an empty way.
+const PROMPT_MS: u32 = 100;
+
+/// From one decision to the next: a ping.
+const PERIOD: Duration = Duration::from_millis(500);
+
+/// A station that has said nothing for so long does not decide.
+const SILENT: Duration = Duration::from_millis(3000);
+
+/// Rate at which a link begins, bytes a second: beside it a link of 64 kbit/s still carries the descriptions of the services.
+const FIRST: u64 = 3000;
+
+/// Least rate, bytes a second: a state every second and some telemetry.
+const LEAST: u64 = 1500;
+
+/// Bytes that each sample takes beside its own: its attachment, and the headers of Zenoh, TCP and IP.
+const OVERHEAD: u64 = 120;
+
+/// What was sent is paid for after this time at the latest, however long a sample is.
+const LONGEST_DEBT: Duration = Duration::from_secs(2);
+
+/// Decisions in a row without a sample that was held back, after which all goes out.
+const FREE_AFTER: u32 = 20;
+
+/// The same while a link begins: the rate has doubled to more than what is published.
+const FREE_AT_FIRST: u32 = 2;
+
+/// What goes out may be paid for so much later: topics that are published together go out together.
+const CREDIT: Duration = Duration::from_millis(20);
+
+/// Most stations that are remembered.
+const STATIONS: usize = 16;
+
+/// See the module's documentation.
+#[derive(Clone, Debug, Default)]
+pub struct Pace {
+    /// Bytes a second; `None` if all goes out.
+    rate: Option<u64>,
+    /// The rate doubles.
+    is_starting: bool,
+    /// When what was sent has been paid for.
+    paid: MonotonicNs,
+    /// When all stations have been silent for so long that none decides.
+    alone: MonotonicNs,
+    /// What stations said last: instance, by how much they are late if they know, when.
+    heard: Vec<(u64, Option<u32>, MonotonicNs)>,
+    /// When it was decided, and when it is again.
+    begun: MonotonicNs,
+    next: MonotonicNs,
+    /// Not slower before then: a station has to see what the last decision did.
+    settled: MonotonicNs,
+    /// By how much the best station was late at the last decision.
+    late_ms: u32,
+    /// Bytes since the last decision.
+    sent: u64,
+    was_held: bool,
+    free: u32,
+    /// The rate that was too much last.
+    limit: Option<u64>,
+    /// It was slowed down since exchanges became late.
+    is_slowed: bool,
+}
+
+impl Pace {
+    /// Somebody was connected, and may be a station that speaks soon. What is sent until then lies in front of the answer to its first
+    /// question, and it would take that for the length of the way.
+    pub fn meet(&mut self, now: MonotonicNs) {
+        if now >= self.alone {
+            self.alone = now + SILENT;
+            self.begin(now);
+        }
+    }
+
+    /// A station says by how much longer than its quickest exchange the last one took. `None` if none has ended yet.
+    pub fn hear(&mut self, station: u64, late_ms: Option<u32>, now: MonotonicNs) {
+        self.heard
+            .retain(|(other, _, at)| *other != station && now.since(*at) < SILENT);
+        self.heard.push((station, late_ms, now));
+        if self.heard.len() > STATIONS {
+            // However many there are: the one that is latest decides nothing, and one that knows nothing even less.
+            let lateness = |index: &usize| self.heard[*index].1.unwrap_or(u32::MAX);
+            let latest = (0..self.heard.len()).max_by_key(lateness);
+            latest.map(|index| self.heard.swap_remove(index));
+        }
+        let was_alone = now >= self.alone;
+        self.alone = now + SILENT;
+        if was_alone {
+            self.begin(now);
+        } else if now >= self.next {
+            self.decide(now);
+        }
+    }
+
+    /// The first station speaks: what its link carries is not known.
+    fn begin(&mut self, now: MonotonicNs) {
+        *self = Pace {
+            rate: Some(FIRST),
+            is_starting: true,
+            paid: now,
+            alone: self.alone,
+            heard: std::mem::take(&mut self.heard),
+            begun: now,
+            next: now + PERIOD,
+            ..Pace::default()
+        };
+    }
+
+    fn decide(&mut self, now: MonotonicNs) {
+        let passed = now.since(self.begun).max(PERIOD);
+        let sent_per_s = (self.sent as f64 / passed.as_secs_f64()) as u64;
+        (self.begun, self.next) = (now, now + PERIOD);
+        self.sent = 0;
+        let was_held = std::mem::take(&mut self.was_held);
+        let known = self.heard.iter().filter_map(|(_, late_ms, _)| *late_ms);
+        let Some(late_ms) = known.min() else {
+            return;
+        };
+        let before_ms = std::mem::replace(&mut self.late_ms, late_ms);
+        let is_late = late_ms >= LATE_MS;
+        // What falls is what was sent before the last decision, and goes by. What has just been doubled does not.
+        let is_growing = is_late && before_ms >= LATE_MS && late_ms >= before_ms;
+        if is_late && self.is_starting || is_growing && now >= self.settled {
+            let present = self
+                .rate
+                .map_or(sent_per_s, |rate| rate.min(sent_per_s.max(LEAST)));
+            self.rate = Some((present / 2).max(LEAST));
+            if !std::mem::replace(&mut self.is_slowed, true) {
+                // At the first rate the link has not shown yet what it carries.
+                self.limit = Some(present).filter(|rate| *rate > FIRST);
+            }
+            self.is_starting = false;
+            self.settled = now + 2 * PERIOD;
+            self.free = 0;
+        } else if late_ms < PROMPT_MS {
+            self.free = if was_held { 0 } else { self.free + 1 };
+            let free_after = match self.is_starting {
+                true => FREE_AT_FIRST,
+                false => FREE_AFTER,
+            };
+            let is_free = self.free >= free_after;
+            self.rate = self.rate.filter(|_| !is_free).map(|rate| self.faster(rate));
+            self.is_starting &= self.rate.is_some();
+        }
+        self.is_slowed &= is_late;
+    }
+
+    /// More than this rate, as exchanges are prompt.
+    fn faster(&mut self, rate: u64) -> u64 {
+        // Beyond the limit the link has become better.
+        self.limit = self.limit.filter(|limit| rate <= limit + limit / 8);
+        match self.limit {
+            _ if self.is_starting => 2 * rate,
+            Some(limit) if rate + rate / 8 > limit - limit / 8 => rate + rate / 32,
+            _ => rate + rate / 8,
+        }
+    }
+
+    /// Whether a sample may go out now.
+    pub fn is_open(&self, now: MonotonicNs) -> bool {
+        now >= self.opens()
+    }
+
+    /// A sample is held back, since the pace is not open.
+    pub fn hold(&mut self) {
+        self.was_held = true;
+    }
+
+    /// When a sample that is held back may go out.
+    pub fn opens(&self) -> MonotonicNs {
+        match self.rate {
+            Some(_) => {
+                let room = MonotonicNs(self.paid.0.saturating_sub(CREDIT.as_nanos() as u64));
+                room.min(self.alone)
+            }
+            None => MonotonicNs(0),
+        }
+    }
+
+    /// A sample of so many bytes goes out.
+    pub fn spend(&mut self, bytes: usize, now: MonotonicNs) {
+        let bytes = bytes as u64 + OVERHEAD;
+        self.sent += bytes;
+        if let Some(rate) = self.rate(now) {
+            let cost = Duration::from_nanos(bytes.saturating_mul(1_000_000_000) / rate);
+            self.paid = (self.paid.max(now) + cost).min(now + LONGEST_DEBT);
+        }
+    }
+
+    /// Bytes a second that go out at most; `None` if all do.
+    pub fn rate(&self, now: MonotonicNs) -> Option<u64> {
+        let is_draining = self.late_ms >= VERY_LATE_MS;
+        let rate = self.rate.filter(|_| now < self.alone);
+        rate.map(|rate| if is_draining { LEAST } else { rate })
+    }
+
+    /// The same as it is published: 0 if all do.
+    pub fn shown(&self, now: MonotonicNs) -> u32 {
+        let rate = self.rate(now).unwrap_or_default();
+        u32::try_from(rate).unwrap_or(u32::MAX)
+    }
+}
+
+#[cfg(test)]
+mod tests;
