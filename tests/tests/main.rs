@@ -7,6 +7,7 @@
 mod bytes;
 mod consumers;
 mod dialogues;
+mod fleet;
 mod hostile_values;
 mod hot_path;
 mod imports;

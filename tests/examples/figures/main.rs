@@ -6,6 +6,7 @@
 //! cargo run --release -p ril-tests --example figures -- delivery [--seeds 0..14000]
 //! cargo run --release -p ril-tests --example figures -- bytes [--bytes 1e9] [--seed 1]
 //! cargo run --release -p ril-tests --example figures -- replay [--seconds 600]
+//! cargo run --release -p ril-tests --example figures -- fleet [--robots 100] [--hours 24]
 //! cargo run --release -p ril-tests --example figures -- undetected [--frames 1e8] [--seed 1] [--profile extended]
 //! ```
 //!
@@ -19,6 +20,8 @@ mod bytes;
 mod frames;
 mod replays;
 
+#[path = "../../tests/fleet.rs"]
+mod fleet;
 #[path = "../../tests/missions/mod.rs"]
 mod missions;
 #[path = "../../tests/plausible.rs"]
@@ -29,7 +32,7 @@ use std::panic::catch_unwind;
 use std::process::ExitCode;
 use std::str::FromStr;
 use std::thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use bytes::heap::Counting;
 use bytes::measure::{self, Tally};
@@ -73,6 +76,15 @@ enum Measure {
         #[arg(long, value_parser = number, default_value = "600")]
         seconds: u64,
     },
+    /// Many robots that one operator flies over and over
+    Fleet {
+        /// How many
+        #[arg(long, default_value_t = 100)]
+        robots: u32,
+        /// For how long
+        #[arg(long, default_value_t = 24)]
+        hours: u64,
+    },
     /// Damaged frames that a receiver takes for good ones
     Undetected {
         /// Damaged frames for each profile, spread over all kinds of damage
@@ -107,6 +119,7 @@ fn main() -> ExitCode {
         Measure::Delivery { seeds } => deliveries(seeds),
         Measure::Bytes { bytes, seed } => random_bytes(bytes, seed),
         Measure::Replay { seconds } => replays::measure(seconds),
+        Measure::Fleet { robots, hours } => fly_fleet(robots, hours),
         Measure::Undetected {
             frames,
             seed,
@@ -209,6 +222,22 @@ fn deliveries(seeds: Range<u64>) -> bool {
     let figures = seeds::fly_range(seeds, delivery::fly);
     println!("{figures}");
     true
+}
+
+/// Flies a fleet; false when its memory has grown. What else fails panics.
+fn fly_fleet(robots: u32, hours: u64) -> bool {
+    let figures = fleet::fly(robots, Duration::from_secs(3600 * hours));
+    println!("| robots | hours | missions | requests, all done | samples | growth in bytes |");
+    println!("|---:|---:|---:|---:|---:|---:|");
+    let fleet::Figures {
+        robots,
+        missions,
+        requests,
+        samples,
+        growth_bytes,
+    } = figures;
+    println!("| {robots} | {hours} | {missions} | {requests} | {samples} | {growth_bytes} |");
+    growth_bytes == 0
 }
 
 /// Feeds decoders and core; false when one of them has grown.

@@ -77,7 +77,15 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let termination = Termination::install().map_err(Failure::internal)?;
     let folder = folder(args)?;
     let result = match args.robots {
-        Some(robots) => fleet::demonstrate(args, robots, &folder, &termination),
+        Some(robots) => {
+            let options = fleet::Options {
+                robots,
+                speed: args.speed,
+                json: args.json,
+                is_folder_kept: args.folder.is_some(),
+            };
+            fleet::demonstrate(options, &folder, &termination)
+        }
         None => demonstrate(args, &folder, &termination),
     };
     match result {

@@ -19,6 +19,14 @@ use super::super::flight::{
 use super::super::seen::{LossCounts, Seen};
 use runtime::finding::Finding;
 
+/// The name of the station.
+pub const STATION: &str = "demo";
+
+/// Of both sides of the relays: a machine that stalls for seconds is no outage, and the outcome of an order is not waited for very long
+/// when its robot is dead.
+pub const RELAY_CONFIG: &str =
+    "[network]\nsilent_after_ms = 6000\n[commands]\nunknown_after_s = 15\n";
+
 /// The processes of a robot, in the order in which they are started: each before the one that it would miss something of.
 pub const KINDS: [&str; 5] = ["sim", "status", "record", "bridge", "relay"];
 
@@ -135,8 +143,8 @@ impl Craft {
             }
             "bridge" => spawner.start("bridge", &["--port", &port]),
             "relay" => {
-                write("relay", super::RELAY_CONFIG)?;
-                let args = ["--listen", &self.endpoint, "--may-command", super::STATION];
+                write("relay", RELAY_CONFIG)?;
+                let args = ["--listen", &self.endpoint, "--may-command", STATION];
                 spawner.start_relay("robot", &args)
             }
             _ => {

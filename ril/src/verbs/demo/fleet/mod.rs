@@ -26,21 +26,13 @@ use runtime::finding::Finding;
 use runtime::signal::Termination;
 use rustix::process::Signal;
 
-use super::DemoArgs;
 use super::checks::check;
 use super::children::{ChildProcess, Readiness, Spawner};
 use super::flight::{SCRIPT, begun};
 use super::screen::Screen;
 use cost::Usage;
-use craft::{Craft, ENDS, KINDS, View};
+use craft::{Craft, ENDS, KINDS, RELAY_CONFIG, STATION, View};
 use result::{Fate, FleetResult, RobotResult};
-
-/// The name of the station.
-const STATION: &str = "demo";
-
-/// Of both sides of the relays: a machine that stalls for seconds is no outage, and the outcome of an order is not waited for very long
-/// when its robot is dead.
-const RELAY_CONFIG: &str = "[network]\nsilent_after_ms = 6000\n[commands]\nunknown_after_s = 15\n";
 
 /// The commands of the script during which the air falls silent, by their places. Robots die in the second.
 const SILENCES: [usize; 2] = [2, 3];
@@ -58,23 +50,35 @@ const LIMIT: Duration = Duration::from_secs(300);
 /// For each robot: twenty of them share two processors on small machines.
 const LIMIT_PER_ROBOT: Duration = Duration::from_secs(30);
 
+/// What the operator chose.
+#[derive(Clone, Copy)]
+pub(super) struct Options {
+    /// How many robots, 3 at least.
+    pub robots: u32,
+    /// How many times faster the simulators' clocks run.
+    pub speed: f64,
+    /// Whether the result is one JSON object.
+    pub json: bool,
+    /// Whether the folder stays.
+    pub is_folder_kept: bool,
+}
+
 /// Flies the fleet, judges and prints, with everything but the folder cleaned up in any case.
 ///
 /// # Errors
-/// As [`run`](super::run).
+/// Exit code 1 when a check failed or a process ended by itself, 4 when time ran out; a signal ends it by itself.
 pub(super) fn demonstrate(
-    args: &DemoArgs,
-    robots: u32,
+    options: Options,
     folder: &Path,
     termination: &Termination,
 ) -> Result<(), Failure> {
     allow_many_files();
     let readiness = Readiness::new().or_fail(ExitCode::Internal)?;
-    let mut screen = Screen::new(args.json);
+    let mut screen = Screen::new(options.json);
     let station = Domain::isolated();
     let mut fleet = Fleet {
-        robots,
-        speed: args.speed,
+        robots: options.robots,
+        speed: options.speed,
         folder,
         termination,
         readiness: &readiness,
@@ -85,7 +89,7 @@ pub(super) fn demonstrate(
         views: Vec::new(),
         relay: None,
         station: &station,
-        deadline: Instant::now() + LIMIT + LIMIT_PER_ROBOT * robots,
+        deadline: Instant::now() + LIMIT + LIMIT_PER_ROBOT * options.robots,
     };
     let flown = fleet.fly(&mut screen);
     // After an error too: what orders ends before what it orders.
@@ -100,8 +104,8 @@ pub(super) fn demonstrate(
         residue == 0,
         format!("{residue} files and segments left"),
     ));
-    let kept = args.folder.is_some().then_some(folder);
-    result.print(kept, args.json)?;
+    let kept = options.is_folder_kept.then_some(folder);
+    result.print(kept, options.json)?;
     match result.failed() {
         0 => Ok(()),
         failed => Err(Failure::internal(format!("{failed} checks failed"))),
