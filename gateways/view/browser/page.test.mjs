@@ -189,7 +189,7 @@ scenario("hold is in reach while a dialog is open, and in a field", { needs: "st
   assert.equal(orders(server, "hold").length, 2);
 });
 
-scenario("land: a dialog names robot and effect; mouse, keyboard, touch; a double click sends one", { needs: "stand-in" }, async ({ page, server, open, shot }) => {
+scenario("land: a dialog names robot and effect; mouse, keyboard, touch; a double click sends one", { needs: "stand-in", ci: true }, async ({ page, server, open, shot }) => {
   await live(page);
   const button = await page.locator("#order-land").boundingBox();
   await page.click("#order-land");
@@ -453,6 +453,18 @@ scenario("a page that stood still, as when the machine slept, is covered until i
   assert.ok(!(await page.evaluate(() => window.covers)).includes("hidden"), "no old picture was shown as live");
   server.thaw();
   await live(page);
+});
+
+scenario("tiles lie under the grid, and one that is missing is asked for again", { needs: "stand-in", server: { tiles: { min_zoom: 15, max_zoom: 19 }, missing: true }, context: WIDE }, async ({ page, server, shot }) => {
+  await live(page);
+  const loaded = () => page.waitForFunction(() => [...document.querySelectorAll("#map img.leaflet-tile-loaded")].some((tile) => tile.naturalWidth > 0), null, { timeout: 4 * WAIT_MS });
+  await loaded();
+  await shot("tiles");
+  const asked = server.requests.filter((url) => url.startsWith("/tiles/"));
+  assert.ok(asked.every((url) => /^\/tiles\/\d+\/\d+\/\d+(\?\d+)?$/.test(url)), asked.join(" "));
+  assert.ok(asked.every((url) => Number(url.split("/")[2]) <= 19), "no zoom that the server has not");
+  // The grid is above, and the panels are opaque.
+  assert.ok(await page.evaluate(() => Number(getComputedStyle(document.querySelector(".sheet-of-map")).zIndex) > Number(getComputedStyle(document.querySelector(".leaflet-pane")).zIndex)));
 });
 
 for (const [name, context] of [["forced colours", { forcedColors: "active" }], ["reduced motion", { reducedMotion: "reduce" }]]) {

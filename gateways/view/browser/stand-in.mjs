@@ -114,6 +114,7 @@ export class StandIn {
   serve(request, response) {
     this.requests.push(request.url);
     const path = new URL(request.url, "http://x").pathname;
+    if (path.startsWith("/tiles/")) return this.tile(request, response);
     const file = normalize(path === "/" ? "/index.html" : path);
     const type = TYPES[extname(file)];
     try {
@@ -128,6 +129,14 @@ export class StandIn {
     } catch {
       response.writeHead(404, { "content-type": "text/plain" }).end("not found\n");
     }
+  }
+
+  /** A tile of one colour; the first request for each is answered as missing where the test wants that. */
+  tile(request, response) {
+    const again = request.url.includes("?");
+    if (this.how.missing && !again) return response.writeHead(404, { "content-length": 0 }).end();
+    response.writeHead(200, { "content-type": "image/png" });
+    response.end(Buffer.from("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGNgaGAAAAEEAIEW1rjTAAAAAElFTkSuQmCC", "base64"));
   }
 
   send(page, message) {
@@ -168,7 +177,7 @@ export class StandIn {
         page.robot = this.how.robots.includes(message.robot) ? message.robot : this.how.robots[0];
         if (!this.pages.has(page)) {
           this.pages.add(page);
-          this.send(page, { type: "hello", protocol: "hero.view.v1", build: this.build, instance: this.instance, role: this.how.role, robots: this.how.robots, replay: replay ? this.info() : null, stale_after_ms: 1500 });
+          this.send(page, { type: "hello", protocol: "hero.view.v1", build: this.build, instance: this.instance, role: this.how.role, robots: this.how.robots, replay: replay ? this.info() : null, tiles: this.how.tiles ?? null, stale_after_ms: 1500 });
         }
         return this.welcome(page);
       case "ping":

@@ -134,6 +134,7 @@ function hello(message) {
   link.settled();
   contact.staleAfterMs = message.stale_after_ms;
   picture.after(message.stale_after_ms);
+  map.setTiles(message.tiles);
   if (model.hello?.instance === message.instance) return;
   seen = null;
   isReset = true;

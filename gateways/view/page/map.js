@@ -1,5 +1,5 @@
 // The map. Leaflet moves and zooms; what is seen is drawn here, on two canvases: what seldom changes, and the robot above it.
-// The grid of metres needs no tiles, so there is a map without a network.
+// The grid of metres needs no tiles, so there is a map without a network. Where the server has tiles, they lie below.
 
 import { byId, make, setAttribute, setHidden, setText, themed } from "./dom.js";
 import { bearing, distance, gridStep, metres, place, point } from "./geo.js";
@@ -14,6 +14,11 @@ const L = /** @type {any} */ (globalThis).L;
 /** Least pixels between two lines of the grid. */
 const GRID_PIXELS = 56;
 const LEAST_ZOOM = 17;
+/** A tile that is missing, or was too much for the server, is asked for again: after 5 s, then after twice as long each time, up to 5 min. */
+const RETRY_MS = 5000;
+const MOST_RETRY_MS = 300000;
+/** How much wider the rim of a line is than the line, pixels: over imagery no colour alone can be seen everywhere. */
+const RIM = 3;
 /** The vector of speed shows where the robot is in so many seconds. */
 const AHEAD_S = 5;
 
@@ -28,6 +33,7 @@ let isPlaced = false;
 let ourMove = false;
 let drawnTrack = 0;
 let freshness = "never";
+/** The layer of tiles; null without any. @type {any} */ let imagery = null;
 /** @type {Record<string, string>} */ let ink = {};
 let wide = 1;
 
@@ -60,6 +66,31 @@ export function resized() {
   quietly(() => map.invalidateSize({ pan: false, animate: false }));
   keepInView();
   redraw();
+}
+
+/** Draws tiles under the grid. @param {import("./protocol.d.ts").Hello["tiles"]} range */
+export function setTiles(range) {
+  const zooms = range ? `${range.min_zoom} ${range.max_zoom}` : "";
+  if (zooms === (imagery?.zooms ?? "")) return;
+  imagery?.remove();
+  imagery = null;
+  if (range) {
+    // One zoom further out is drawn by four tiles for one; further out there would be too many.
+    imagery = L.tileLayer("/tiles/{z}/{x}/{y}", { minZoom: range.min_zoom - 1, minNativeZoom: range.min_zoom, maxNativeZoom: range.max_zoom, maxZoom: 23 });
+    imagery.zooms = zooms;
+    imagery.on("tileerror", ({ tile }) => again(tile));
+    imagery.addTo(map);
+  }
+  redraw();
+}
+
+/** @param {HTMLImageElement} tile */
+function again(tile) {
+  const tries = Number(tile.dataset.tries ?? 0) + 1;
+  tile.dataset.tries = String(tries);
+  setTimeout(() => {
+    if (tile.isConnected) tile.src = `${tile.src.split("?")[0]}?${tries}`;
+  }, Math.min(RETRY_MS * 2 ** (tries - 1), MOST_RETRY_MS));
 }
 
 /** @param {number} lon */
@@ -226,6 +257,11 @@ function traceSeen(pen, places, closed) {
 
 /** @param {CanvasRenderingContext2D} pen @param {string} colour @param {number} width @param {number[]} dashes */
 function stroke(pen, colour, width, dashes = []) {
+  // A line in the colour of the rim lies within another one.
+  if (imagery && width > 1 && colour !== ink.map) {
+    [pen.strokeStyle, pen.lineWidth] = [ink.map, width * wide + RIM];
+    pen.stroke();
+  }
   pen.setLineDash(dashes);
   [pen.strokeStyle, pen.lineWidth] = [colour, width * wide];
   pen.stroke();

@@ -78,13 +78,13 @@ pub(crate) struct Connection {
     /// Bytes to write, of which the first `written` are gone.
     output: Vec<u8>,
     written: usize,
-    /// What follows `output`: a file of the page, or a fixed answer.
-    body: &'static [u8],
+    /// What follows `output`: a file of the page, a tile, or a fixed answer.
+    body: Bytes,
     /// When something came last, or an answer was gone.
     heard_at: MonotonicNs,
     /// When the head began that has not ended yet.
     head_began: Option<MonotonicNs>,
-    /// When the answer began that is not gone yet.
+    /// When the answer began that is not gone yet, or was asked for elsewhere.
     answer_began: Option<MonotonicNs>,
 }
 
@@ -95,7 +95,7 @@ impl Connection {
             stage: Stage::Http(RequestReader::default()),
             output: Vec::new(),
             written: 0,
-            body: &[],
+            body: Bytes::new(),
             heard_at: now,
             head_began: None,
             answer_began: None,
@@ -128,7 +128,7 @@ impl Connection {
     /// Since when it has been waiting for a request, or for its last bytes to be read; `None` if it is neither.
     pub fn idle_since(&self) -> Option<MonotonicNs> {
         let is_idle = match &self.stage {
-            Stage::Http(reader) => !reader.has_begun() && !self.has_output(),
+            Stage::Http(reader) => !reader.has_begun() && self.answer_began.is_none(),
             Stage::Socket { .. } => false,
             Stage::Ended => self.has_output(),
         };
@@ -190,6 +190,16 @@ impl Connection {
         Ok(None)
     }
 
+    /// The answer to a request comes later; until then no further one is read.
+    pub fn waits(&mut self, now: MonotonicNs) {
+        self.answer_began = Some(now);
+    }
+
+    /// Whether a request is to be answered that was read before.
+    pub fn is_waiting(&self) -> bool {
+        matches!(self.stage, Stage::Http(_)) && self.answer_began.is_some() && !self.has_output()
+    }
+
     /// Answers a request.
     pub fn answer(&mut self, answer: Answer, now: MonotonicNs) {
         self.output.extend_from_slice(answer.head.as_bytes());
@@ -202,7 +212,7 @@ impl Connection {
 
     /// Answers with a refusal, which is the end.
     pub fn refuse(&mut self, refusal: Refusal, now: MonotonicNs) -> Ending {
-        self.body = refusal.bytes();
+        self.body = Bytes::from_static(refusal.bytes());
         self.ends(now);
         Ending::Refused(refusal)
     }
@@ -267,7 +277,7 @@ impl Connection {
     pub fn end(&mut self) {
         self.output.clear();
         self.written = 0;
-        self.body = &[];
+        self.body = Bytes::new();
         self.answer_began = None;
         self.stage = Stage::Ended;
     }
@@ -275,7 +285,7 @@ impl Connection {
     /// The bytes to write next.
     pub fn output(&self) -> &[u8] {
         match &self.output[self.written..] {
-            [] => self.body,
+            [] => &self.body,
             head => head,
         }
     }
@@ -284,7 +294,8 @@ impl Connection {
     pub fn sent(&mut self, count: usize, now: MonotonicNs) -> bool {
         let of_output = count.min(self.output.len() - self.written);
         self.written += of_output;
-        self.body = &self.body[(count - of_output).min(self.body.len())..];
+        let of_body = (count - of_output).min(self.body.len());
+        self.body = self.body.slice(of_body..);
         if self.written == self.output.len() {
             self.output.clear();
             self.written = 0;

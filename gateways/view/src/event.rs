@@ -2,7 +2,8 @@
 
 use std::collections::VecDeque;
 
-use crate::id::{Call, ChannelId, ViewerId};
+use crate::http::tile::TileRequest;
+use crate::id::{Call, ChannelId, ConnectionId, ViewerId};
 use crate::page::{CheckRequest, OrderRequest, ReplayRequest};
 
 /// What the program around the server is to do, or may want to log.
@@ -64,6 +65,13 @@ pub enum Event {
         viewer: ViewerId,
         /// What it wants.
         request: ReplayRequest,
+    },
+    /// A browser asks for a tile. It is to be answered with [`Server::tile`](crate::Server::tile).
+    Tile {
+        /// What the answer is for.
+        connection: ConnectionId,
+        /// The tile.
+        request: TileRequest,
     },
     /// A channel has its first subscriber.
     Subscribed(ChannelId),

@@ -16,7 +16,8 @@ use crate::foxglove::hub::Hub;
 use crate::foxglove::services::Service;
 use crate::http::answer::Answer;
 use crate::http::refusal::Refusal;
-use crate::http::request::Request;
+use crate::http::request::{Method, Request};
+use crate::http::tile::{Tile, TileRequest};
 use crate::id::{Call, ChannelId, ConnectionId, ViewerId};
 use crate::page::{self, Outgoing};
 use crate::pages::Pages;
@@ -49,6 +50,7 @@ struct Entry {
 pub struct Server {
     access: Access,
     assets: Assets,
+    has_tiles: bool,
     connections: BTreeMap<ConnectionId, Entry>,
     next_id: u64,
     pages: Pages,
@@ -76,9 +78,11 @@ impl Server {
             build: assets.build().to_owned(),
             instance: instance.0,
             replay: settings.replay,
+            tiles: settings.tiles,
         };
         Server {
             access,
+            has_tiles: settings.tiles.is_some(),
             assets,
             connections: BTreeMap::new(),
             next_id: 1,
@@ -183,6 +187,23 @@ impl Server {
         let peer = connection.peer.clone();
         self.access.enter(request, &peer)?;
         let Some(upgrade) = &request.upgrade else {
+            if let Some(tile) = Tile::of_path(&request.path).filter(|_| self.has_tiles) {
+                if request.method == Method::Other {
+                    return Err(Refusal::OtherMethod);
+                }
+                connection.waits(now);
+                let request = TileRequest {
+                    tile,
+                    stays: request.stays,
+                    has_body: request.method == Method::Get,
+                };
+                let event = Event::Tile {
+                    connection: id,
+                    request,
+                };
+                self.events.push_back(event);
+                return Ok(());
+            }
             let answer = Answer::file(request, &self.assets, peer.is_encrypted)?;
             connection.answer(answer, now);
             return Ok(());
@@ -414,6 +435,22 @@ impl Server {
     /// The robots that pages look at.
     pub fn watched(&self) -> impl Iterator<Item = u32> + use<> {
         self.pages.watched().into_iter()
+    }
+
+    /// Answers a request for a tile with the bytes of its image; `None` if it is missing.
+    pub fn tile(
+        &mut self,
+        id: ConnectionId,
+        request: TileRequest,
+        image: Option<Vec<u8>>,
+        now: MonotonicNs,
+    ) {
+        self.clock = now;
+        if let Some(entry) = self.connections.get_mut(&id)
+            && entry.connection.is_waiting()
+        {
+            entry.connection.answer(Answer::tile(request, image), now);
+        }
     }
 
     /// The robots that are shown from now on.

@@ -2,7 +2,7 @@
 
 use std::net::{IpAddr, SocketAddr};
 
-use crate::page::{ReplayInfo, Role};
+use crate::page::{ReplayInfo, Role, TileRange};
 
 /// What distinguishes this start of the server from all others: a text without meaning.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -34,6 +34,8 @@ pub struct Settings {
     pub foxglove_parameters: bool,
     /// The recording that is played; `None` if robots are shown live. In a replay all orders are refused.
     pub replay: Option<ReplayInfo>,
+    /// The zooms of which there are tiles; `None` without any.
+    pub tiles: Option<TileRange>,
 }
 
 /// The other end of a connection, as the operating system knows it.

@@ -18,6 +18,7 @@ pub(crate) struct Greeting {
     pub build: String,
     pub instance: String,
     pub replay: Option<page::ReplayInfo>,
+    pub tiles: Option<page::TileRange>,
 }
 
 impl Greeting {
@@ -30,6 +31,7 @@ impl Greeting {
             role,
             robots: robots.to_vec(),
             replay: self.replay.clone(),
+            tiles: self.tiles,
             stale_after_ms: page::STALE_AFTER_MS,
         }
     }

@@ -4,7 +4,8 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use view::{ANSWER_TIME, Event, HEAD_TIME, IDLE_TIME, MAX_HTTP, MAX_VIEWERS, Settings};
+use view::page::TileRange;
+use view::{ANSWER_TIME, Event, HEAD_TIME, IDLE_TIME, MAX_HTTP, MAX_VIEWERS, Settings, Tile};
 
 use crate::common::{World, own, peer, settings, upgrade};
 
@@ -47,6 +48,75 @@ fn the_page_comes_again_and_again_on_one_connection() {
         "{head}"
     );
     assert!(!world.server.has_viewers());
+}
+
+#[test]
+fn a_tile_is_answered_when_it_was_read_and_the_connection_goes_on() {
+    let tiles = TileRange {
+        min_zoom: 15,
+        max_zoom: 19,
+    };
+    let mut world = World::new(Settings {
+        tiles: Some(tiles),
+        ..settings()
+    });
+    let mut client = world.connect(own());
+    let ask = "GET /tiles/18/126690/101200?3 HTTP/1.1\r\nHost: localhost:8765\r\n\r\n";
+    let asked = |world: &mut World| match world.server.poll_event() {
+        Some(Event::Tile {
+            connection,
+            request,
+        }) => Some((connection, request)),
+        _ => None,
+    };
+    let png = b"\x89PNG\r\n\x1a\n...".to_vec();
+    for (image, status, kind) in [
+        (Some(png.clone()), "200 OK", "image/png"),
+        (None, "404 Not Found", ""),
+        (Some(b"<svg>".to_vec()), "404 Not Found", ""),
+    ] {
+        // A second request waits for the answer to the first.
+        world.send(&client, format!("{ask}{GET}").as_bytes());
+        let (connection, request) = asked(&mut world).expect("a tile");
+        let tile = Tile {
+            zoom: 18,
+            x: 126_690,
+            y: 101_200,
+        };
+        assert_eq!((connection, request.tile), (client.id, tile));
+        assert_eq!(world.answer(&mut client), "");
+        assert!(asked(&mut world).is_none());
+        // It does not count as idle meanwhile.
+        world.pass(IDLE_TIME * 2);
+        assert!(!world.server.is_ended(client.id));
+        let now = world.now;
+        world.server.tile(connection, request, image, now);
+        let answer = world.answer(&mut client);
+        assert!(answer.starts_with(&format!("HTTP/1.1 {status}\r\n")), "{answer}");
+        assert!(answer.contains(kind), "{answer}");
+        assert!(answer.ends_with("</html>\n"), "the page follows: {answer}");
+        // An answer that comes twice, or too late, goes nowhere.
+        world.server.tile(connection, request, Some(png.clone()), now);
+        assert_eq!(world.answer(&mut client), "");
+    }
+    let head = ask.replace("GET ", "HEAD ");
+    world.send(&client, head.as_bytes());
+    let (connection, request) = asked(&mut world).expect("a tile");
+    let now = world.now;
+    world.server.tile(connection, request, Some(png.clone()), now);
+    let answer = world.answer(&mut client);
+    assert!(answer.contains("Content-Length: 11\r\n") && answer.ends_with("\r\n\r\n"), "{answer}");
+    // What is no tile, and a server without any.
+    for (path, has_tiles) in [("/tiles/18/1/x", true), ("/tiles/24/1/1", true), ("/tiles/18/1/1", false)] {
+        let mut world = World::new(Settings {
+            tiles: has_tiles.then_some(tiles),
+            ..settings()
+        });
+        let mut client = world.connect(own());
+        world.send(&client, format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes());
+        assert!(world.answer(&mut client).starts_with("HTTP/1.1 404 "), "{path}");
+        assert!(asked(&mut world).is_none(), "{path}");
+    }
 }
 
 /// What lies beside the files that are served: for tests, for those who read, and for the report, which is one file.

@@ -49,6 +49,8 @@ pub(crate) struct ViewConfig {
     /// After how long, s.
     #[serde(deserialize_with = "lost_s")]
     pub page_lost_s: f64,
+    /// Folder of imagery under the map; `None` for the grid alone.
+    pub tiles: Option<PathBuf>,
     /// File of the secret from which the tokens are made; `None` for that of the user's state folder.
     pub token_key: Option<PathBuf>,
     /// TLS.
@@ -104,6 +106,7 @@ impl Default for ViewConfig {
             origins: Vec::new(),
             page_lost: PageLost::Continue,
             page_lost_s: 5.0,
+            tiles: None,
             token_key: None,
             tls: None,
             tokens: BTreeMap::new(),

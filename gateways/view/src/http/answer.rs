@@ -1,16 +1,18 @@
-//! [`Answer`]: what a request gets. All texts are fixed, but for the page's files and the name by which the server was called.
+//! [`Answer`]: what a request gets. All texts are fixed, but for the page's files, tiles, and the name by which the server was called.
 
+use tungstenite::Bytes;
 use tungstenite::handshake::derive_accept_key;
 
 use super::refusal::{GUARDS, Refusal};
 use super::request::{Method, Request, Upgrade};
+use super::tile::{TileRequest, content_type};
 use crate::assets::Assets;
 
 /// What is written.
 #[derive(Debug)]
 pub struct Answer {
     pub head: String,
-    pub body: &'static [u8],
+    pub body: Bytes,
     /// Whether the connection stays.
     pub stays: bool,
 }
@@ -46,9 +48,30 @@ impl Answer {
         let has_body = !has_it && request.method == Method::Get;
         Ok(Answer {
             head,
-            body: if has_body { asset.bytes } else { &[] },
+            body: Bytes::from_static(if has_body { asset.bytes } else { &[] }),
             stays: request.stays,
         })
+    }
+
+    /// A tile, or that it is missing. A browser keeps a tile for an hour, and asks again for one that is missing.
+    pub fn tile(request: TileRequest, image: Option<Vec<u8>>) -> Answer {
+        let kind = image.as_deref().and_then(content_type);
+        let connection = if request.stays { "keep-alive" } else { "close" };
+        let image = image.filter(|_| kind.is_some()).unwrap_or_default();
+        let length = image.len();
+        let head = match kind {
+            Some(kind) => format!(
+                "HTTP/1.1 200 OK\r\nConnection: {connection}\r\nCache-Control: max-age=3600\r\nContent-Type: {kind}\r\n"
+            ),
+            None => format!(
+                "HTTP/1.1 404 Not Found\r\nConnection: {connection}\r\nCache-Control: no-store\r\n"
+            ),
+        };
+        Answer {
+            head: format!("{head}{GUARDS}Content-Length: {length}\r\n\r\n"),
+            body: if request.has_body { image.into() } else { Bytes::new() },
+            stays: request.stays,
+        }
     }
 
     /// From here on it is a WebSocket.
@@ -60,7 +83,7 @@ impl Answer {
         );
         Answer {
             head,
-            body: &[],
+            body: Bytes::new(),
             stays: true,
         }
     }

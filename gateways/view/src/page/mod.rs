@@ -13,7 +13,7 @@ pub(crate) use to_page::Outgoing;
 pub use to_page::{
     Age, Alarm, Area, Attitude, Chart, Check, Commander, Control, Event, Finding, Hello, Lease,
     Link, Movement, Now, OrderReport, Past, PastEvent, Phase, Replay, ReplayEvent, ReplayInfo,
-    Robot, RobotSummary, Robots,
+    Robot, RobotSummary, Robots, TileRange,
 };
 pub use words::{
     CheckKind, EventSeverity, Freshness, Holder, LeaseAction, OrderKind, OrderStage, PROTOCOL,

@@ -21,8 +21,19 @@ pub struct Hello {
     pub robots: Vec<u32>,
     /// `None` if robots are shown live.
     pub replay: Option<ReplayInfo>,
+    /// The zooms of which there are tiles under the map; `None` without any.
+    pub tiles: Option<TileRange>,
     /// [`STALE_AFTER_MS`](super::STALE_AFTER_MS).
     pub stale_after_ms: u64,
+}
+
+/// The zooms of which there are tiles, from 0 to 23; between them a zoom may be missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TileRange {
+    /// The least one.
+    pub min_zoom: u8,
+    /// The deepest one. Deeper ones are drawn by enlarging it.
+    pub max_zoom: u8,
 }
 
 /// The recording that is played.

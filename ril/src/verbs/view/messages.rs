@@ -14,7 +14,7 @@ use crate::robot::alarms::Alarm;
 use crate::robot::changes::Weight;
 use crate::robot::clock::Clocks;
 use crate::robot::freshness::Freshness;
-use crate::robot::geo::Place;
+use crate::robot::geo::{Place, distance_m};
 use crate::robot::history::EventLine;
 use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::past::Past;
@@ -60,6 +60,9 @@ fn known(value: Option<f64>, decimals: i32) -> Option<f64> {
 fn rounded_place(place: Place) -> [f64; 2] {
     place.degrees().map(|degrees| rounded(degrees, decimals::PLACE))
 }
+
+/// Home is drawn anew when it has moved by so much, m: no less than what a map shows.
+const HOME_MOVED_M: f64 = 0.5;
 
 /// Slower than this, the time that is left of a path says nothing, m/s.
 const LEAST_SPEED_MPS: f64 = 0.5;
@@ -313,6 +316,26 @@ pub(super) fn chart(robot: &WatchedRobot, held: Option<&Outline>) -> page::Chart
     }
 }
 
+/// Whether `chart` is to be sent after `before`. On the ground, home follows each sample of telemetry with its noise, and a chart may be
+/// long: home is sent again when it has moved by [`HOME_MOVED_M`], and exactly at the take-off.
+pub(super) fn is_another_chart(before: &page::Chart, chart: &page::Chart, is_flying: bool) -> bool {
+    let apart_m = match (before.home, chart.home) {
+        (Some(before), Some(now)) => {
+            let places = Place::new(before[0], before[1]).zip(Place::new(now[0], now[1]));
+            let level_m = places.map_or(f64::INFINITY, |(from, to)| distance_m(from, to));
+            level_m.hypot(now[2] - before[2])
+        }
+        (None, None) => 0.0,
+        _ => return true,
+    };
+    let without_home = |chart: &page::Chart| page::Chart {
+        home: None,
+        ..chart.clone()
+    };
+    let has_moved = apart_m >= HOME_MOVED_M || is_flying && before.home != chart.home;
+    has_moved || without_home(before) != without_home(chart)
+}
+
 /// The last minutes, for a page that joins.
 pub(super) fn past(robot: &WatchedRobot, past: &Past, clock: Clocks) -> page::Past {
     let now = clock.now;
@@ -504,6 +527,36 @@ mod tests {
             .map(digits)
             .max();
         assert_eq!(most, Some(7), "{text}");
+    }
+
+    #[test]
+    fn a_chart_is_sent_again_when_it_is_another_one_and_not_for_the_noise_of_home() {
+        let before = page::Chart {
+            home: Some([37.4, -6.0, 10.0]),
+            ..chart(&flown(), None)
+        };
+        let moved = |home: Option<[f64; 3]>| page::Chart {
+            home,
+            ..before.clone()
+        };
+        for (home, is_flying, expected) in [
+            (Some([37.4, -6.0, 10.0]), false, false),
+            (Some([37.4, -6.0, 10.0]), true, false),
+            (Some([37.400001, -6.000001, 10.2]), false, false),
+            (Some([37.400001, -6.000001, 10.2]), true, true),
+            (Some([37.400005, -6.0, 10.0]), false, true),
+            (Some([37.4, -6.00001, 10.0]), false, true),
+            (Some([37.4, -6.0, 10.6]), false, true),
+            (None, false, true),
+        ] {
+            let found = is_another_chart(&before, &moved(home), is_flying);
+            assert_eq!(found, expected, "{home:?}");
+        }
+        let other = page::Chart {
+            number: before.number + 1,
+            ..before.clone()
+        };
+        assert!(is_another_chart(&before, &other, false));
     }
 
     #[test]

@@ -29,6 +29,7 @@ mod show_file;
 mod sockets;
 mod speaker;
 mod start;
+mod tiles;
 mod tls;
 
 pub use start::view;

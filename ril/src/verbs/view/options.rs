@@ -69,6 +69,10 @@ pub struct ServerArgs {
     #[arg(long = "robot", value_name = "N", env = "RIL_ROBOT", value_delimiter = ',', value_parser = robot)]
     pub robots: Vec<NonZeroU32>,
 
+    /// Folder of imagery to be drawn under the map: files {zoom}/{x}/{y}.png, .jpg or .webp [default: view.toml; without any, a grid alone]
+    #[arg(long, value_name = "FOLDER")]
+    pub tiles: Option<PathBuf>,
+
     /// Configuration and log.
     #[command(flatten)]
     pub settings: SettingsArgs,

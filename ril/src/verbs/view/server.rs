@@ -18,6 +18,7 @@ use super::options::{RunViewArgs, ServerArgs};
 use super::run_file::{RunFile, Running};
 use super::shell::ViewShell;
 use super::sockets::Sockets;
+use super::tiles::Tiles;
 use super::tls::Tls;
 use crate::view_setup::config::{self, DEFAULT_FILE, EXAMPLE, ViewConfig};
 use crate::view_setup::peer::holder;
@@ -33,7 +34,8 @@ pub fn check_config(args: &ServerArgs) -> Result<Resulting, Failure> {
     let resulting = Resulting::load::<ViewConfig>(file, default, EXAMPLE)?;
     load(args)?;
     let port = given("--port", "").map(|(text, origin)| (value_of(&text), origin));
-    Ok(resulting.with("port", port))
+    let tiles = given("--tiles", "").map(|(text, origin)| (value_of(&text), origin));
+    Ok(resulting.with("port", port).with("tiles", tiles))
 }
 
 /// The configuration with what the command line says.
@@ -41,6 +43,9 @@ pub(super) fn load(args: &ServerArgs) -> Result<Loaded<ViewConfig>, Failure> {
     let mut loaded = config::load(args.settings.config.as_deref())?;
     if let Some(port) = args.port {
         loaded.value.port = port;
+    }
+    if let Some(tiles) = &args.tiles {
+        loaded.value.tiles = Some(tiles.clone());
     }
     Ok(loaded)
 }
@@ -80,9 +85,9 @@ pub fn run(args: &RunViewArgs) -> Result<(), Failure> {
         token: token.clone(),
     };
     run_file.write(&running).or_fail(ExitCode::Internal)?;
-    let mut server = server(&config, token, None)?;
+    let (mut server, tiles) = server(&config, token, None)?;
     server.set_robots(fleet.ids());
-    let mut shell = ViewShell::new(sockets, server, fleet, &config);
+    let mut shell = ViewShell::new(sockets, server, fleet, tiles, &config);
     tracing::info!(address = running.address(), "ready");
     let supervisor = Notifier::from_env();
     process::run(&mut shell, &termination, &supervisor).or_fail(ExitCode::Internal)?;
@@ -128,12 +133,14 @@ fn tokens(config: &ViewConfig, secret: String) -> Result<Vec<Token>, Failure> {
     Ok(tokens)
 }
 
-/// A server of robots that are live, or of a recording.
+/// A server of robots that are live, or of a recording, and the reader of its tiles if there are any.
 pub(super) fn server(
     config: &ViewConfig,
     secret: String,
     replay: Option<ReplayInfo>,
-) -> Result<Server, Failure> {
+) -> Result<(Server, Option<Tiles>), Failure> {
+    let tiles = config.tiles.as_deref().map(Tiles::open).transpose()?;
+    let (tiles, range) = tiles.unzip();
     let instance = Instance(random_hex().or_fail(ExitCode::Internal)?);
     let settings = Settings {
         names: config.names.clone(),
@@ -142,6 +149,7 @@ pub(super) fn server(
         foxglove_commands: config.commands.foxglove,
         foxglove_parameters: config.commands.foxglove && replay.is_none(),
         replay,
+        tiles: range,
     };
-    Ok(Server::new(settings, instance))
+    Ok((Server::new(settings, instance), tiles))
 }

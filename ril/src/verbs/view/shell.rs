@@ -20,6 +20,7 @@ use super::page_lost::PageLost;
 use super::replay::Playback;
 use super::sockets::{Arrived, Key, Sockets};
 use super::speaker::Speaker;
+use super::tiles::Tiles;
 use crate::config::RequestConfig;
 use crate::request::order::RobotOrder;
 use crate::robot::changes::Weight;
@@ -33,9 +34,9 @@ const WATCHED_PERIOD: Duration = Duration::from_millis(50);
 /// The same when none does.
 const UNWATCHED_PERIOD: Duration = Duration::from_millis(200);
 
-/// Clients of robots that may wake the process. A wait has 16 sources, of which sockets, signals and checks are three; the reports of
-/// further robots are taken at the next look.
-const MAX_CLIENTS: usize = 12;
+/// Clients of robots that may wake the process. A wait has 16 sources, of which sockets, signals, tiles and two checks are five; the reports
+/// of further robots are taken at the next look.
+const MAX_CLIENTS: usize = 11;
 
 /// How often what pages want is done at one wake before the process looks at its sources again.
 const MAX_ROUNDS: usize = 4;
@@ -58,6 +59,8 @@ pub(super) struct ViewShell {
     connections: BTreeMap<Key, ConnectionId>,
     server: Server,
     fleet: Fleet,
+    /// Reads imagery; `None` without any.
+    tiles: Option<Tiles>,
     /// The recording that is shown; `None` if robots are shown live.
     playback: Option<Playback>,
     speaker: Speaker,
@@ -73,8 +76,15 @@ pub(super) struct ViewShell {
 }
 
 impl ViewShell {
-    pub fn new(sockets: Sockets, server: Server, fleet: Fleet, config: &ViewConfig) -> ViewShell {
+    pub fn new(
+        sockets: Sockets,
+        server: Server,
+        fleet: Fleet,
+        tiles: Option<Tiles>,
+        config: &ViewConfig,
+    ) -> ViewShell {
         ViewShell {
+            tiles,
             sockets,
             connections: BTreeMap::new(),
             server,
@@ -149,6 +159,13 @@ impl ViewShell {
         self.sockets.close(key);
         if let Some(id) = self.connections.remove(&key) {
             self.server.closed(id, now);
+        }
+    }
+
+    /// Answers with the tiles that were read.
+    fn take_tiles(&mut self, now: MonotonicNs) {
+        for (connection, request, image) in self.tiles.iter_mut().flat_map(Tiles::found) {
+            self.server.tile(connection, request, image, now);
         }
     }
 
@@ -288,6 +305,15 @@ impl ViewShell {
                         self.next_look = now;
                     }
                 }
+                Event::Tile {
+                    connection,
+                    request,
+                } => {
+                    let tiles = self.tiles.as_ref();
+                    if !tiles.is_some_and(|tiles| tiles.ask(connection, request)) {
+                        self.server.tile(connection, request, None, now);
+                    }
+                }
                 Event::Subscribed(_) => {
                     if let Some(playback) = &mut self.playback {
                         playback.subscribed();
@@ -391,6 +417,9 @@ impl Process for ViewShell {
 
     fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
         sources.descriptor((), self.sockets.descriptor());
+        if let Some(tiles) = &self.tiles {
+            sources.descriptor((), tiles.descriptor());
+        }
         for descriptor in self.checks.descriptors() {
             sources.descriptor((), descriptor);
         }
@@ -402,6 +431,7 @@ impl Process for ViewShell {
     fn drain(&mut self, _wake: Wake) -> Result<(), ViewError> {
         let now = MonotonicNs::now();
         self.take_bytes(now)?;
+        self.take_tiles(now);
         self.server.advance(now);
         for _ in 0..MAX_ROUNDS {
             let wanted = self.take_events(now);

@@ -112,7 +112,9 @@ impl Said {
             (self.words, self.words_at) = (lasting, now);
         }
         let chart = messages::chart(seen.robot, seen.outline);
-        if self.chart.as_ref() != Some(&chart) {
+        let is_flying = seen.robot.pilot.flying == Some(true);
+        let before = self.chart.as_ref();
+        if before.is_none_or(|before| messages::is_another_chart(before, &chart, is_flying)) {
             server.chart(&chart);
             self.chart = Some(chart);
         }

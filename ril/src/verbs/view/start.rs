@@ -149,6 +149,11 @@ fn arguments(port: u16, args: &ServerArgs) -> Vec<OsString> {
     for robot in &args.robots {
         words.extend(["--robot".into(), robot.to_string().into()]);
     }
+    if let Some(tiles) = &args.tiles {
+        // The server is started in this folder; an absolute path says the same to readers of its command line.
+        let tiles = std::path::absolute(tiles).unwrap_or_else(|_| tiles.clone());
+        words.extend(["--tiles".into(), tiles.into()]);
+    }
     let settings = &args.settings;
     if let Some(config) = &settings.config {
         words.extend(["--config".into(), config.into()]);

@@ -352,6 +352,47 @@ fn pages_of_others_get_nothing() {
 }
 
 #[test]
+fn tiles_come_from_their_folder_and_from_nowhere_else() {
+    let rig = sandbox();
+    let bridge = StandInBridge::start(&rig.domain);
+    for (name, bytes) in [
+        ("imagery/18/5/7.png", &b"\x89PNG\r\n\x1a\nlow"[..]),
+        ("imagery/19/10/14.jpg", b"\xff\xd8\xff\xe0high"),
+        ("imagery/19/10/15.png", b"no image"),
+        ("empty/note.txt", b"no tile"),
+        ("secret.png", b"\x89PNG\r\n\x1a\nsecret"),
+    ] {
+        let path = rig.path(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    }
+    let view = View::start_with(&rig, "--tiles imagery");
+    let hello = view.page().until_type("hello");
+    assert_eq!(hello["tiles"], json!({"min_zoom": 18, "max_zoom": 19}));
+    let host = format!("127.0.0.1:{}", view.port);
+    let get = |path: &str| request(view.port, path, &[("Host", &host)]);
+    for (path, status, end) in [
+        ("/tiles/18/5/7", " 200 ", "low"),
+        ("/tiles/19/10/14?2", " 200 ", "high"),
+        ("/tiles/19/10/15", " 404 ", ""),
+        ("/tiles/19/10/16", " 404 ", ""),
+        ("/tiles/../secret", " 404 ", ""),
+        ("/tiles/18/../../secret", " 404 ", ""),
+    ] {
+        let (found, body) = get(path);
+        assert!(found.contains(status), "{path}: {found}");
+        assert!(body.ends_with(end) && !body.contains("secret"), "{path}: {body}");
+    }
+    view.end();
+    for folder in ["empty", "missing"] {
+        ril(&rig, &format!("run view --port {} --tiles {folder}", free_port()))
+            .exits(2)
+            .err_says("has no tiles");
+    }
+    drop(bridge);
+}
+
+#[test]
 fn the_command_finds_or_starts_a_view_opens_it_and_ends_it() {
     let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
