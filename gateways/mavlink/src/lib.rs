@@ -5,6 +5,7 @@
 //! see.
 //!
 //! * [`wire`]: frames and their checksums; [`message`]: the messages; `received`: what is read of one; [`number`]: the protocol's numbers;
+//! * `mission`: the mission: its items, how it comes, whether it can be flown;
 //! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`, `identity`: the same in messages;
 //! * `stations`, `streams`, `texts`: to whom what is sent, and when;
 //! * `decide`: what a command asks for; `commands`: each at most once; `verdict`: how it is answered;
@@ -17,6 +18,7 @@ mod gateway;
 mod home;
 mod identity;
 pub mod message;
+mod mission;
 mod mode;
 pub mod number;
 mod received;
@@ -30,8 +32,9 @@ mod verdict;
 pub mod wire;
 
 pub use commands::MEMORY;
-pub use event::{Datagram, Event, Order, OrderKind};
+pub use event::{Datagram, Event, Order, OrderKind, Task};
 pub use gateway::Gateway;
+pub use mission::store::{MAX_FILE_BYTES, Mission};
 pub use mode::Mode;
 pub use settings::Settings;
 pub use stations::{MAX_STATIONS, SILENCE};

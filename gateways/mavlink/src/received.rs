@@ -1,9 +1,11 @@
 //! [`Received`]: what is read of a message.
 
 use crate::message::{
-    COMMAND_INT, COMMAND_LONG, HEARTBEAT, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_REQUEST_LIST,
-    PING, SET_MODE, TIMESYNC,
+    COMMAND_INT, COMMAND_LONG, HEARTBEAT, MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT,
+    MISSION_ITEM_INT, MISSION_REQUEST, MISSION_REQUEST_INT, MISSION_REQUEST_LIST,
+    MISSION_SET_CURRENT, PING, SET_MODE, TIMESYNC,
 };
+use crate::mission::store::Item;
 use crate::number::{AUTOPILOT_INVALID, TYPE_PROGRAM, TYPE_STATION};
 use crate::wire::{Frame, Payload};
 
@@ -40,6 +42,8 @@ pub enum Received {
     Mission {
         /// For which system.
         system: u8,
+        /// For which component; 0 for all.
+        component: u8,
         /// What is asked.
         request: MissionRequest,
         /// Mission, fence or rally points; to be repeated.
@@ -47,15 +51,23 @@ pub enum Received {
     },
 }
 
-/// What is asked about missions.
+/// What is asked about missions. Items count from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MissionRequest {
     /// How many items are there?
     List,
     /// So many items will come.
-    Count,
+    Count(u16),
     /// None shall be there.
     Clear,
+    /// Which is this item?
+    Request(u16),
+    /// This is this item.
+    Item(u16, Item),
+    /// How a transfer ended: MAV_MISSION_RESULT.
+    Ack(u8),
+    /// Go on with this item.
+    SetCurrent(u16),
 }
 
 /// COMMAND_LONG or COMMAND_INT.
@@ -155,7 +167,28 @@ impl Received {
                 theirs_ns: payload.i64(8),
             },
             MISSION_REQUEST_LIST => mission(MissionRequest::List, payload, 0),
-            MISSION_COUNT => mission(MissionRequest::Count, payload, 2),
+            MISSION_COUNT => mission(MissionRequest::Count(payload.u16(0)), payload, 2),
+            MISSION_REQUEST | MISSION_REQUEST_INT => {
+                mission(MissionRequest::Request(payload.u16(0)), payload, 2)
+            }
+            MISSION_ACK => Received::Mission {
+                system: payload.u8(0),
+                component: payload.u8(1),
+                request: MissionRequest::Ack(payload.u8(2)),
+                mission_type: payload.u8(3),
+            },
+            MISSION_ITEM_INT => Received::Mission {
+                system: payload.u8(32),
+                component: payload.u8(33),
+                request: MissionRequest::Item(payload.u16(28), Item::of(payload)),
+                mission_type: payload.u8(37),
+            },
+            MISSION_SET_CURRENT => Received::Mission {
+                system: payload.u8(2),
+                component: payload.u8(3),
+                request: MissionRequest::SetCurrent(payload.u16(0)),
+                mission_type: 0,
+            },
             MISSION_CLEAR_ALL => mission(MissionRequest::Clear, payload, 0),
             _ => return None,
         })
@@ -166,6 +199,7 @@ impl Received {
 fn mission(request: MissionRequest, payload: Payload<'_>, at: usize) -> Received {
     Received::Mission {
         system: payload.u8(at),
+        component: payload.u8(at + 1),
         request,
         mission_type: payload.u8(at + 2),
     }

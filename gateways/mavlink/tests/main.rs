@@ -3,5 +3,7 @@
 mod chance;
 mod commands;
 mod common;
+mod mission_file;
+mod missions;
 mod script;
 mod telemetry;

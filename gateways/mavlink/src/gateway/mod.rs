@@ -11,8 +11,9 @@
 //!
 //! What becomes of it later is a text to all stations.
 //!
-//! `orders`: commands become orders, and reports become answers; `output`: what is sent; `pending`: an order on its way.
+//! `missions`: how a mission comes, and its steps; `orders`: commands become orders, and reports become answers; `output`: what is sent; `pending`: an order on its way.
 
+mod missions;
 mod orders;
 mod output;
 mod pending;
@@ -27,11 +28,12 @@ use ipc_types::payload::{HeroTelemetry, ModuleState};
 
 use self::pending::Pending;
 use crate::commands::Commands;
-use crate::event::{Datagram, Event, Order};
+use crate::event::{Datagram, Event, Order, Task};
 use crate::home::Home;
-use crate::message::{MISSION_ACK, MISSION_COUNT, PING, TIMESYNC};
-use crate::number::Severity;
-use crate::received::{MissionRequest, Received};
+use crate::message::{PING, TIMESYNC};
+use crate::mission::Missions;
+use crate::number::{COMPONENT, MISSION_PLANNER, Severity};
+use crate::received::Received;
 use crate::settings::Settings;
 use crate::stations::{Entry, Sender, Stations};
 use crate::telemetry::Signature;
@@ -52,6 +54,7 @@ pub struct Gateway {
     stations: Stations,
     commands: Commands,
     texts: Texts,
+    missions: Missions,
     pending: Vec<Pending>,
     last_number: u64,
     last_hold: Option<MonotonicNs>,
@@ -60,6 +63,7 @@ pub struct Gateway {
     rejected_logged: MonotonicNs,
     datagrams: VecDeque<Datagram>,
     orders: VecDeque<Order>,
+    tasks: VecDeque<Task>,
     events: VecDeque<Event>,
 }
 impl Gateway {
@@ -73,6 +77,7 @@ impl Gateway {
             home: Home::default(),
             commands: Commands::default(),
             texts: Texts::default(),
+            missions: Missions::new(),
             pending: Vec::new(),
             last_number: 0,
             last_hold: None,
@@ -81,6 +86,7 @@ impl Gateway {
             rejected_logged: MonotonicNs(0),
             datagrams: VecDeque::new(),
             orders: VecDeque::new(),
+            tasks: VecDeque::new(),
             events: VecDeque::new(),
         }
     }
@@ -115,6 +121,7 @@ impl Gateway {
         for (severity, text) in before.iter().flat_map(|before| changes(before, state)) {
             self.say_to_all(severity, &text, now);
         }
+        self.look_at_mission(now);
     }
 
     /// A datagram has come.
@@ -169,10 +176,13 @@ impl Gateway {
             }
             Received::Mission {
                 system,
+                component,
                 request,
                 mission_type,
-            } if system == self.settings.system => {
-                self.mission(sender, request, mission_type, now);
+            } if system == self.settings.system
+                && matches!(component, 0 | COMPONENT | MISSION_PLANNER) =>
+            {
+                self.mission(sender, is_station, &request, mission_type, now);
             }
             Received::SetMode { .. } | Received::Mission { .. } => {}
         }
@@ -194,27 +204,6 @@ impl Gateway {
         }
     }
 
-    /// Missions are not offered yet: there are none, and none is taken.
-    fn mission(
-        &mut self,
-        sender: Sender,
-        request: MissionRequest,
-        mission_type: u8,
-        now: MonotonicNs,
-    ) {
-        let to = |message: Message| message.u8(sender.system).u8(sender.component);
-        let answer = match request {
-            MissionRequest::List => to(Message::new(MISSION_COUNT).u16(0)),
-            MissionRequest::Clear => to(Message::new(MISSION_ACK)).u8(0),
-            MissionRequest::Count => to(Message::new(MISSION_ACK)).u8(3),
-        };
-        self.send(sender.address, &answer.u8(mission_type));
-        if request == MissionRequest::Count {
-            let text = "missions and fences are not taken yet: fly plans with `ril plan fly`";
-            self.say(&[sender.address], Severity::Error, text, now);
-        }
-    }
-
     fn look(&mut self, now: MonotonicNs) {
         match self.vehicle.look(now) {
             None => {}
@@ -232,9 +221,11 @@ impl Gateway {
         self.look(now);
         for gone in self.stations.expire(now) {
             self.commands.forget(gone);
+            self.missions.forget(gone);
             self.note(Event::Note(format!("{gone} at {} is gone", gone.address)));
         }
         self.remind(now);
+        self.advance_missions(now);
         self.send_streams(now);
     }
 
@@ -257,6 +248,7 @@ impl Gateway {
             streams,
             self.vehicle.deadline(),
             self.stations.deadline(),
+            self.missions.deadline(),
         ]
         .into_iter()
         .flatten()

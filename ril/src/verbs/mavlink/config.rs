@@ -3,6 +3,7 @@
 //! Every value has a default; the annotated example `ril/mavlink.toml` shows them all and is tested to parse to them.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use ipc_types::RobotId;
@@ -45,6 +46,8 @@ pub struct MavlinkConfig {
     /// How long the bridge has for its first answer, s.
     #[serde(deserialize_with = "seconds")]
     pub answer_s: f64,
+    /// Folder of what is kept over restarts; that of this user if it is not given.
+    pub state: Option<PathBuf>,
     /// Who may command.
     pub commands: CommandsConfig,
 }
@@ -104,6 +107,7 @@ impl Default for MavlinkConfig {
             take_off_m: 10.0,
             lost_s: 2.0,
             answer_s: 1.0,
+            state: None,
             commands: CommandsConfig::default(),
         }
     }
@@ -122,6 +126,17 @@ impl MavlinkConfig {
         let port = u32::from(self.port).saturating_add(robot.get() - 1);
         u16::try_from(port)
             .map_err(|_| wrong(format!("robot {robot} would have port {port}: set `port`")))
+    }
+
+    /// Folder of what is kept over restarts; `None` if this user has no home.
+    pub fn state_folder(&self) -> Option<PathBuf> {
+        let folder = |name| std::env::var_os(name).filter(|path| !path.is_empty());
+        let of_user = || {
+            let state = folder("XDG_STATE_HOME").map(PathBuf::from);
+            state.or_else(|| Some(PathBuf::from(folder("HOME")?).join(".local/state")))
+        };
+        let own = || of_user().map(|state| state.join("ril/mavlink"));
+        self.state.clone().or_else(own)
     }
 
     /// What the gateway of `robot` is given.

@@ -13,6 +13,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use super::config::{DEFAULT_FILE, EXAMPLE, MavlinkConfig};
 use super::ports::Ports;
 use super::shell::MavlinkShell;
+use super::store::MissionFile;
 
 /// `ril run mavlink`
 ///
@@ -52,8 +53,14 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
     let address = socket.local_addr().or_fail(ExitCode::Internal)?;
     let ports = Ports::open(set_up.join("mavlink")?)?;
     let system = settings.system;
-    let gateway = Gateway::new(settings, robot.get());
-    let mut shell = MavlinkShell::new(socket, ports, gateway);
+    let mut gateway = Gateway::new(settings, robot.get());
+    let file = MissionFile::new(set_up.config.state_folder().as_deref(), robot);
+    match file.read() {
+        Ok(mission) => gateway.restore(mission),
+        // Without a mission the rest works.
+        Err(why) => tracing::warn!("{why}; there is no mission"),
+    }
+    let mut shell = MavlinkShell::new(socket, ports, gateway, file);
     tracing::info!(%address, system, "ready");
     process::run(&mut shell, &set_up.termination, &set_up.supervisor)
         .or_fail(ExitCode::Internal)?;

@@ -1,8 +1,10 @@
 //! `ril run mavlink` beside a real robot, as a ground station sees it.
 
+mod missions;
 mod station;
 
 use std::net::UdpSocket;
+use std::path::Path;
 
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Process, Sandbox, languages};
@@ -19,8 +21,9 @@ const OFFBOARD: u32 = 0x0006_0000;
 
 /// A gateway for this station. What a stall of the machine makes of ages and answers is no part of these tests, unless `lost_s` says so.
 fn gateway(rig: &Sandbox, port: u16, lost_s: f64) -> Process {
-    let config =
-        format!("port = 0\nstations = ['127.0.0.1:{port}']\nlost_s = {lost_s}\nanswer_s = 60.0\n");
+    let config = format!(
+        "port = 0\nstations = ['127.0.0.1:{port}']\nlost_s = {lost_s}\nanswer_s = 60.0\nstate = 'state'\n"
+    );
     rig.write("mavlink.toml", &config);
     rig.start_ready("run mavlink")
 }
@@ -113,24 +116,38 @@ fn a_wrong_configuration_is_refused_and_a_port_has_one_owner() {
 /// By a library that others wrote: bytes, checksums and a flight.
 #[test]
 fn pymavlink_flies_the_helicopter() {
+    judged_by("judge.py", "pymavlink==2.4.50");
+}
+
+/// In the order of QGroundControl: send, read, start, pause, go on.
+#[test]
+fn pymavlink_sends_and_flies_a_mission_as_qgroundcontrol_does() {
+    judged_by("qgc_mission.py", "pymavlink==2.4.50");
+}
+
+/// As a script would be written that knows nothing of this project.
+#[test]
+fn mavsdk_flies_a_mission_and_all_its_actions() {
+    judged_by("mavsdk_flies.py", "mavsdk==4.1.0");
+}
+
+fn judged_by(script: &str, package: &str) {
     let rig = sandbox();
-    let what = "pymavlink flies the helicopter";
-    let python = match languages::python_with("pymavlink==2.4.50", &rig.path("venv")) {
+    let what = format!("{package} flies the helicopter");
+    let python = match languages::python_with(package, &rig.path("venv")) {
         Ok(python) => python,
-        Err(why) => return languages::skip(what, &why),
+        Err(why) => return languages::skip(&what, &why),
     };
     let robot = rig.start_robot(1, 10);
     let port = Station::new().port();
     let gateway = gateway(&rig, port, 60.0);
     let mut judge = std::process::Command::new(python);
-    judge.arg("-u").arg(concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/tests/ril/mavlink/judge.py"
-    ));
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ril/mavlink");
+    judge.arg("-u").arg(Path::new(folder).join(script));
     judge.arg(port.to_string());
     let mut judge = rig.spawn(rig.place(judge));
     // It waits for each step of the flight as long as every test does for one.
-    judge.wait_for_line_within(4 * WAIT_LIMIT, |line| line.text == "all is well");
+    judge.wait_for_line_within(8 * WAIT_LIMIT, |line| line.text == "all is well");
     judge.exits(0);
     end(gateway, Signal::TERM);
     robot.end();
