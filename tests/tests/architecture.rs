@@ -32,7 +32,10 @@ const ARROWS: [(&str, &[&str]); 19] = [
     ("ros-messages", &["ipc-types"]),
     ("recording", &["ipc-types", "ros-messages"]),
     ("dsp-sim", &["dsp-protocol", "runtime"]),
-    ("mavlink-gateway", &["dsp-protocol", "ipc-types", "plans"]),
+    (
+        "mavlink-gateway",
+        &["bridge", "dsp-protocol", "ipc-types", "plans", "runtime"],
+    ),
     ("plans", &["bridge", "dsp-protocol", "ipc-types", "runtime"]),
     ("flight-report", &[]),
     ("replay", &["bridge", "ipc-types", "module-kit", "status"]),

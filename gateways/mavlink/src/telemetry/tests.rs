@@ -10,6 +10,7 @@ fn with<R>(telemetry: &HeroTelemetry, home: Home, look: impl FnOnce(&Scene<'_>) 
         },
         home: &home,
         mode: Mode::Hold,
+        mission: crate::mission::Missions::new().view(),
         zero_above_sea_m: 100.0,
     };
     look(&scene)
