@@ -29,6 +29,8 @@
 #define HERO_RELAY_LINK_LAYOUT_HASH "59df1188187319fb"
 #define HERO_RELAY_STATIONS_LAYOUT "hero.RelayStations.v4"
 #define HERO_RELAY_STATIONS_LAYOUT_HASH "4f5b96e435f46e26"
+#define HERO_MAVLINK_STATIONS_LAYOUT "hero.MavlinkStations.v1"
+#define HERO_MAVLINK_STATIONS_LAYOUT_HASH "c608520ae195721a"
 #define HERO_BRIDGE_OUTLINE_LAYOUT "hero.BridgeOutline.v1"
 #define HERO_BRIDGE_OUTLINE_LAYOUT_HASH "ddd0ecd9990358d4"
 #define HERO_BRIDGE_JOURNAL_LAYOUT "hero.BridgeJournal.v1"
@@ -86,6 +88,13 @@ enum hero_relay_link_state {
     HERO_RELAY_LINK_STATE_CONNECTING = 1,
     HERO_RELAY_LINK_STATE_UP = 2,
     HERO_RELAY_LINK_STATE_DOWN = 3,
+};
+
+enum hero_mavlink_vehicle {
+    HERO_MAVLINK_VEHICLE_HEARD = 1,
+    HERO_MAVLINK_VEHICLE_NO_STATE = 2,
+    HERO_MAVLINK_VEHICLE_LINK_DOWN = 3,
+    HERO_MAVLINK_VEHICLE_NO_TELEMETRY = 4,
 };
 
 enum hero_dsp_path_state {
@@ -1046,6 +1055,78 @@ HERO_ASSERT(offsetof(RelayStations, published_ns) == 16);
 HERO_ASSERT(offsetof(RelayStations, stations) == 24);
 HERO_ASSERT(offsetof(RelayStations, count) == 1688);
 HERO_ASSERT(offsetof(RelayStations, samples_bytes_per_s) == 1692);
+
+#define HERO_MAVLINK_STATION_TYPE_NAME "hero.MavlinkStation.v1"
+typedef struct MavlinkStation {
+    uint8_t address[48];
+    uint64_t last_heard_ns;
+    uint64_t since_ns;
+    uint64_t last_command_ns;
+    uint64_t commands;
+    uint64_t refused;
+    uint32_t system;
+    uint32_t component;
+    uint32_t may_command;
+    uint32_t is_lost;
+    uint32_t has_movement;
+    uint32_t reserved;
+} MavlinkStation;
+HERO_ASSERT(sizeof(MavlinkStation) == 112);
+HERO_ASSERT(offsetof(MavlinkStation, address) == 0);
+HERO_ASSERT(offsetof(MavlinkStation, last_heard_ns) == 48);
+HERO_ASSERT(offsetof(MavlinkStation, since_ns) == 56);
+HERO_ASSERT(offsetof(MavlinkStation, last_command_ns) == 64);
+HERO_ASSERT(offsetof(MavlinkStation, commands) == 72);
+HERO_ASSERT(offsetof(MavlinkStation, refused) == 80);
+HERO_ASSERT(offsetof(MavlinkStation, system) == 88);
+HERO_ASSERT(offsetof(MavlinkStation, component) == 92);
+HERO_ASSERT(offsetof(MavlinkStation, may_command) == 96);
+HERO_ASSERT(offsetof(MavlinkStation, is_lost) == 100);
+HERO_ASSERT(offsetof(MavlinkStation, has_movement) == 104);
+HERO_ASSERT(offsetof(MavlinkStation, reserved) == 108);
+
+#define HERO_MAVLINK_STATIONS_TYPE_NAME "hero.MavlinkStations.v1"
+typedef struct MavlinkStations {
+    uint64_t sequence;
+    uint64_t epoch_ns;
+    uint64_t published_ns;
+    uint64_t since_ns;
+    uint64_t frames_read;
+    uint64_t datagrams_sent;
+    uint64_t refused_unreadable;
+    uint64_t refused_unknown;
+    uint64_t refused_checksum;
+    uint64_t refused_unsigned;
+    uint64_t refused_signature;
+    uint64_t refused_replayed;
+    uint64_t refused_full;
+    MavlinkStation stations[8];
+    uint32_t count;
+    uint32_t vehicle;
+    uint32_t system;
+    uint32_t is_signed;
+    uint64_t datagrams_dropped;
+} MavlinkStations;
+HERO_ASSERT(sizeof(MavlinkStations) == 1024);
+HERO_ASSERT(offsetof(MavlinkStations, sequence) == 0);
+HERO_ASSERT(offsetof(MavlinkStations, epoch_ns) == 8);
+HERO_ASSERT(offsetof(MavlinkStations, published_ns) == 16);
+HERO_ASSERT(offsetof(MavlinkStations, since_ns) == 24);
+HERO_ASSERT(offsetof(MavlinkStations, frames_read) == 32);
+HERO_ASSERT(offsetof(MavlinkStations, datagrams_sent) == 40);
+HERO_ASSERT(offsetof(MavlinkStations, refused_unreadable) == 48);
+HERO_ASSERT(offsetof(MavlinkStations, refused_unknown) == 56);
+HERO_ASSERT(offsetof(MavlinkStations, refused_checksum) == 64);
+HERO_ASSERT(offsetof(MavlinkStations, refused_unsigned) == 72);
+HERO_ASSERT(offsetof(MavlinkStations, refused_signature) == 80);
+HERO_ASSERT(offsetof(MavlinkStations, refused_replayed) == 88);
+HERO_ASSERT(offsetof(MavlinkStations, refused_full) == 96);
+HERO_ASSERT(offsetof(MavlinkStations, stations) == 104);
+HERO_ASSERT(offsetof(MavlinkStations, count) == 1000);
+HERO_ASSERT(offsetof(MavlinkStations, vehicle) == 1004);
+HERO_ASSERT(offsetof(MavlinkStations, system) == 1008);
+HERO_ASSERT(offsetof(MavlinkStations, is_signed) == 1012);
+HERO_ASSERT(offsetof(MavlinkStations, datagrams_dropped) == 1016);
 
 #define HERO_OUTLINE_POINT_TYPE_NAME "hero.OutlinePoint.v1"
 typedef struct OutlinePoint {

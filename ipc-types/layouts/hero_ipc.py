@@ -16,6 +16,7 @@ LAYOUTS = {
     "parameters": ("hero.ParameterRequest.v2/hero.RequestReport.v2", "76e7bccf46c20e2f"),
     "relay/link": ("hero.RelayLink.v3", "59df1188187319fb"),
     "relay/stations": ("hero.RelayStations.v4", "4f5b96e435f46e26"),
+    "mavlink/stations": ("hero.MavlinkStations.v1", "c608520ae195721a"),
     "bridge/outline": ("hero.BridgeOutline.v1", "ddd0ecd9990358d4"),
     "bridge/journal": ("hero.BridgeJournal.v1", "a0a172067737e627"),
     "status/journal": ("hero.StatusJournal.v1", "394f9e703707f1ff"),
@@ -72,6 +73,13 @@ class RelayLinkState(enum.IntEnum):
     CONNECTING = 1
     UP = 2
     DOWN = 3
+
+
+class MavlinkVehicle(enum.IntEnum):
+    HEARD = 1
+    NO_STATE = 2
+    LINK_DOWN = 3
+    NO_TELEMETRY = 4
 
 
 class DspPathState(enum.IntEnum):
@@ -1304,6 +1312,92 @@ assert RelayStations.published_ns.offset == 16
 assert RelayStations.stations.offset == 24
 assert RelayStations.count.offset == 1688
 assert RelayStations.samples_bytes_per_s.offset == 1692
+
+
+class MavlinkStation(ctypes.Structure):
+    _fields_ = [
+        ("address", ctypes.c_uint8 * 48),
+        ("last_heard_ns", ctypes.c_uint64),
+        ("since_ns", ctypes.c_uint64),
+        ("last_command_ns", ctypes.c_uint64),
+        ("commands", ctypes.c_uint64),
+        ("refused", ctypes.c_uint64),
+        ("system", ctypes.c_uint32),
+        ("component", ctypes.c_uint32),
+        ("may_command", ctypes.c_uint32),
+        ("is_lost", ctypes.c_uint32),
+        ("has_movement", ctypes.c_uint32),
+        ("reserved", ctypes.c_uint32),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.MavlinkStation.v1"
+
+
+assert ctypes.sizeof(MavlinkStation) == 112
+assert MavlinkStation.address.offset == 0
+assert MavlinkStation.last_heard_ns.offset == 48
+assert MavlinkStation.since_ns.offset == 56
+assert MavlinkStation.last_command_ns.offset == 64
+assert MavlinkStation.commands.offset == 72
+assert MavlinkStation.refused.offset == 80
+assert MavlinkStation.system.offset == 88
+assert MavlinkStation.component.offset == 92
+assert MavlinkStation.may_command.offset == 96
+assert MavlinkStation.is_lost.offset == 100
+assert MavlinkStation.has_movement.offset == 104
+assert MavlinkStation.reserved.offset == 108
+
+
+class MavlinkStations(ctypes.Structure):
+    _fields_ = [
+        ("sequence", ctypes.c_uint64),
+        ("epoch_ns", ctypes.c_uint64),
+        ("published_ns", ctypes.c_uint64),
+        ("since_ns", ctypes.c_uint64),
+        ("frames_read", ctypes.c_uint64),
+        ("datagrams_sent", ctypes.c_uint64),
+        ("refused_unreadable", ctypes.c_uint64),
+        ("refused_unknown", ctypes.c_uint64),
+        ("refused_checksum", ctypes.c_uint64),
+        ("refused_unsigned", ctypes.c_uint64),
+        ("refused_signature", ctypes.c_uint64),
+        ("refused_replayed", ctypes.c_uint64),
+        ("refused_full", ctypes.c_uint64),
+        ("stations", MavlinkStation * 8),
+        ("count", ctypes.c_uint32),
+        ("vehicle", ctypes.c_uint32),
+        ("system", ctypes.c_uint32),
+        ("is_signed", ctypes.c_uint32),
+        ("datagrams_dropped", ctypes.c_uint64),
+    ]
+
+    @staticmethod
+    def type_name() -> str:
+        return "hero.MavlinkStations.v1"
+
+
+assert ctypes.sizeof(MavlinkStations) == 1024
+assert MavlinkStations.sequence.offset == 0
+assert MavlinkStations.epoch_ns.offset == 8
+assert MavlinkStations.published_ns.offset == 16
+assert MavlinkStations.since_ns.offset == 24
+assert MavlinkStations.frames_read.offset == 32
+assert MavlinkStations.datagrams_sent.offset == 40
+assert MavlinkStations.refused_unreadable.offset == 48
+assert MavlinkStations.refused_unknown.offset == 56
+assert MavlinkStations.refused_checksum.offset == 64
+assert MavlinkStations.refused_unsigned.offset == 72
+assert MavlinkStations.refused_signature.offset == 80
+assert MavlinkStations.refused_replayed.offset == 88
+assert MavlinkStations.refused_full.offset == 96
+assert MavlinkStations.stations.offset == 104
+assert MavlinkStations.count.offset == 1000
+assert MavlinkStations.vehicle.offset == 1004
+assert MavlinkStations.system.offset == 1008
+assert MavlinkStations.is_signed.offset == 1012
+assert MavlinkStations.datagrams_dropped.offset == 1016
 
 
 class OutlinePoint(ctypes.Structure):

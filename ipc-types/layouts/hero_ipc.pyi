@@ -15,6 +15,7 @@ LAYOUTS = {
     "parameters": ("hero.ParameterRequest.v2/hero.RequestReport.v2", "76e7bccf46c20e2f"),
     "relay/link": ("hero.RelayLink.v3", "59df1188187319fb"),
     "relay/stations": ("hero.RelayStations.v4", "4f5b96e435f46e26"),
+    "mavlink/stations": ("hero.MavlinkStations.v1", "c608520ae195721a"),
     "bridge/outline": ("hero.BridgeOutline.v1", "ddd0ecd9990358d4"),
     "bridge/journal": ("hero.BridgeJournal.v1", "a0a172067737e627"),
     "status/journal": ("hero.StatusJournal.v1", "394f9e703707f1ff"),
@@ -71,6 +72,13 @@ class RelayLinkState(enum.IntEnum):
     CONNECTING = 1
     UP = 2
     DOWN = 3
+
+
+class MavlinkVehicle(enum.IntEnum):
+    HEARD = 1
+    NO_STATE = 2
+    LINK_DOWN = 3
+    NO_TELEMETRY = 4
 
 
 class DspPathState(enum.IntEnum):
@@ -1042,6 +1050,79 @@ class RelayStations(_Struct):
     """Bytes of samples a second that go out at most, because the links to the stations carry no more or it is not known yet what
     they carry; 0 when all go out. [s]"""
     def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., stations: Any = ..., count: int = ..., samples_bytes_per_s: int = ...) -> None: ...
+
+class MavlinkStation(_Struct):
+    """A ground station or script as the gateway knows it."""
+    address: _Array[int]
+    """Its address, such as `127.0.0.1:14550`, ASCII, filled up with zeros."""
+    last_heard_ns: int
+    """When its last frame came. [ns]"""
+    since_ns: int
+    """Since when it is there. [ns]"""
+    last_command_ns: int
+    """When its last command was taken. [ns]"""
+    commands: int
+    """Its commands that became orders."""
+    refused: int
+    """Its commands that were answered with a refusal."""
+    system: int
+    """Its number, 1 … 255: a claim."""
+    component: int
+    """The number of its program."""
+    may_command: int
+    """1 when its commands are taken."""
+    is_lost: int
+    """1 when nothing came of it for the configured time."""
+    has_movement: int
+    """1 when the movement under way is one that it has ordered."""
+    reserved: int
+    """Always zero; keeps the size a multiple of eight."""
+    def __init__(self, address: Any = ..., last_heard_ns: int = ..., since_ns: int = ..., last_command_ns: int = ..., commands: int = ..., refused: int = ..., system: int = ..., component: int = ..., may_command: int = ..., is_lost: int = ..., has_movement: int = ..., reserved: int = ...) -> None: ...
+
+class MavlinkStations(_Struct):
+    """The ground stations and scripts that are connected over MAVLink, and what was not taken of them. Topic `mavlink/stations`,
+    published by the gateway on its machine; at every change and at least once a second. It is not relayed.
+    
+    Times are host monotonic nanoseconds; 0 stands for 'never'. Counts begin with the gateway's process."""
+    sequence: int
+    """Counts the samples of this publisher from 1."""
+    epoch_ns: int
+    """When the publishing process began. [ns]"""
+    published_ns: int
+    """When this was published. [ns]"""
+    since_ns: int
+    """Since when `vehicle` holds. [ns]"""
+    frames_read: int
+    """Frames that were read."""
+    datagrams_sent: int
+    """Datagrams sent to stations."""
+    refused_unreadable: int
+    """Datagrams whose rest was dropped because it is no frame."""
+    refused_unknown: int
+    """Frames of messages that are not read here."""
+    refused_checksum: int
+    """Frames with a wrong checksum."""
+    refused_unsigned: int
+    """Frames without a signature, where one is asked for."""
+    refused_signature: int
+    """Frames with a signature of another key."""
+    refused_replayed: int
+    """Signed frames that are not newer than one that came before."""
+    refused_full: int
+    """Heartbeats of stations for which there is no room."""
+    stations: _Array[MavlinkStation]
+    """The stations, the first `count` of which mean something; the others are all zero."""
+    count: int
+    """How many stations there are, 0 … 8."""
+    vehicle: int
+    """A MavlinkVehicle: whether telemetry is sent, and why not."""
+    system: int
+    """The vehicle's number, 1 … 250."""
+    is_signed: int
+    """1 when frames without a signature are not taken."""
+    datagrams_dropped: int
+    """Datagrams that were not sent because the socket was full."""
+    def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., since_ns: int = ..., frames_read: int = ..., datagrams_sent: int = ..., refused_unreadable: int = ..., refused_unknown: int = ..., refused_checksum: int = ..., refused_unsigned: int = ..., refused_signature: int = ..., refused_replayed: int = ..., refused_full: int = ..., stations: Any = ..., count: int = ..., vehicle: int = ..., system: int = ..., is_signed: int = ..., datagrams_dropped: int = ...) -> None: ...
 
 class OutlinePoint(_Struct):
     """A place of an outline."""

@@ -178,6 +178,20 @@ codes! {
 }
 
 codes! {
+    /// Whether the gateway to MAVLink hears the helicopter, and why not: then it sends no telemetry.
+    pub enum MavlinkVehicle {
+        /// Telemetry goes to the stations.
+        Heard = 1 => "heard",
+        /// No state of the bridge comes.
+        NoState = 2 => "no-state",
+        /// The bridge's line to the DSP is not up.
+        LinkDown = 3 => "link-down",
+        /// No telemetry in SI units comes.
+        NoTelemetry = 4 => "no-telemetry",
+    }
+}
+
+codes! {
     /// What the DSP's path buffer may hold.
     pub enum DspPathState {
         /// Not known: it may hold waypoints of a movement that has ended. The bridge empties it before anything else.

@@ -11,22 +11,23 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use ipc_types::code::{
-    ControlCommand, DspPathState, Functionality, ImiError, LinkState, ModuleId, ModuleStatus,
-    MovementKind, OutlineKind, ParameterOperation, PilotSwitch, PortKind, Reason, RelayLinkState,
-    SafetyAction, SafetyRule, Stage,
+    ControlCommand, DspPathState, Functionality, ImiError, LinkState, MavlinkVehicle, ModuleId,
+    ModuleStatus, MovementKind, OutlineKind, ParameterOperation, PilotSwitch, PortKind, Reason,
+    RelayLinkState, SafetyAction, SafetyRule, Stage,
 };
 use ipc_types::payload::{
-    BridgeJournal, BridgeOutline, Layout, Number, RelayLink, RelayStations, RequestReport,
-    SharedStruct, StatusJournal, export,
+    BridgeJournal, BridgeOutline, Layout, MavlinkStations, Number, RelayLink, RelayStations,
+    RequestReport, SharedStruct, StatusJournal, export,
 };
 use ipc_types::schema::generate;
 use ipc_types::service::{Contract, EVENT_ID_MAX, EventCode, SERVICES};
 use ipc_types::{Schema, TelemetryGroup};
 
-/// The topics of the relay, and the journals: the robot's own, but without a slot.
-const WITHOUT_SLOT: [Contract; 5] = [
+/// The topics of the gateways, the outline and the journals: the robot's own, but without a slot.
+const WITHOUT_SLOT: [Contract; 6] = [
     Contract::of_topic::<RelayLink>(),
     Contract::of_topic::<RelayStations>(),
+    Contract::of_topic::<MavlinkStations>(),
     Contract::of_topic::<BridgeOutline>(),
     Contract::of_topic::<BridgeJournal>(),
     Contract::of_topic::<StatusJournal>(),
@@ -88,6 +89,7 @@ fn codes() -> Vec<Codes> {
         of!(Functionality),
         of!(LinkState),
         of!(RelayLinkState),
+        of!(MavlinkVehicle),
         of!(DspPathState),
         of!(OutlineKind),
         of!(PilotSwitch),

@@ -22,6 +22,7 @@ use crate::verbs::check::options::{DoctorArgs, PreflightArgs};
 use crate::verbs::demo;
 use crate::verbs::log::options::LogArgs;
 use crate::verbs::mavlink::run::MavlinkArgs;
+use crate::verbs::mavlink::status::MavlinkStatusArgs;
 use crate::verbs::order::{
     ControlArgs, FenceArgs, GotoArgs, HoldArgs, HolderArgs, LandArgs, RtlArgs, TakeoffArgs,
 };
@@ -180,8 +181,8 @@ pub enum Command {
     Bridge(ProcessArgs<bridge::cli::Args>),
     /// Run the simulator: short for `ril run sim`
     Sim(ProcessArgs<dsp_sim::cli::SimArgs>),
-    /// Show the robot to ground stations that speak MAVLink: short for `ril run mavlink`
-    Mavlink(ProcessArgs<MavlinkArgs>),
+    /// Show the robot to ground stations that speak MAVLink: short for `ril run mavlink`; or show which there are (`ril mavlink status`)
+    Mavlink(MavlinkVerb),
     /// Bring a robot to other machines, or show the links of the relay that does so (`ril relay status`)
     Relay(RelayArgs),
     /// Start the bridge's module, so that it takes movements; or another module
@@ -271,6 +272,26 @@ impl<A: Args> ProcessArgs<A> {
     pub fn prints_config(&self, common: &CommonArgs) -> bool {
         self.json && common.check_config
     }
+}
+
+/// `ril mavlink`
+#[derive(Args, Clone, Debug)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct MavlinkVerb {
+    /// What to do beside running it.
+    #[command(subcommand)]
+    pub command: Option<MavlinkCommand>,
+
+    /// Those of `ril run mavlink`.
+    #[command(flatten)]
+    pub run: ProcessArgs<MavlinkArgs>,
+}
+
+/// `ril mavlink …`
+#[derive(Clone, Debug, Subcommand)]
+pub enum MavlinkCommand {
+    /// Show the stations of the gateway that runs here, what it did not take of them, and why it sends nothing
+    Status(MavlinkStatusArgs),
 }
 
 /// `ril run …`

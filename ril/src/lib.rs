@@ -31,6 +31,8 @@
 pub mod cli;
 pub mod completion;
 pub mod config;
+mod fence_file;
+mod mavlink_setup;
 pub mod options;
 pub mod recorded;
 pub mod render;
@@ -45,7 +47,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use clap::CommandFactory;
-use cli::RunCommand;
+use cli::{MavlinkCommand, RunCommand};
 use render::messages::object::ErrorObject;
 use runtime::exit::{self, Failure, OrFail};
 use runtime::manual;
@@ -128,7 +130,10 @@ fn run(command: cli::Command) -> Result<(), Failure> {
         Command::Run(args) => process(args.command),
         Command::Bridge(args) => process(RunCommand::Bridge(args)),
         Command::Sim(args) => process(RunCommand::Sim(args)),
-        Command::Mavlink(args) => process(RunCommand::Mavlink(args)),
+        Command::Mavlink(args) => match args.command {
+            Some(MavlinkCommand::Status(args)) => mavlink::status::status(&args),
+            None => process(RunCommand::Mavlink(args.run)),
+        },
         Command::Relay(args) => relay::relay(&args),
         Command::Start(args) => order::start(&args, preflight::warn),
         Command::Stop(args) => order::stop(&args),

@@ -8,13 +8,11 @@ use crate::event::OrderKind;
 use crate::home::Home;
 use crate::mode::Mode;
 use crate::number::{MavResult, Severity, command};
+use crate::parameters::TAKE_OFF_M;
 use crate::received::Command;
 use crate::settings::Settings;
 use crate::vehicle::Known;
 use crate::verdict::Answer;
-
-/// Heights of a take-off over the ground, m, that the DSP takes.
-const TAKE_OFF_M: std::ops::RangeInclusive<f64> = 0.5..=200.0;
 
 /// Speeds that the DSP takes, m/s.
 const SPEED_MPS: std::ops::RangeInclusive<f64> = 0.1..=20.0;

@@ -52,6 +52,10 @@ pub enum OrderKind {
     Path,
     /// Fly paths at this speed, m/s.
     Speed(f64),
+    /// Read a port of the DSP.
+    ReadPort(u16),
+    /// Write a port of the DSP.
+    WritePort(u16, f64),
 }
 
 impl OrderKind {
@@ -71,6 +75,7 @@ impl OrderKind {
             OrderKind::GoTo(_) => "goto",
             OrderKind::Path => "path",
             OrderKind::Speed(_) => "speed",
+            OrderKind::ReadPort(_) | OrderKind::WritePort(..) => "parameter",
         }
     }
 }

@@ -6,14 +6,19 @@
 //!
 //! * [`wire`]: frames and their checksums; [`message`]: the messages; `received`: what is read of one; [`number`]: the protocol's numbers;
 //! * `mission`: the mission: its items, how it comes, whether it can be flown;
+//! * `signing`: whose frames they are;
 //! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`, `identity`: the same in messages;
 //! * `stations`, `streams`, `texts`: to whom what is sent, and when;
 //! * `decide`: what a command asks for; `commands`: each at most once; `verdict`: how it is answered;
+//! * `parameters`: the DSP's ports and some values of our own, by name;
+//! * `fence`: the bridge's geofence in items;
 //! * `gateway`: all of it as one value.
 
 mod commands;
+mod counts;
 mod decide;
 mod event;
+mod fence;
 mod gateway;
 mod home;
 mod identity;
@@ -21,8 +26,10 @@ pub mod message;
 mod mission;
 mod mode;
 pub mod number;
+mod parameters;
 mod received;
 mod settings;
+mod signing;
 mod stations;
 mod streams;
 mod telemetry;
@@ -36,7 +43,8 @@ pub use event::{Datagram, Event, Order, OrderKind, Task};
 pub use gateway::Gateway;
 pub use mission::store::{MAX_FILE_BYTES, Mission};
 pub use mode::Mode;
-pub use settings::Settings;
+pub use settings::{Settings, StationLost};
+pub use signing::{Key, Signing, timestamp};
 pub use stations::{MAX_STATIONS, SILENCE};
 pub use streams::Stream;
 pub use verdict::{Answer, answer_of};

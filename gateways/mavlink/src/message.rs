@@ -27,6 +27,14 @@ kinds! {
     PING = 4, 237;
     /// Sets the mode, without an answer.
     SET_MODE = 11, 89;
+    /// Asks for a parameter.
+    PARAM_REQUEST_READ = 20, 214;
+    /// Asks for all parameters.
+    PARAM_REQUEST_LIST = 21, 159;
+    /// The value of a parameter.
+    PARAM_VALUE = 22, 220;
+    /// Sets a parameter.
+    PARAM_SET = 23, 168;
     /// Satellites.
     GPS_RAW_INT = 24, 24;
     /// Angles and rates.
@@ -65,6 +73,8 @@ kinds! {
     COMMAND_LONG = 76, 152;
     /// The answer to a command.
     COMMAND_ACK = 77, 143;
+    /// Files.
+    FILE_TRANSFER_PROTOCOL = 110, 84;
     /// Asks for the clock.
     TIMESYNC = 111, 34;
     /// Altitudes.
@@ -81,6 +91,8 @@ kinds! {
     EXTENDED_SYS_STATE = 245, 130;
     /// A text for people.
     STATUSTEXT = 253, 83;
+    /// Why a parameter is not read or set.
+    PARAM_ERROR = 345, 209;
     /// The modes that there are.
     AVAILABLE_MODES = 435, 134;
     /// The mode that holds.

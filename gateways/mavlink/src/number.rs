@@ -88,6 +88,9 @@ pub enum MissionResult {
     Cancelled = 15,
 }
 
+/// MAV_MISSION_TYPE of a geofence.
+pub const MISSION_TYPE_FENCE: u8 = 1;
+
 /// MAV_SEVERITY.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]

@@ -1,12 +1,15 @@
 //! [`Received`]: what is read of a message.
 
+use arrayvec::ArrayString;
+
 use crate::message::{
-    COMMAND_INT, COMMAND_LONG, HEARTBEAT, MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT,
-    MISSION_ITEM_INT, MISSION_REQUEST, MISSION_REQUEST_INT, MISSION_REQUEST_LIST,
-    MISSION_SET_CURRENT, PING, SET_MODE, TIMESYNC,
+    COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MISSION_ACK, MISSION_CLEAR_ALL,
+    MISSION_COUNT, MISSION_ITEM_INT, MISSION_REQUEST, MISSION_REQUEST_INT, MISSION_REQUEST_LIST,
+    MISSION_SET_CURRENT, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, SET_MODE, TIMESYNC,
 };
 use crate::mission::store::Item;
 use crate::number::{AUTOPILOT_INVALID, TYPE_PROGRAM, TYPE_STATION};
+use crate::parameters::NAME;
 use crate::wire::{Frame, Payload};
 
 /// What a station sends, as far as it is read.
@@ -49,7 +52,53 @@ pub enum Received {
         /// Mission, fence or rally points; to be repeated.
         mission_type: u8,
     },
+    /// Asks for a file.
+    File {
+        /// For which system.
+        system: u8,
+        /// Counts the requests of the sender.
+        sequence: u16,
+        /// To be repeated.
+        session: u8,
+        /// What is asked.
+        opcode: u8,
+    },
+    /// Asks for parameters, or sets one.
+    Parameter {
+        /// For which system.
+        system: u8,
+        /// For which component; 0 for all.
+        component: u8,
+        /// What is asked.
+        asked: Asked,
+    },
 }
+
+/// What is asked about parameters.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Asked {
+    /// All of them.
+    List,
+    /// One.
+    Read {
+        /// Its number; below 0 its name counts.
+        index: i16,
+        /// Its name.
+        name: Name,
+    },
+    /// One gets a value.
+    Set {
+        /// Its name.
+        name: Name,
+        /// The value in four bytes.
+        bits: u32,
+        /// MAV_PARAM_TYPE.
+        kind: u8,
+    },
+}
+
+/// The name of a parameter.
+pub type Name = ArrayString<NAME>;
 
 /// What is asked about missions. Items count from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -190,6 +239,23 @@ impl Received {
                 mission_type: 0,
             },
             MISSION_CLEAR_ALL => mission(MissionRequest::Clear, payload, 0),
+            FILE_TRANSFER_PROTOCOL => Received::File {
+                system: payload.u8(1),
+                sequence: payload.u16(3),
+                session: payload.u8(5),
+                opcode: payload.u8(6),
+            },
+            PARAM_REQUEST_LIST => parameter(payload, 0, Asked::List),
+            PARAM_REQUEST_READ => {
+                let index = payload.u16(0).cast_signed();
+                let name = name(payload, 4);
+                parameter(payload, 2, Asked::Read { index, name })
+            }
+            PARAM_SET => {
+                let (bits, kind) = (payload.u32(0), payload.u8(22));
+                let name = name(payload, 6);
+                parameter(payload, 4, Asked::Set { name, bits, kind })
+            }
             _ => return None,
         })
     }
@@ -203,6 +269,25 @@ fn mission(request: MissionRequest, payload: Payload<'_>, at: usize) -> Received
         request,
         mission_type: payload.u8(at + 2),
     }
+}
+
+/// A message with its target at `at`.
+fn parameter(payload: Payload<'_>, at: usize, asked: Asked) -> Received {
+    Received::Parameter {
+        system: payload.u8(at),
+        component: payload.u8(at + 1),
+        asked,
+    }
+}
+
+/// A name that ends with a zero, or with its last place. What is not ASCII is in no name.
+fn name(payload: Payload<'_>, at: usize) -> Name {
+    let mut name = Name::new();
+    let bytes = (at..at + NAME).map(|at| payload.u8(at));
+    for byte in bytes.take_while(|byte| *byte != 0) {
+        name.push(if byte.is_ascii() { byte.into() } else { '?' });
+    }
+    name
 }
 
 fn long(payload: Payload<'_>) -> Command {

@@ -3,6 +3,18 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+/// What becomes of a movement when the station that ordered it says nothing any more.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StationLost {
+    /// It goes on.
+    #[default]
+    Continue,
+    /// The helicopter stops and hovers.
+    Hold,
+    /// It lands on the spot.
+    Land,
+}
+
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -10,8 +22,10 @@ pub struct Settings {
     pub system: u8,
     /// Stations that are sent a heartbeat unasked.
     pub stations: Vec<SocketAddr>,
-    /// Systems that may command; all if it is empty.
+    /// Systems that may command; if it is empty, all on this machine and all that sign.
     pub commanders: Vec<u8>,
+    /// Whether stations on other machines are taken that do not sign.
+    pub is_insecure: bool,
     /// Altitude above sea of telemetry's zero, m, if it is known.
     pub zero_above_sea_m: Option<f64>,
     /// Height of a take-off that names none, m.
@@ -20,6 +34,10 @@ pub struct Settings {
     pub lost_after: Duration,
     /// How long the bridge has for its first answer, and until when an order that is no stop may begin.
     pub answer_within: Duration,
+    /// What becomes of a movement of a station that is lost.
+    pub station_lost: StationLost,
+    /// A station is lost when nothing of it came for so long; at most [`SILENCE`](crate::SILENCE), after which it is gone.
+    pub station_lost_after: Duration,
 }
 
 impl Default for Settings {
@@ -28,10 +46,13 @@ impl Default for Settings {
             system: 1,
             stations: Vec::new(),
             commanders: Vec::new(),
+            is_insecure: false,
             zero_above_sea_m: None,
             take_off_m: 10.0,
             lost_after: Duration::from_secs(2),
             answer_within: Duration::from_secs(1),
+            station_lost: StationLost::Continue,
+            station_lost_after: Duration::from_secs(10),
         }
     }
 }

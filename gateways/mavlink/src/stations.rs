@@ -1,9 +1,10 @@
 //! [`Stations`]: which ground stations and scripts there are, and where messages go.
 //!
-//! | a station | its heartbeat | silence for 30 s |
-//! |---|---|---|
-//! | not known | → heard; refused while there are eight | – |
-//! | heard | heard | → gone |
+//! | a station | its heartbeat | something else of it | silence for `lost_after` | silence for 30 s |
+//! |---|---|---|---|---|
+//! | not known | → heard; refused while there are eight | not known | – | – |
+//! | heard | heard | heard | → lost | – |
+//! | lost | → heard | → heard | lost | → gone |
 //!
 //! A sender is an address with a system and a component: several may be behind one router. Telemetry goes once to each address, answers
 //! go to that of the asker.
@@ -70,13 +71,32 @@ impl Route {
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct Stations {
-    heard: Vec<(Sender, MonotonicNs)>,
+    heard: Vec<Station>,
     routes: Vec<Route>,
+    lost_after: Duration,
+}
+
+/// A station that is there.
+#[derive(Clone, Copy, Debug)]
+pub struct Station {
+    pub sender: Sender,
+    /// When something of it came last.
+    pub heard: MonotonicNs,
+    /// Whether that was too long ago.
+    pub is_lost: bool,
+    /// Since when it is there.
+    pub since: MonotonicNs,
+    /// When its last command became an order.
+    pub last_command: Option<MonotonicNs>,
+    /// How many of its commands did.
+    pub commands: u64,
+    /// How many were answered with a refusal.
+    pub refused: u64,
 }
 
 impl Stations {
     /// None yet, and the addresses that get a heartbeat unasked.
-    pub fn new(named: &[SocketAddr]) -> Stations {
+    pub fn new(named: &[SocketAddr], lost_after: Duration) -> Stations {
         let route = |address: &SocketAddr| Route {
             address: *address,
             sequence: 0,
@@ -86,6 +106,7 @@ impl Stations {
         Stations {
             heard: Vec::new(),
             routes: named.iter().map(route).collect(),
+            lost_after,
         }
     }
 
@@ -98,7 +119,15 @@ impl Stations {
             return Entry::Full;
         }
         let is_first = !self.is_heard(sender.address);
-        self.heard.push((sender, now));
+        self.heard.push(Station {
+            sender,
+            heard: now,
+            is_lost: false,
+            since: now,
+            last_command: None,
+            commands: 0,
+            refused: 0,
+        });
         match self.route(sender.address) {
             // What the new station has not seen is sent at once.
             Some(route) if is_first => route.streams = Streams::new(now),
@@ -115,20 +144,53 @@ impl Stations {
 
     /// Something else has come; whether its sender is a station.
     pub fn touch(&mut self, sender: Sender, now: MonotonicNs) -> bool {
-        let known = self.heard.iter_mut().find(|(one, _)| *one == sender);
-        known.map(|(_, heard)| *heard = now).is_some()
+        let known = self.heard.iter_mut().find(|one| one.sender == sender);
+        let touch = |one: &mut Station| (one.heard, one.is_lost) = (now, false);
+        known.map(touch).is_some()
+    }
+
+    /// A command of a station became an order.
+    pub fn count_command(&mut self, sender: Sender, now: MonotonicNs) {
+        if let Some(one) = self.heard.iter_mut().find(|one| one.sender == sender) {
+            one.commands += 1;
+            one.last_command = Some(now);
+        }
+    }
+
+    /// A command of a station was refused.
+    pub fn count_refusal(&mut self, sender: Sender) {
+        if let Some(one) = self.heard.iter_mut().find(|one| one.sender == sender) {
+            one.refused += 1;
+        }
+    }
+
+    /// All that are there.
+    pub fn all(&self) -> &[Station] {
+        &self.heard
+    }
+
+    /// Those that are lost since the last call.
+    pub fn take_lost(&mut self, now: MonotonicNs) -> Vec<Sender> {
+        let limit = self.lost_after;
+        let is_late = |one: &&mut Station| !one.is_lost && now.since(one.heard) >= limit;
+        let late = self.heard.iter_mut().filter(is_late);
+        late.map(|one| {
+            one.is_lost = true;
+            one.sender
+        })
+        .collect()
     }
 
     /// Takes those that are gone.
     pub fn expire(&mut self, now: MonotonicNs) -> Vec<Sender> {
-        let is_gone = |heard: MonotonicNs| now.since(heard) >= SILENCE;
-        let gone = self.heard.iter().filter(|(_, heard)| is_gone(*heard));
-        let gone: Vec<Sender> = gone.map(|(sender, _)| *sender).collect();
+        let is_gone = |one: &Station| now.since(one.heard) >= SILENCE;
+        let gone = self.heard.iter().filter(|one| is_gone(one));
+        let gone: Vec<Sender> = gone.map(|one| one.sender).collect();
         if !gone.is_empty() {
-            self.heard.retain(|(_, heard)| !is_gone(*heard));
+            self.heard.retain(|one| !is_gone(one));
             let heard = &self.heard;
             let is_heard =
-                |route: &Route| heard.iter().any(|(one, _)| one.address == route.address);
+                |route: &Route| heard.iter().any(|one| one.sender.address == route.address);
             self.routes
                 .retain(|route| route.is_named || is_heard(route));
             for route in self.routes.iter_mut().filter(|route| !is_heard(route)) {
@@ -138,14 +200,18 @@ impl Stations {
         gone
     }
 
-    /// When the next one is gone unless it sends something.
+    /// When the next one is lost or gone unless it sends something.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        self.heard.iter().map(|(_, heard)| *heard + SILENCE).min()
+        let limit = |one: &Station| match one.is_lost {
+            true => SILENCE,
+            false => self.lost_after,
+        };
+        self.heard.iter().map(|one| one.heard + limit(one)).min()
     }
 
     /// Whether a station is at this address.
     pub fn is_heard(&self, address: SocketAddr) -> bool {
-        self.heard.iter().any(|(one, _)| one.address == address)
+        self.heard.iter().any(|one| one.sender.address == address)
     }
 
     /// Whether there is room for no other.
@@ -193,13 +259,19 @@ mod tests {
     fn a_station_comes_with_its_heartbeat_and_goes_with_silence() {
         let at = |seconds: u64| MonotonicNs(seconds * 1_000_000_000);
         let named = sender(1, 255);
-        let mut stations = Stations::new(&[named.address]);
+        let mut stations = Stations::new(&[named.address], Duration::from_secs(10));
         assert!(!stations.touch(named, at(0)), "only a heartbeat opens it");
         assert_eq!(stations.heartbeat(named, at(0)), Entry::New);
         assert_eq!(stations.heartbeat(sender(2, 1), at(0)), Entry::New);
         assert_eq!(stations.heartbeat(sender(2, 2), at(5)), Entry::New);
         assert_eq!(stations.routes.len(), 2, "one route for an address");
         assert_eq!(stations.heartbeat(named, at(20)), Entry::Known);
+        assert_eq!(stations.deadline(), Some(at(10)));
+        assert_eq!(stations.take_lost(at(10)), [sender(2, 1)]);
+        assert_eq!(stations.take_lost(at(14)), [], "it is told once");
+        assert_eq!(stations.take_lost(at(15)), [sender(2, 2)]);
+        assert!(stations.touch(sender(2, 2), at(16)));
+        assert_eq!(stations.take_lost(at(26)), [sender(2, 2)]);
         assert_eq!(stations.deadline(), Some(at(30)));
         assert_eq!(stations.expire(at(29)), []);
         assert_eq!(stations.expire(at(30)), [sender(2, 1)]);
@@ -212,7 +284,7 @@ mod tests {
 
     #[test]
     fn there_are_at_most_eight() {
-        let mut stations = Stations::new(&[]);
+        let mut stations = Stations::new(&[], Duration::from_secs(10));
         let now = MonotonicNs(0);
         for port in 1..=8 {
             assert_eq!(stations.heartbeat(sender(port, 255), now), Entry::New);

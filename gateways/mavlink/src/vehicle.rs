@@ -10,7 +10,7 @@
 
 use std::time::Duration;
 
-use ipc_types::code::{Functionality, LinkState, PilotSwitch, SafetyAction};
+use ipc_types::code::{Functionality, LinkState, MavlinkVehicle, PilotSwitch, SafetyAction};
 use ipc_types::payload::{HeroTelemetry, ModuleState, WaypointPosition};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 
@@ -70,6 +70,20 @@ impl Vehicle {
         changed.then_some(heard)
     }
 
+    /// The same for programs, with the reason.
+    pub fn shown(&self, now: MonotonicNs) -> MavlinkVehicle {
+        if self.heard == Heard::Yes {
+            return MavlinkVehicle::Heard;
+        }
+        match &self.state {
+            Some(state) if self.is_state_fresh(state, now) => match state.link.state() {
+                Some(LinkState::Up) => MavlinkVehicle::NoTelemetry,
+                _ => MavlinkVehicle::LinkDown,
+            },
+            _ => MavlinkVehicle::NoState,
+        }
+    }
+
     /// When it is lost unless something comes.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         let (Some(telemetry), Some(state), Heard::Yes) = (&self.telemetry, &self.state, self.heard)
@@ -86,11 +100,13 @@ impl Vehicle {
         let (Some(telemetry), Some(state)) = (&self.telemetry, &self.state) else {
             return false;
         };
-        let is_within =
-            |moment: MonotonicNs, limit| moment <= now + CLOCK_ERROR && now.since(moment) <= limit;
-        is_within(telemetry.received(), self.lost_after)
-            && is_within(state.published(), self.lost_after + STATE_PERIOD)
+        is_within(telemetry.received(), self.lost_after, now)
+            && self.is_state_fresh(state, now)
             && state.link.state() == Some(LinkState::Up)
+    }
+
+    fn is_state_fresh(&self, state: &ModuleState, now: MonotonicNs) -> bool {
+        is_within(state.published(), self.lost_after + STATE_PERIOD, now)
     }
 
     /// What is known, while it is heard.
@@ -106,6 +122,11 @@ impl Vehicle {
     pub fn last_state(&self) -> Option<&ModuleState> {
         self.state.as_ref()
     }
+}
+
+/// Whether a moment is not of the future, and not longer ago than `limit`.
+fn is_within(moment: MonotonicNs, limit: Duration, now: MonotonicNs) -> bool {
+    moment <= now + CLOCK_ERROR && now.since(moment) <= limit
 }
 
 /// The newest samples of a helicopter that is heard.
@@ -208,16 +229,20 @@ mod tests {
         let at = |seconds: u64| MonotonicNs(seconds * SECOND);
         vehicle.set_telemetry(&telemetry(10 * SECOND));
         assert_eq!(vehicle.look(at(10)), None, "no state yet");
+        assert_eq!(vehicle.shown(at(10)), MavlinkVehicle::NoState);
         vehicle.set_state(&state(10 * SECOND, LinkState::Silent));
         assert_eq!(vehicle.look(at(10)), None, "the line is silent");
+        assert_eq!(vehicle.shown(at(10)), MavlinkVehicle::LinkDown);
         vehicle.set_state(&state(10 * SECOND, LinkState::Up));
         assert_eq!(vehicle.look(at(10)), Some(Heard::Yes));
         assert!(vehicle.now().is_some());
+        assert_eq!(vehicle.shown(at(10)), MavlinkVehicle::Heard);
 
         let deadline = vehicle.deadline().unwrap();
         assert_eq!(vehicle.look(at(12)), None);
         assert_eq!(vehicle.look(deadline), Some(Heard::Lost));
         assert!(vehicle.now().is_none() && vehicle.deadline().is_none());
+        assert_eq!(vehicle.shown(at(12)), MavlinkVehicle::NoTelemetry);
         // A sample that came late is as old as it is.
         vehicle.set_telemetry(&telemetry(11 * SECOND));
         assert_eq!(vehicle.look(at(14)), None);

@@ -1,7 +1,7 @@
 //! Frames of MAVLink 2, and of MAVLink 1 as far as they are read: <https://mavlink.io/en/guide/serialization.html>.
 //!
 //! A datagram holds whole frames. What is not a frame ends the datagram: there is nothing behind it that could be trusted. A signature is
-//! stepped over and not checked.
+//! read and not checked: [`Signing`](crate::Signing) does.
 
 use arrayvec::ArrayVec;
 use crc::{CRC_16_MCRF4XX, Crc};
@@ -26,8 +26,8 @@ const SIGNATURE: usize = 13;
 /// Longest payload.
 pub const MAX_PAYLOAD: usize = 255;
 
-/// Longest frame that is written, which has no signature.
-pub const MAX_FRAME: usize = HEADER + MAX_PAYLOAD + CHECKSUM;
+/// Longest frame.
+pub const MAX_FRAME: usize = HEADER + MAX_PAYLOAD + CHECKSUM + SIGNATURE;
 
 const CRC: Crc<u16> = Crc::<u16>::new(&CRC_16_MCRF4XX);
 
@@ -44,10 +44,23 @@ pub struct Frame<'a> {
     pub kind: Kind,
     /// The message, without the zeros at its end.
     pub payload: Payload<'a>,
-    /// Whether the frame carries a signature, which is not checked.
-    pub is_signed: bool,
+    /// Its signature, which is not checked; `None` if it has none.
+    pub signature: Option<Signature<'a>>,
     /// Whether it is one of MAVLink 1.
     pub is_version_1: bool,
+}
+
+/// What follows a frame that is signed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Signature<'a> {
+    /// Which of the sender's links it goes over.
+    pub link: u8,
+    /// When it was signed, in 10 µs from the beginning of 2015.
+    pub timestamp: u64,
+    /// 48 bits of a hash over the key and `covered`.
+    pub bytes: [u8; 6],
+    /// All of the frame before `bytes`.
+    pub covered: &'a [u8],
 }
 
 /// Why a frame was rejected.
@@ -119,10 +132,24 @@ fn read(bytes: &[u8]) -> (Result<Frame<'_>, Rejected>, usize) {
         component: bytes[from + 2],
         kind,
         payload: Payload(&bytes[header..end]),
-        is_signed,
+        signature: is_signed.then(|| signature(&bytes[..length])),
         is_version_1,
     };
     (Ok(frame), length)
+}
+
+/// That at the end of a frame that is whole.
+fn signature(frame: &[u8]) -> Signature<'_> {
+    let (covered, bytes) = frame.split_at(frame.len() - 6);
+    let (_, stamp) = covered.split_at(covered.len() - 7);
+    let stamp: [u8; 7] = std::array::from_fn(|index| stamp[index]);
+    let [link, a, b, c, d, e, f] = stamp;
+    Signature {
+        link,
+        timestamp: u64::from_le_bytes([a, b, c, d, e, f, 0, 0]),
+        bytes: std::array::from_fn(|index| bytes[index]),
+        covered,
+    }
 }
 
 /// Of all but the first byte, and of what tells two versions of a message apart.
@@ -244,6 +271,15 @@ impl Message {
 
     /// The frame, from `system` and `component`.
     pub fn frame(&self, sequence: u8, system: u8, component: u8) -> Vec<u8> {
+        self.encode(0, sequence, system, component)
+    }
+
+    /// The same, which says that a signature follows.
+    pub fn frame_to_sign(&self, sequence: u8, system: u8, component: u8) -> Vec<u8> {
+        self.encode(SIGNED, sequence, system, component)
+    }
+
+    fn encode(&self, flags: u8, sequence: u8, system: u8, component: u8) -> Vec<u8> {
         let kept = self.payload.iter().rposition(|byte| *byte != 0);
         let payload = &self.payload[..kept.map_or(1, |last| last + 1).min(self.payload.len())];
         let id = self.kind.id.to_le_bytes();
@@ -251,7 +287,7 @@ impl Message {
         frame.extend([
             MAGIC,
             payload.len() as u8,
-            0,
+            flags,
             0,
             sequence,
             system,
@@ -325,14 +361,11 @@ mod tests {
     }
 
     #[test]
-    fn several_frames_are_read_and_a_signature_is_stepped_over() {
+    fn several_frames_are_read_and_a_signature_is_kept() {
         let text = Message::new(STATUSTEXT).u8(6).text("hello", 50);
-        let mut signed = text.frame(1, 255, 190);
-        signed[2] = SIGNED;
-        let end = signed.len() - CHECKSUM;
-        let checksum = checksum(&signed[1..end], STATUSTEXT).to_le_bytes();
-        signed[end..].copy_from_slice(&checksum);
-        signed.extend([9; SIGNATURE]);
+        let mut signed = text.frame_to_sign(1, 255, 190);
+        signed.extend([9, 1, 0, 0, 0, 0, 0, 1, 2, 3, 4, 5, 6]);
+        let covered = signed[..signed.len() - 6].to_vec();
         let unknown = {
             let mut frame = heartbeat().frame(0, 1, 1);
             frame[8] = 99;
@@ -343,7 +376,13 @@ mod tests {
         let [Ok(first), Err(Rejected::UnknownMessage), Ok(last)] = read[..] else {
             panic!("{read:?}")
         };
-        assert!(first.is_signed && !last.is_signed);
+        let expected = Signature {
+            link: 9,
+            timestamp: 1,
+            bytes: [1, 2, 3, 4, 5, 6],
+            covered: &covered,
+        };
+        assert_eq!((first.signature, last.signature), (Some(expected), None));
         assert_eq!((first.system, last.sequence), (255, 2));
     }
 

@@ -150,7 +150,7 @@ impl Play {
             "ordered by no station"
         );
         assert!(
-            self.orders.len() <= 9,
+            self.orders.len() <= 10,
             "{} orders are open",
             self.orders.len()
         );

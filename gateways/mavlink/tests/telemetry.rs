@@ -143,8 +143,8 @@ fn clocks_and_fences_are_answered_so_that_no_station_waits() {
         Message::new(mavlink_gateway::message::MISSION_REQUEST_LIST)
             .u8(1)
             .u8(1)
-            .u8(1),
-        Message::new(MISSION_COUNT).u16(12).u8(1).u8(1).u8(1),
+            .u8(2),
+        Message::new(MISSION_COUNT).u16(12).u8(1).u8(1).u8(2),
     ];
     for message in messages {
         world.receive(QGC, &QGC.frame(&message));
@@ -160,8 +160,8 @@ fn clocks_and_fences_are_answered_so_that_no_station_waits() {
         world.now.0 as i64
     );
     assert_eq!(i64::from_le_bytes(one(TIMESYNC).bytes(8)), 77);
-    assert_eq!(one(MISSION_COUNT).bytes(0), [0, 0, 255, 190, 1]);
-    assert_eq!(one(MISSION_ACK).bytes(0), [255, 190, 3, 1]);
+    assert_eq!(one(MISSION_COUNT).bytes(0), [0, 0, 255, 190, 2]);
+    assert_eq!(one(MISSION_ACK).bytes(0), [255, 190, 3, 2]);
 }
 
 #[test]

@@ -12,7 +12,7 @@
 
 use std::fmt::Display;
 
-use ipc_types::payload::RelayStations;
+use ipc_types::payload::{MavlinkStations, RelayStations};
 use ipc_types::{Module, RelayModule, Schema, Topic};
 
 /// Everything.
@@ -43,10 +43,12 @@ pub fn tell<R: Display>(robot: R, station: &str) -> String {
     format!("hero/{robot}/tell/{station}")
 }
 
-/// Whether a service is one that relays carry. Of the relay's own, which each machine has itself, only the robot's stations are: so every
+/// Whether a service is one that relays carry. Of the gateways' own, which each machine has itself, only the robot's stations are: so every
 /// station shows who commands.
 pub fn is_carried(key: &str) -> bool {
-    key == RelayStations::KEY || key.split('/').next() != Some(RelayModule::NAME)
+    let gateways = [RelayModule::NAME, MavlinkStations::PROVIDER];
+    let provider = key.split('/').next();
+    key == RelayStations::KEY || !gateways.iter().any(|name| provider == Some(name))
 }
 
 /// The `origin` of the requests of an instance of a station: never 0, which stands for the robot's own clock.
@@ -84,5 +86,18 @@ mod tests {
         );
         assert_eq!(last(&tell(robot, "gcs-1")), "gcs-1");
         assert_eq!(last("hero/7"), "");
+    }
+
+    #[test]
+    fn what_each_machine_has_itself_is_not_carried() {
+        for (key, expected) in [
+            ("module_state", true),
+            ("relay/stations", true),
+            ("relay/link", false),
+            ("mavlink/stations", false),
+            ("mavlink_watch/state", true),
+        ] {
+            assert_eq!(is_carried(key), expected, "{key}");
+        }
     }
 }

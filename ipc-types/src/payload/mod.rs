@@ -20,6 +20,8 @@ mod hero_telemetry;
 #[allow(unsafe_code)]
 mod journal;
 #[allow(unsafe_code)]
+mod mavlink;
+#[allow(unsafe_code)]
 mod module_state;
 #[allow(unsafe_code)]
 mod outline;
@@ -34,6 +36,7 @@ pub use dsp_telemetry::*;
 pub use hero_telemetry::*;
 pub use journal::{BRIDGE_JOURNAL_ROOM, BridgeJournal, STATUS_JOURNAL_ROOM, StatusJournal};
 pub use layout::{FieldKind, FieldLayout, Layout, MAX_PAYLOAD_SIZE};
+pub use mavlink::{MAVLINK_ADDRESS_LEN, MAX_MAVLINK_STATIONS, MavlinkStation, MavlinkStations};
 pub use module_state::*;
 pub use number::Number;
 pub use outline::{BridgeOutline, OUTLINE_NAME_LEN, OUTLINE_POINTS, OutlinePoint};

@@ -78,7 +78,7 @@ pub const fn module_of(key: &'static str) -> &'static str {
 
 /// Names of the RIL's own modules, which no other module can have: consumers take what the process `relay` provides for what comes
 /// from another machine, and know bridge and status by theirs.
-pub const OWN_NAMES: [&str; 3] = ["bridge", "status", "relay"];
+pub const OWN_NAMES: [&str; 4] = ["bridge", "status", "relay", "mavlink"];
 
 /// Whether this is the name of one of the RIL's own modules.
 pub const fn is_own_name(name: &str) -> bool {

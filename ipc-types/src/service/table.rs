@@ -4,8 +4,8 @@
 
 use super::contract::{Contract, Request, Topic};
 use crate::payload::{
-    BridgeOutline, DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData,
-    ParameterRequest, RelayLink, RelayStations,
+    BridgeOutline, DspTelemetry, HeroTelemetry, MavlinkStations, ModuleControl, ModuleState,
+    MovementData, ParameterRequest, RelayLink, RelayStations,
 };
 use crate::robot::RobotId;
 use crate::{request, topic};
@@ -128,6 +128,7 @@ topic!(
     "bridge",
     MAX_OUTLINE_SUBSCRIBERS
 );
+topic!(MavlinkStations, "mavlink/stations", "mavlink");
 topic!(RelayLink, "relay/link", "relay");
 topic!(RelayStations, "relay/stations", "relay");
 request!(ModuleControl, "module_control", "bridge");

@@ -21,7 +21,7 @@ use crate::mission::check::{Conditions, check_mission};
 use crate::mission::store::Mission;
 use crate::mission::transfer::Output;
 use crate::mission::{PRIMED, Run, Starting};
-use crate::number::{MavResult, MissionResult, Severity, command};
+use crate::number::{MISSION_TYPE_FENCE, MavResult, MissionResult, Severity, command};
 use crate::received::MissionRequest;
 use crate::stations::Sender;
 use crate::verdict::Answer;
@@ -98,7 +98,7 @@ impl Gateway {
         }
     }
 
-    /// Fences and rally points: there are none, and none is taken.
+    /// Fences, and rally points: there are none of them, and none is taken.
     fn other_type(
         &mut self,
         sender: Sender,
@@ -106,6 +106,9 @@ impl Gateway {
         mission_type: u8,
         now: MonotonicNs,
     ) {
+        if mission_type == MISSION_TYPE_FENCE {
+            return self.fence(sender, *request, now);
+        }
         match request {
             MissionRequest::List => {
                 let message = Message::new(MISSION_COUNT).u16(0);
@@ -117,7 +120,7 @@ impl Gateway {
             }
             MissionRequest::Count(_) => {
                 self.acknowledge_mission(sender, MissionResult::Unsupported, mission_type);
-                let text = "fences and rally points are not taken over MAVLink";
+                let text = "rally points are not taken over MAVLink";
                 self.say(&[sender.address], Severity::Error, text, now);
             }
             MissionRequest::Request(_) => {

@@ -11,30 +11,39 @@
 //!
 //! What becomes of it later is a text to all stations.
 //!
-//! `missions`: how a mission comes, and its steps; `orders`: commands become orders, and reports become answers; `output`: what is sent; `pending`: an order on its way.
+//! `missions`: how a mission comes, and its steps; `orders`: commands become orders, and reports become answers; `fence`: the geofence; `lost`: what becomes of those of a station that is lost; `output`: what is sent; `parameters`: what is asked about them; `pending`: an order on its way;
+//! `shown`: what the gateway says of itself.
 
+mod fence;
+mod lost;
 mod missions;
 mod orders;
 mod output;
+mod parameters;
 mod pending;
+mod shown;
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ModuleStatus, SafetyAction};
+use ipc_types::code::{MavlinkVehicle, ModuleStatus, SafetyAction};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 
 use self::pending::Pending;
 use crate::commands::Commands;
+use crate::counts::Counts;
 use crate::event::{Datagram, Event, Order, Task};
+use crate::fence::Fence;
 use crate::home::Home;
-use crate::message::{PING, TIMESYNC};
+use crate::message::{FILE_TRANSFER_PROTOCOL, PING, TIMESYNC};
 use crate::mission::Missions;
 use crate::number::{COMPONENT, MISSION_PLANNER, Severity};
+use crate::parameters::Parameters;
 use crate::received::Received;
 use crate::settings::Settings;
+use crate::signing::{Forged, Signing};
 use crate::stations::{Entry, Sender, Stations};
 use crate::telemetry::Signature;
 use crate::texts::Texts;
@@ -43,6 +52,9 @@ use crate::wire::{Frame, Message, frames};
 
 /// Frames that were rejected are logged at most so often.
 const REJECTED_PERIOD: Duration = Duration::from_secs(10);
+
+/// The first opcode of a file's messages that is an answer.
+const FILE_ANSWERS: u8 = 128;
 
 /// See the module's documentation.
 #[derive(Clone, Debug)]
@@ -55,12 +67,20 @@ pub struct Gateway {
     commands: Commands,
     texts: Texts,
     missions: Missions,
+    signing: Option<Signing>,
+    /// Of the newest input.
+    moment: MonotonicNs,
+    parameters: Parameters,
+    fence: Fence,
     pending: Vec<Pending>,
     last_number: u64,
     last_hold: Option<MonotonicNs>,
     shown: Option<Signature>,
-    rejected: u64,
-    rejected_logged: MonotonicNs,
+    counts: Counts,
+    /// What of them is in the log, and since when.
+    rejected_logged: (u64, MonotonicNs),
+    /// Whether the helicopter is heard, in the words for programs, and since when.
+    told_vehicle: (MavlinkVehicle, MonotonicNs),
     datagrams: VecDeque<Datagram>,
     orders: VecDeque<Order>,
     tasks: VecDeque<Task>,
@@ -71,24 +91,41 @@ impl Gateway {
     pub fn new(settings: Settings, robot: u32) -> Gateway {
         Gateway {
             vehicle: Vehicle::new(settings.lost_after),
-            stations: Stations::new(&settings.stations),
+            stations: Stations::new(&settings.stations, settings.station_lost_after),
             settings,
             robot,
             home: Home::default(),
             commands: Commands::default(),
             texts: Texts::default(),
             missions: Missions::new(),
+            signing: None,
+            moment: MonotonicNs(0),
+            parameters: Parameters::default(),
+            fence: Fence::default(),
             pending: Vec::new(),
             last_number: 0,
             last_hold: None,
             shown: None,
-            rejected: 0,
-            rejected_logged: MonotonicNs(0),
+            counts: Counts::default(),
+            rejected_logged: (0, MonotonicNs(0)),
+            told_vehicle: (MavlinkVehicle::NoState, MonotonicNs(0)),
             datagrams: VecDeque::new(),
             orders: VecDeque::new(),
             tasks: VecDeque::new(),
             events: VecDeque::new(),
         }
+    }
+
+    /// The same, which signs its frames, and takes none of other machines without a signature.
+    #[must_use]
+    pub fn signing(mut self, signing: Signing) -> Gateway {
+        self.signing = Some(signing);
+        self
+    }
+
+    /// A timestamp of signatures that is to be kept for the next start, if there is another one.
+    pub fn poll_timestamp(&mut self) -> Option<u64> {
+        self.signing.as_mut()?.take_kept()
     }
 
     /// A sample of telemetry has come.
@@ -126,20 +163,44 @@ impl Gateway {
 
     /// A datagram has come.
     pub fn datagram(&mut self, from: SocketAddr, bytes: &[u8], now: MonotonicNs) {
+        self.moment = now;
         for frame in frames(bytes) {
             match frame {
-                Ok(frame) => self.frame(from, &frame, now),
-                Err(_) => self.rejected += 1,
+                Ok(frame) if self.is_taken(from, &frame, now) => {
+                    self.counts.frames_read += 1;
+                    self.frame(from, &frame, now);
+                }
+                Ok(_) => {}
+                Err(why) => self.counts.reject(why),
             }
         }
-        if self.rejected > 0 && now.since(self.rejected_logged) >= REJECTED_PERIOD {
+        let (logged, moment) = self.rejected_logged;
+        let rejected = self.counts.suspicious();
+        if rejected > logged && now.since(moment) >= REJECTED_PERIOD {
+            self.rejected_logged = (rejected, now);
             let text = format!(
-                "{} frames were not read, the last from {from}",
-                self.rejected
+                "{} frames were not taken, the last from {from}: `ril mavlink status` shows why",
+                rejected - logged
             );
-            (self.rejected, self.rejected_logged) = (0, now);
             self.note(Event::Warning(text));
         }
+    }
+
+    /// Whether a frame comes from where its sender may be without a signature, or has a right one.
+    fn is_taken(&mut self, from: SocketAddr, frame: &Frame<'_>, now: MonotonicNs) -> bool {
+        let count = match (&mut self.signing, &frame.signature) {
+            (Some(signing), Some(signature)) => {
+                match signing.check((frame.system, frame.component), signature, now) {
+                    Ok(()) => return true,
+                    Err(Forged::Signature) => &mut self.counts.signature,
+                    Err(Forged::Replayed) => &mut self.counts.replayed,
+                }
+            }
+            _ if from.ip().is_loopback() || self.settings.is_insecure => return true,
+            _ => &mut self.counts.unsigned,
+        };
+        *count += 1;
+        false
     }
 
     fn frame(&mut self, from: SocketAddr, frame: &Frame<'_>, now: MonotonicNs) {
@@ -184,7 +245,27 @@ impl Gateway {
             {
                 self.mission(sender, is_station, &request, mission_type, now);
             }
-            Received::SetMode { .. } | Received::Mission { .. } => {}
+            Received::Parameter {
+                system,
+                component,
+                asked,
+            } if system == self.settings.system && matches!(component, 0 | COMPONENT) => {
+                self.parameter(sender, is_station, &asked, now);
+            }
+            // There are no files: whoever asks goes on at once.
+            Received::File {
+                system,
+                sequence,
+                session,
+                opcode,
+            } if system == self.settings.system && opcode < FILE_ANSWERS => {
+                let answer = no_file(sender, sequence.wrapping_add(1), session, opcode);
+                self.send(sender.address, &answer);
+            }
+            Received::SetMode { .. }
+            | Received::File { .. }
+            | Received::Mission { .. }
+            | Received::Parameter { .. } => {}
         }
     }
 
@@ -193,7 +274,7 @@ impl Gateway {
             Entry::Known => return,
             Entry::New => format!("{sender} at {} has come", sender.address),
             Entry::Full => {
-                self.rejected += 1;
+                self.counts.full += 1;
                 return;
             }
         };
@@ -205,6 +286,7 @@ impl Gateway {
     }
 
     fn look(&mut self, now: MonotonicNs) {
+        self.moment = now;
         match self.vehicle.look(now) {
             None => {}
             Some(Heard::Lost) => {
@@ -214,17 +296,27 @@ impl Gateway {
             }
             Some(_) => self.say_to_all(Severity::Info, "the helicopter is heard", now),
         }
+        let vehicle = self.vehicle.shown(now);
+        if vehicle != self.told_vehicle.0 || self.told_vehicle.1.0 == 0 {
+            self.told_vehicle = (vehicle, now);
+        }
     }
 
     /// Does what is due. To be called after every input, and at the deadline.
     pub fn advance(&mut self, now: MonotonicNs) {
         self.look(now);
+        self.look_for_lost_stations(now);
         for gone in self.stations.expire(now) {
             self.commands.forget(gone);
             self.missions.forget(gone);
+            self.fence.forget(gone);
+            if !self.stations.is_heard(gone.address) {
+                self.parameters.forget(gone.address);
+            }
             self.note(Event::Note(format!("{gone} at {} is gone", gone.address)));
         }
         self.remind(now);
+        self.advance_parameters(now);
         self.advance_missions(now);
         self.send_streams(now);
     }
@@ -249,6 +341,7 @@ impl Gateway {
             self.vehicle.deadline(),
             self.stations.deadline(),
             self.missions.deadline(),
+            self.parameters.deadline(),
         ]
         .into_iter()
         .flatten()
@@ -274,6 +367,18 @@ impl Gateway {
     pub fn poll_event(&mut self) -> Option<Event> {
         self.events.pop_front()
     }
+}
+
+/// The refusal of a request for a file.
+fn no_file(sender: Sender, sequence: u16, session: u8, opcode: u8) -> Message {
+    const NAK: u8 = 129;
+    const UNKNOWN_COMMAND: u8 = 7;
+    let to = Message::new(FILE_TRANSFER_PROTOCOL)
+        .u8(0)
+        .u8(sender.system)
+        .u8(sender.component);
+    let header = to.u16(sequence).u8(session).u8(NAK).u8(1).u8(opcode);
+    header.u8(0).u8(0).u32(0).u8(UNKNOWN_COMMAND)
 }
 
 /// What stations are told of two states, one after the other.

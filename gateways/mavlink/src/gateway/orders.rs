@@ -119,9 +119,19 @@ impl Gateway {
                 MavResult::Denied,
                 "this station may not command: `[commands] systems`",
             ))
+        } else if named.is_empty() && self.is_stranger(sender) {
+            Some((
+                MavResult::Denied,
+                "a station that does not sign may command when `[commands] systems` names it",
+            ))
         } else {
             None
         }
+    }
+
+    /// Whether a station is on another machine, and nothing says who it is.
+    fn is_stranger(&self, sender: Sender) -> bool {
+        self.signing.is_none() && !sender.address.ip().is_loopback()
     }
 
     pub(super) fn carry_out(
@@ -216,6 +226,7 @@ impl Gateway {
             key.sender.address
         );
         self.note(Event::Commanded(log));
+        self.stations.count_command(key.sender, now);
         self.send_order(Pending {
             number: 0,
             kind,
@@ -281,10 +292,14 @@ impl Gateway {
 
     /// The bridge has reported on an order; `words` say the same to people.
     pub fn report(&mut self, number: u64, report: &RequestReport, words: &str, now: MonotonicNs) {
+        self.moment = now;
         let Some(stage) = report.stage() else {
             return;
         };
         let reason = report.reason().unwrap_or(Reason::None);
+        if self.parameter_report(number, (stage, reason), report.value(), words, now) {
+            return;
+        }
         let answer = answer_of(stage, reason);
         let Some(index) = self.pending.iter().position(|one| one.number == number) else {
             return;
@@ -298,7 +313,16 @@ impl Gateway {
             if stage.is_final()
                 && let Some(kind) = pending.then.take()
             {
-                self.send_order(Pending { kind, ..pending });
+                // What follows by itself, long after the command, is an order of now.
+                let issued = match pending.is_answered {
+                    true => now,
+                    false => pending.issued,
+                };
+                self.send_order(Pending {
+                    kind,
+                    issued,
+                    ..pending
+                });
             }
             return;
         }
@@ -380,6 +404,9 @@ impl Gateway {
 
     /// SET_MODE has no answer but the heartbeat.
     pub(super) fn answer(&mut self, key: &Key, answer: Answer) {
+        if !matches!(answer.result, MavResult::Accepted | MavResult::InProgress) {
+            self.stations.count_refusal(key.sender);
+        }
         if key.command != NO_COMMAND {
             let progress = match answer.result {
                 MavResult::InProgress => u8::MAX,
@@ -443,5 +470,8 @@ impl Gateway {
 
 /// Whether an order, when it is accepted, moves the helicopter otherwise than a mission does, or makes it hover.
 fn takes_over(kind: OrderKind) -> bool {
-    !matches!(kind, OrderKind::Start | OrderKind::Speed(_))
+    !matches!(
+        kind,
+        OrderKind::Start | OrderKind::Speed(_) | OrderKind::ReadPort(_) | OrderKind::WritePort(..)
+    )
 }

@@ -190,9 +190,19 @@ impl Gateway {
         if self.datagrams.len() == MAX_DATAGRAMS {
             self.datagrams.pop_front();
         }
+        self.counts.datagrams_sent += 1;
+        let system = self.settings.system;
+        let bytes = match &mut self.signing {
+            None => message.frame(sequence, system, COMPONENT),
+            Some(signing) => {
+                let mut frame = message.frame_to_sign(sequence, system, COMPONENT);
+                signing.sign(&mut frame, self.moment);
+                frame
+            }
+        };
         self.datagrams.push_back(Datagram {
             to,
-            bytes: message.frame(sequence, self.settings.system, COMPONENT),
+            bytes,
             is_telemetry,
         });
     }

@@ -25,6 +25,14 @@ pub struct Pending {
 }
 
 impl Pending {
+    /// Whether it moves the helicopter to another place.
+    pub fn is_movement(&self) -> bool {
+        matches!(
+            self.kind,
+            OrderKind::GoTo(_) | OrderKind::Path | OrderKind::TakeOff(_)
+        )
+    }
+
     /// What people call it.
     pub fn name(&self) -> &'static str {
         match (self.is_return, self.is_mission) {

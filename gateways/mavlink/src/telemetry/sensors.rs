@@ -84,7 +84,8 @@ impl Scene<'_> {
         (
             present,
             present & !off,
-            bits(|is_there, is_well| is_there && is_well),
+            // Also of what there is not: stations take a fence that is not well for one that was left.
+            bits(|_, is_well| is_well),
         )
     }
 

@@ -3,7 +3,7 @@
 //! Notes say what was found to be in order, or what a live process is about to put in order. Warnings keep no process from its
 //! work now: they are cured by the next start, or mislead the operator. Errors keep a process from starting or from its work.
 //!
-//! Here are memory, configuration and repair; `domain`, `services`, `serial`, `relay_link` and `view` have the others.
+//! Here are memory, configuration and repair; `domain`, `services`, `serial`, `relay_link`, `view` and `mavlink` have the others.
 
 use ipc_types::{LowLimit, Repair};
 use runtime::exit::ExitCode;
@@ -11,7 +11,7 @@ use runtime::finding::{Finding, Severity};
 use serde::Serialize;
 
 use super::facts::{FileContent, FileFacts, FreeMemory, MachineFacts};
-use super::{domain, relay_link, serial, services, view};
+use super::{domain, mavlink, relay_link, serial, services, view};
 use crate::render::words::count_irregular;
 use crate::robot::domain::{DomainFacts, Look, Trouble};
 
@@ -35,6 +35,8 @@ pub enum Subject {
     Serial,
     /// What the view is set up with.
     View,
+    /// What the gateway to MAVLink is set up with.
+    Mavlink,
 }
 
 impl Subject {
@@ -49,6 +51,7 @@ impl Subject {
             Subject::Configuration => "configuration",
             Subject::Serial => "serial",
             Subject::View => "view",
+            Subject::Mavlink => "mavlink",
         }
     }
 }
@@ -97,6 +100,9 @@ pub fn diagnose(facts: &MachineFacts) -> Vec<(Subject, Finding)> {
     }
     if let Some(look) = &facts.view {
         add(Subject::View, view::diagnose(look));
+    }
+    if let Some(look) = &facts.mavlink {
+        add(Subject::Mavlink, mavlink::diagnose(look));
     }
     findings
 }

@@ -26,16 +26,18 @@ pub fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
     let common = &args.machine.common;
     runtime::logging::init(common.verbosity())?;
     let (sim, view) = (args.sim.as_deref(), gather::view(args.view.as_deref()));
+    let mavlink = gather::mavlink(args.mavlink.as_deref());
     let report = match common.check_config {
         true => {
             let (mut files, _) = gather::files(&args.machine, sim, None, None);
-            files.extend(view.0);
+            files.extend(view.0.into_iter().chain(mavlink.0));
             DoctorReport::of_files(common.robot().get(), &files)
         }
         false => {
             let (mut facts, _) = gather::machine(&args.machine, sim, args.repair);
-            facts.files.extend(view.0);
+            facts.files.extend(view.0.into_iter().chain(mavlink.0));
             facts.view = view.1;
+            facts.mavlink = mavlink.1;
             DoctorReport::of(&facts)
         }
     };

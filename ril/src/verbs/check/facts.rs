@@ -32,6 +32,8 @@ pub struct MachineFacts {
     pub relay: Option<LinkFacts>,
     /// The view's setup; `None` if it has no file, or a wrong one.
     pub view: Option<Look<ViewFacts>>,
+    /// The setup of the gateway to MAVLink; `None` if it has no file, or a wrong one.
+    pub mavlink: Option<Look<MavlinkFacts>>,
     /// What was repaired; `None` if that was not asked for.
     pub repair: Option<Look<Repair>>,
 }
@@ -62,6 +64,19 @@ pub struct ViewFacts {
     pub open_secrets: Vec<(PathBuf, String)>,
     /// The time of day, Unix time in s.
     pub unix_s: u64,
+}
+
+/// What mavlink.toml says, and whether its key can be used.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct MavlinkFacts {
+    /// Whether stations on other machines reach it.
+    pub is_open: bool,
+    /// Whether these need not sign.
+    pub is_insecure: bool,
+    /// Whether numbers of stations are named that may command.
+    pub has_commanders: bool,
+    /// The key's file, and why it cannot be used; `None` without one.
+    pub key: Option<(PathBuf, Option<String>)>,
 }
 
 /// What is free in `/dev/shm`.

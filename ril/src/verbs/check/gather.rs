@@ -14,18 +14,19 @@ use bridge::shell::serial::holders::{Holders, TerminalDevice};
 use bridge::shell::serial::permission_hint;
 use ipc_types::payload::{BridgeJournal, RelayLink};
 use ipc_types::{Domain, Ipc, MonotonicNs, Repair, RobotId, Subscriber, Topic};
-use runtime::config::load;
+use runtime::config::{Loaded, load};
 use runtime::exit::Failure;
 use rustix::fs::Access;
 use serde::de::DeserializeOwned;
 use status::log::config::LogConfig;
 
 use super::facts::{
-    Device, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs, MachineFacts, PortFacts,
-    PortHolders, ViewFacts, WallClock,
+    Device, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs, MachineFacts,
+    MavlinkFacts, PortFacts, PortHolders, ViewFacts, WallClock,
 };
 use super::options::MachineArgs;
 use super::services::bridge_pid;
+use crate::mavlink_setup::{self, MavlinkConfig};
 use crate::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, Provided, open_files};
 use crate::robot::running::{ConfigOrigin, RunningBridge, file_of};
 use crate::view_setup::config::{self, ViewConfig};
@@ -90,6 +91,7 @@ pub(super) fn machine(
         port: chosen_port(args, &files, bridge.as_ref(), bridge_process),
         files,
         view: None,
+        mavlink: None,
         repair,
     };
     let bridge_file = &facts.files[0];
@@ -284,9 +286,40 @@ pub(super) fn files(
 
 /// The view's configuration, unless there is none, and what it is set up with, if that is right.
 pub(super) fn view(explicit: Option<&Path>) -> (Option<FileFacts>, Option<Look<ViewFacts>>) {
-    let source = ConfigSource::new(explicit, config::DEFAULT_FILE);
+    of_process(explicit, config::DEFAULT_FILE, "view", config::load, setup)
+}
+
+/// The same of the gateway to MAVLink.
+pub(super) fn mavlink(explicit: Option<&Path>) -> (Option<FileFacts>, Option<Look<MavlinkFacts>>) {
+    let (default, load) = (mavlink_setup::DEFAULT_FILE, mavlink_setup::load);
+    of_process(explicit, default, "mavlink", load, mavlink_of)
+}
+
+fn mavlink_of(config: &MavlinkConfig) -> MavlinkFacts {
+    let fault = |path: &PathBuf| mavlink_setup::read_key(path).err();
+    let fault = |path: &PathBuf| fault(path).map(|failure| failure.chain().join(": "));
+    MavlinkFacts {
+        is_open: config.is_open().is_some(),
+        is_insecure: config.insecure,
+        has_commanders: !config.commands.systems.is_empty(),
+        key: config.key.clone().map(|path| {
+            let fault = fault(&path);
+            (path, fault)
+        }),
+    }
+}
+
+/// The configuration of the process `command`, unless there is none, and what `look` sees of what it names, if it is right.
+fn of_process<C: Send + 'static, F: Send + 'static>(
+    explicit: Option<&Path>,
+    default: &str,
+    command: &'static str,
+    load: fn(Option<&Path>) -> Result<Loaded<C>, Failure>,
+    look: fn(&C) -> F,
+) -> (Option<FileFacts>, Option<Look<F>>) {
+    let source = ConfigSource::new(explicit, default);
     let explicit = explicit.map(Path::to_owned);
-    let reading = Looking::start(move || match config::load(explicit.as_deref()) {
+    let reading = Looking::start(move || match load(explicit.as_deref()) {
         Ok(loaded) if loaded.file.is_none() => (FileContent::Absent, None),
         Ok(loaded) => (FileContent::Right, Some(loaded.value)),
         Err(failure) => (FileContent::Wrong(failure.chain().join(": ")), None),
@@ -295,9 +328,9 @@ pub(super) fn view(explicit: Option<&Path>) -> (Option<FileFacts>, Option<Look<V
         Ok((content, config)) => (Ok(content), config),
         Err(trouble) => (Err(trouble), None),
     };
-    let file = source.facts(Some("view"), content);
-    let look = config.map(|config| Looking::start(move || setup(&config)).end(LOOK_TIMEOUT));
-    (Some(file).filter(|file| !file.is_absent()), look)
+    let file = source.facts(Some(command), content);
+    let seen = config.map(|config| Looking::start(move || look(&config)).end(LOOK_TIMEOUT));
+    (Some(file).filter(|file| !file.is_absent()), seen)
 }
 
 fn setup(config: &ViewConfig) -> ViewFacts {

@@ -1,7 +1,7 @@
 //! `ril doctor` and `ril preflight`: what is wrong with a machine, whether a robot is ready to take off, and what to do.
 //!
 //! `gather` looks up [`facts`]; what they mean is pure: [`diagnosis`] judges the machine for the doctor, with `domain`, `services`,
-//! `serial`, `relay_link` and `view`; for the preflight `robot`, `helicopter` and `machine` judge the rest. All of them give
+//! `serial`, `relay_link`, `view` and `mavlink`; for the preflight `robot`, `helicopter` and `machine` judge the rest. All of them give
 //! [findings](runtime::finding).
 
 pub mod diagnosis;
@@ -11,6 +11,7 @@ pub mod facts;
 pub(crate) mod gather;
 mod helicopter;
 mod machine;
+mod mavlink;
 pub mod options;
 pub mod preflight;
 mod relay_link;

@@ -52,6 +52,10 @@ pub struct DoctorArgs {
     #[arg(long, value_name = "FILE")]
     pub view: Option<PathBuf>,
 
+    /// Configuration of the gateway to MAVLink [default: mavlink.toml, if it is there]
+    #[arg(long, value_name = "FILE")]
+    pub mavlink: Option<PathBuf>,
+
     /// Remove what dead processes left, then examine
     #[arg(long)]
     pub repair: bool,

@@ -61,6 +61,7 @@ fn ready() -> PreflightFacts {
             port: None,
             relay: None,
             view: None,
+            mavlink: None,
             repair: None,
         },
         live: Live {

@@ -6,8 +6,8 @@ use bridge::BridgeConfig;
 use dsp_protocol::port;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{
-    BridgeJournal, HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
-    RequestReport, WaypointPosition,
+    BridgeJournal, BridgeOutline, HeroTelemetry, ModuleControl, ModuleState, MovementData,
+    ParameterRequest, RequestReport, WaypointPosition,
 };
 use ipc_types::{
     Client, Ipc, MonotonicNs, Request, SendError, Source, Subscriber, Topic, fresh_request_id,
@@ -32,6 +32,7 @@ pub(super) struct Ports {
     ipc: Ipc,
     telemetry: Subscriber<HeroTelemetry>,
     state: Subscriber<ModuleState>,
+    outline: Subscriber<BridgeOutline>,
     movement: Option<Client<MovementData>>,
     control: Option<Client<ModuleControl>>,
     parameters: Option<Client<ParameterRequest>>,
@@ -62,6 +63,7 @@ impl Ports {
         Ok(Ports {
             telemetry: ipc.subscriber().or_fail(ExitCode::Internal)?,
             state: ipc.subscriber().or_fail(ExitCode::Internal)?,
+            outline: ipc.subscriber().or_fail(ExitCode::Internal)?,
             ipc,
             movement: None,
             control: None,
@@ -81,7 +83,8 @@ impl Ports {
         let parameters = self.parameters.as_mut().map(|client| client as _);
         let state = Some(&mut self.state as _);
         let rules = self.rules.iter_mut().flat_map(|(rules, _)| rules.ports());
-        [telemetry, state, movement, control, parameters]
+        let outline = Some(&mut self.outline as _);
+        [telemetry, state, outline, movement, control, parameters]
             .into_iter()
             .flatten()
             .chain(rules)
@@ -145,7 +148,11 @@ impl Ports {
                 gateway.telemetry(&telemetry, now);
             }
         });
-        for error in [states.err(), newest.err()].into_iter().flatten() {
+        let outlines = self.outline.drain(|piece| gateway.outline(piece));
+        for error in [states.err(), newest.err(), outlines.err()]
+            .into_iter()
+            .flatten()
+        {
             tracing::warn!(%error, "samples could not be received");
         }
         for report in self.reports() {
@@ -288,16 +295,14 @@ impl Ports {
                 let path = gateway.path(order.number).to_vec();
                 return self.send_path(order, &path, gateway, now);
             }
-            Wanted::Speed(speed_mps) => {
-                let request =
-                    ParameterRequest::write(fresh_request_id(), port::CRUISE_SPEED_MPS, speed_mps);
+            Wanted::Parameter(verb, request) => {
                 let request = ParameterRequest {
                     issued_ns,
                     begin_by_ns,
                     ..request
                 };
                 let sent = send(&self.ipc, &mut self.parameters, &request)?;
-                (Verb::SetParameter, request.request_id, sent)
+                (verb, request.request_id, sent)
             }
             Wanted::Robot(wanted) => match wanted.request(0) {
                 OrderRequest::Movement(request) => {
@@ -337,13 +342,16 @@ impl Ports {
 /// What an order is in the words of `ril`.
 enum Wanted {
     Robot(RobotOrder),
-    /// Write the cruise speed, m/s.
-    Speed(f64),
+    Parameter(Verb, ParameterRequest),
     /// Fly the path of the order.
     Path,
 }
 
 fn wanted(kind: OrderKind) -> Wanted {
+    let write = |port, value| {
+        let request = ParameterRequest::write(fresh_request_id(), port, value);
+        Wanted::Parameter(Verb::SetParameter, request)
+    };
     Wanted::Robot(match kind {
         OrderKind::Start => RobotOrder::Start,
         OrderKind::Stop => RobotOrder::Stop,
@@ -352,7 +360,12 @@ fn wanted(kind: OrderKind) -> Wanted {
         OrderKind::Land => RobotOrder::Land,
         OrderKind::GoTo(position) => RobotOrder::GoTo(position),
         OrderKind::Path => return Wanted::Path,
-        OrderKind::Speed(speed_mps) => return Wanted::Speed(speed_mps),
+        OrderKind::Speed(speed_mps) => return write(port::CRUISE_SPEED_MPS, speed_mps),
+        OrderKind::WritePort(port, value) => return write(port, value),
+        OrderKind::ReadPort(port) => {
+            let request = ParameterRequest::read(fresh_request_id(), port);
+            return Wanted::Parameter(Verb::GetParameter, request);
+        }
     })
 }
 

@@ -1,19 +1,24 @@
 //! `ril run mavlink`: the process in the foreground.
 
 use std::io::ErrorKind;
-use std::net::{Ipv4Addr, UdpSocket};
+use std::net::{SocketAddr, UdpSocket};
 use std::path::Path;
+use std::time::{SystemTime, UNIX_EPOCH};
 
-use mavlink_gateway::Gateway;
+use ipc_types::payload::MavlinkStations;
+use ipc_types::{MonotonicNs, Topic};
+use mavlink_gateway::{Gateway, Signing};
 use module_kit::{SetUp, process};
 use runtime::args::CommonArgs;
 use runtime::config::resulting::Resulting;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::config::{DEFAULT_FILE, EXAMPLE, MavlinkConfig};
+use super::own_topic::OwnTopic;
 use super::ports::Ports;
 use super::shell::MavlinkShell;
 use super::store::MissionFile;
+use super::timestamp::TimestampFile;
+use crate::mavlink_setup::{self, DEFAULT_FILE, EXAMPLE, MavlinkConfig};
 
 /// `ril run mavlink`
 ///
@@ -32,6 +37,7 @@ pub struct MavlinkArgs {
 /// Exit code 78 when the configuration is wrong.
 pub fn check_config(args: &MavlinkArgs) -> Result<Resulting, Failure> {
     let (file, default) = (args.common.config.as_deref(), Path::new(DEFAULT_FILE));
+    mavlink_setup::load(file)?;
     Ok(Resulting::load::<MavlinkConfig>(file, default, EXAMPLE)?)
 }
 
@@ -39,7 +45,7 @@ pub fn check_config(args: &MavlinkArgs) -> Result<Resulting, Failure> {
 ///
 /// # Errors
 ///
-/// Code 1 when the port is in use, 78 when the configuration is wrong.
+/// Code 1 when the port is in use or another gateway of the robot runs, 78 when the configuration is wrong.
 pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
     if args.common.check_config {
         return check_config(args)?.print();
@@ -47,11 +53,17 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
     let Some(set_up) = SetUp::<MavlinkConfig>::begin(&args.common, DEFAULT_FILE)? else {
         return Ok(());
     };
+    mavlink_setup::load(args.common.config.as_deref())?;
     let robot = set_up.robot;
     let settings = set_up.config.settings(robot)?;
-    let socket = bind(set_up.config.port_of(robot)?)?;
+    let key = set_up.config.key.as_deref();
+    let key = key.map(mavlink_setup::read_key).transpose()?;
+    let port = set_up.config.port_of(robot)?;
+    let socket = bind(SocketAddr::new(set_up.config.listen, port))?;
     let address = socket.local_addr().or_fail(ExitCode::Internal)?;
-    let ports = Ports::open(set_up.join("mavlink")?)?;
+    let ipc = set_up.join(MavlinkStations::PROVIDER)?;
+    let topic = OwnTopic::open(&ipc)?;
+    let ports = Ports::open(ipc)?;
     let system = settings.system;
     let mut gateway = Gateway::new(settings, robot.get());
     let file = MissionFile::new(set_up.config.state_folder().as_deref(), robot);
@@ -60,7 +72,23 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
         // Without a mission the rest works.
         Err(why) => tracing::warn!("{why}; there is no mission"),
     }
-    let mut shell = MavlinkShell::new(socket, ports, gateway, file);
+    let mut timestamp = None;
+    if let Some(key) = key {
+        let file = TimestampFile::new(set_up.config.state_folder().as_deref(), robot);
+        let clock = mavlink_gateway::timestamp(
+            SystemTime::now()
+                .duration_since(UNIX_EPOCH)
+                .unwrap_or_default(),
+        );
+        let kept = file.read().or_fail(ExitCode::Configuration)?;
+        gateway = gateway.signing(Signing::new(key, clock, kept, MonotonicNs::now()));
+        // Before anything is signed: a place where nothing can be kept is seen at the start.
+        if let Some(first) = gateway.poll_timestamp() {
+            file.write(first).or_fail(ExitCode::Configuration)?;
+        }
+        timestamp = Some(file);
+    }
+    let mut shell = MavlinkShell::new(socket, ports, topic, timestamp, gateway, file);
     tracing::info!(%address, system, "ready");
     process::run(&mut shell, &set_up.termination, &set_up.supervisor)
         .or_fail(ExitCode::Internal)?;
@@ -68,14 +96,15 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-fn bind(port: u16) -> Result<UdpSocket, Failure> {
-    let bound = UdpSocket::bind((Ipv4Addr::LOCALHOST, port)).and_then(|socket| {
+fn bind(address: SocketAddr) -> Result<UdpSocket, Failure> {
+    let port = address.port();
+    let bound = UdpSocket::bind(address).and_then(|socket| {
         socket.set_nonblocking(true)?;
         Ok(socket)
     });
     bound.map_err(|error| match error.kind() {
         ErrorKind::AddrInUse => Failure::internal(format!("UDP port {port} is in use"))
             .with_next_step("end the other process, or set `port` in mavlink.toml"),
-        _ => Failure::internal(format!("UDP port {port} cannot be used: {error}")),
+        _ => Failure::internal(format!("{address} (UDP) cannot be used: {error}")),
     })
 }

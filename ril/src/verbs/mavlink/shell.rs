@@ -11,8 +11,10 @@ use mavlink_gateway::{Datagram, Event, Gateway, Task};
 use module_kit::process::{Process, Sources};
 use runtime::exit::Failure;
 
+use super::own_topic::OwnTopic;
 use super::ports::Ports;
 use super::store::MissionFile;
+use super::timestamp::TimestampFile;
 
 /// Datagrams that are read at one wake, so that a flood cannot starve telemetry and reports.
 const MAX_DATAGRAMS: usize = 64;
@@ -47,6 +49,8 @@ impl From<Failure> for MavlinkError {
 pub(super) struct MavlinkShell {
     socket: UdpSocket,
     ports: Ports,
+    topic: OwnTopic,
+    timestamp: Option<TimestampFile>,
     gateway: Gateway,
     file: MissionFile,
     /// Answers that the socket did not take.
@@ -59,12 +63,16 @@ impl MavlinkShell {
     pub fn new(
         socket: UdpSocket,
         ports: Ports,
+        topic: OwnTopic,
+        timestamp: Option<TimestampFile>,
         gateway: Gateway,
         file: MissionFile,
     ) -> MavlinkShell {
         MavlinkShell {
             socket,
             ports,
+            topic,
+            timestamp,
             gateway,
             file,
             waiting: VecDeque::new(),
@@ -107,15 +115,31 @@ impl MavlinkShell {
         self.retry_at = None;
         let mut before = std::mem::take(&mut self.waiting);
         while let Some(datagram) = before.pop_front().or_else(|| self.gateway.poll_datagram()) {
-            if !is_full(self.socket.send_to(&datagram.bytes, datagram.to)) || datagram.is_telemetry
-            {
+            if !is_full(self.socket.send_to(&datagram.bytes, datagram.to)) {
+                continue;
+            }
+            if datagram.is_telemetry {
+                self.topic.dropped += 1;
                 continue;
             }
             if self.waiting.len() == MAX_WAITING {
+                self.topic.dropped += 1;
                 self.waiting.pop_front();
             }
             self.waiting.push_back(datagram);
             self.retry_at = Some(now + RETRY);
+        }
+    }
+
+    fn keep_timestamp(&mut self) {
+        let Some(file) = &self.timestamp else {
+            return;
+        };
+        if let Some(timestamp) = self.gateway.poll_timestamp()
+            && let Err(error) = file.write(timestamp)
+        {
+            let why = "a restart with a clock that was set back repeats timestamps";
+            tracing::warn!(%error, "the timestamp of signatures was not kept: {why}");
         }
     }
 
@@ -142,6 +166,7 @@ impl Process for MavlinkShell {
 
     fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
         sources.descriptor((), self.socket.as_fd());
+        sources.port(self.topic.source());
         for port in self.ports.sources(self.gateway.has_stations()) {
             sources.port(port);
         }
@@ -154,14 +179,20 @@ impl Process for MavlinkShell {
         self.gateway.advance(now);
         self.ports.take_rules(&mut self.gateway, now);
         self.work(now)?;
+        self.keep_timestamp();
         self.write(now);
         self.log();
+        self.topic.tend(&self.gateway, now);
         let deadlines = [self.gateway.deadline(), self.ports.deadline()];
         self.deadline = deadlines.into_iter().flatten().min();
         Ok(())
     }
 
     fn deadline(&self) -> Option<MonotonicNs> {
-        [self.deadline, self.retry_at].into_iter().flatten().min()
+        let own = Some(self.topic.deadline());
+        [self.deadline, self.retry_at, own]
+            .into_iter()
+            .flatten()
+            .min()
     }
 }

@@ -1,28 +1,23 @@
 //! `ril plan fly --fence`: the plan's own fence goes into the bridge's configuration, and the bridge reads it.
 //!
-//! Only areas whose names begin with [`PREFIX`] are changed: those of the plan before go, those of this plan come. The fence never
-//! becomes wider: inclusion areas are one area together, so a plan's inclusions are refused beside those of the operator.
+//! [`fence_file`](crate::fence_file) says which areas make way for which.
 
 use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 use bridge::BridgeConfig;
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, ModuleState};
 use ipc_types::{MonotonicNs, fresh_request_id};
-use plans::check::area_config;
 use plans::model::FenceArea;
 use runtime::exit::{ExitCode, Failure};
-use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table, value};
 
+use crate::fence_file::{replace, with_areas};
 use crate::render::messages::Verb;
 use crate::request::{Conversation, Format, Until};
 use crate::session::{Latest, Session};
-
-/// How the names of a plan's areas begin.
-const PREFIX: &str = "plan: ";
 
 /// Puts the areas into `file`, and in force. When the bridge does not take them, the file is as before.
 ///
@@ -62,75 +57,6 @@ pub fn put(
     taken
 }
 
-/// The configuration `text` with these areas in place of those of an earlier plan.
-fn with_areas(text: &str, areas: &[FenceArea]) -> Result<String, String> {
-    let mut document: DocumentMut = text.parse().map_err(|error| format!("{error}"))?;
-    let fence = document
-        .entry("fence")
-        .or_insert_with(|| Item::Table(Table::new()))
-        .as_table_mut()
-        .ok_or("`fence` is no table; write it as [fence]")?;
-    let tables = fence
-        .entry("area")
-        .or_insert_with(|| Item::ArrayOfTables(ArrayOfTables::new()))
-        .as_array_of_tables_mut()
-        .ok_or("`fence.area` is no list of tables; write its areas as [[fence.area]]")?;
-    let text_of =
-        |table: &Table, key: &str| table.get(key).and_then(Item::as_str).map(str::to_owned);
-    tables.retain(|table| !text_of(table, "name").is_some_and(|name| name.starts_with(PREFIX)));
-    let has_inclusion = tables
-        .iter()
-        .any(|table| text_of(table, "kind").as_deref() == Some("inclusion"));
-    if has_inclusion && areas.iter().any(|area| area.is_inclusion) {
-        return Err(
-            "it has inclusion areas, and those of the plan would make the fence wider; the plan was checked against both, so fly it \
-             without --fence"
-                .to_owned(),
-        );
-    }
-    for area in areas {
-        tables.push(table(area));
-    }
-    Ok(document.to_string())
-}
-
-fn table(area: &FenceArea) -> Table {
-    let config = area_config(area);
-    let pair = |[a, b]: [f64; 2]| -> toml_edit::Value { Array::from_iter([a, b]).into() };
-    let mut table = Table::new();
-    table["name"] = value(format!("{PREFIX}{}", config.name));
-    table["kind"] = value(match area.is_inclusion {
-        true => "inclusion",
-        false => "exclusion",
-    });
-    if let Some(vertices) = config.polygon {
-        table["polygon"] = value(Array::from_iter(vertices.into_iter().map(pair)));
-    }
-    if let Some(centre) = config.centre {
-        table["centre"] = value(pair(centre));
-    }
-    if let Some(radius_m) = config.radius_m {
-        table["radius_m"] = value(radius_m);
-    }
-    table
-}
-
-/// Replaces the file as a whole, so that the bridge never reads half of it. Links and permissions stay.
-fn replace(file: &Path, text: &str) -> io::Result<()> {
-    let file = fs::canonicalize(file)?;
-    let permissions = fs::metadata(&file)?.permissions();
-    let folder = file
-        .parent()
-        .map(Path::to_owned)
-        .unwrap_or_else(|| PathBuf::from("."));
-    let mut new = tempfile::NamedTempFile::new_in(folder)?;
-    io::Write::write_all(&mut new, text.as_bytes())?;
-    new.as_file().set_permissions(permissions)?;
-    new.as_file().sync_all()?;
-    new.persist(&file).map_err(|error| error.error)?;
-    Ok(())
-}
-
 fn reload(session: &Session, timeout: Duration, format: Format) -> Result<(), Failure> {
     let request = ModuleControl::new(fresh_request_id(), ControlCommand::ReloadFence);
     Conversation::<ModuleControl>::open(session, Verb::ReloadFence, timeout)?
@@ -162,60 +88,4 @@ fn await_areas(
         file.display()
     );
     Err(Failure::new(ExitCode::Refused, text))
-}
-
-#[cfg(test)]
-mod tests {
-    use plans::model::{FenceShape, Position};
-
-    use super::*;
-
-    fn circle(name: &str, is_inclusion: bool) -> FenceArea {
-        FenceArea {
-            name: name.to_owned(),
-            is_inclusion,
-            shape: FenceShape::Circle {
-                centre: Position {
-                    latitude_deg: 37.0,
-                    longitude_deg: -6.0,
-                },
-                radius_m: 50.0,
-            },
-        }
-    }
-
-    fn names(text: &str) -> Vec<String> {
-        let config: BridgeConfig = runtime::config::parse(text, "bridge.toml").unwrap();
-        let fence = config.fence;
-        let names = (0..fence.areas()).map(|index| fence.area_name(index).unwrap().to_owned());
-        names.collect()
-    }
-
-    #[test]
-    fn the_areas_of_the_last_plan_make_way_and_all_else_stays() {
-        let text = "# ours\n[link]\npc_timeout_ms = 60000 # patient\n";
-        let once = with_areas(text, &[circle("a", true), circle("b", false)]).unwrap();
-        assert_eq!(names(&once), ["plan: a", "plan: b"]);
-        let twice = with_areas(&once, &[circle("c", true)]).unwrap();
-        assert_eq!(names(&twice), ["plan: c"]);
-        assert!(twice.starts_with(text), "{twice}");
-        let example = include_str!("../../../../bridge/bridge.toml");
-        let with_example = with_areas(example, &[circle("d", true)]).unwrap();
-        assert_eq!(names(&with_example), ["plan: d"]);
-        let lines_of = |text: &str| -> Vec<String> { text.lines().map(str::to_owned).collect() };
-        let after = lines_of(&with_example);
-        assert!(lines_of(example).iter().all(|line| after.contains(line)));
-    }
-
-    #[test]
-    fn the_fence_never_becomes_wider() {
-        let own = "[fence]\nceiling_m = 50.0\n[[fence.area]]\nname = \"field\"\nkind = \"inclusion\"\ncentre = [37.0, -6.0]\nradius_m = 9.0\n";
-        let error = with_areas(own, &[circle("a", true)]).unwrap_err();
-        assert!(error.contains("wider"), "{error}");
-        let both = with_areas(own, &[circle("a", false)]).unwrap();
-        assert_eq!(names(&both), ["field", "plan: a"]);
-        assert!(both.contains("ceiling_m = 50.0"));
-        assert!(with_areas("fence = 3", &[]).is_err());
-        assert!(with_areas("[fence", &[]).is_err());
-    }
 }

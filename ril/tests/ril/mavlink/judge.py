@@ -1,6 +1,7 @@
 """A flight by pymavlink, which has messages and checksums of its own: `judge.py PORT`."""
 
 import os
+import struct
 import sys
 import time
 
@@ -71,6 +72,32 @@ for message in (mavutil.mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION, 435):
 until("the version", lambda message: "AUTOPILOT_VERSION" in seen and "AVAILABLE_MODES" in seen)
 assert command(511, 31, 50_000) == 0
 until("quaternions", lambda message: message.get_type() == "ATTITUDE_QUATERNION")
+
+vehicle.mav.param_request_list_send(1, 1)
+values = {}
+
+
+def has_all(message):
+    if message.get_type() == "PARAM_VALUE":
+        values[message.param_id] = message
+    return values and len(values) == values["MIS_TAKEOFF_ALT"].param_count
+
+
+until("all parameters", has_all)
+assert values["DSP_CRUISE_MPS"].param_type == 9 and values["DSP_STATUS_MS"].param_type == 6, values
+assert struct.unpack("i", struct.pack("f", values["SYS_HAS_MAG"].param_value)) == (0,), values
+
+
+def set_parameter(name, value, error):
+    """Sets it; gives what comes of it."""
+    vehicle.mav.param_set_send(1, 1, name.encode(), value, 9)
+    what = "PARAM_ERROR" if error else "PARAM_VALUE"
+    return until(f"{what} of {name}", lambda one: one.get_type() == what and one.param_id == name)
+
+
+assert set_parameter("DSP_CRUISE_MPS", 6.5, False).param_value == 6.5
+assert set_parameter("DSP_CRUISE_MPS", 99.0, True).error == 2
+assert set_parameter("MIS_TAKEOFF_ALT", 8.0, False).param_value == 8.0
 
 assert command(22, NAN, 0, 0, NAN, NAN, NAN, NAN) == 0
 landed_state(2)

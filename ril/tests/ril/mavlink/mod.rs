@@ -3,9 +3,12 @@
 mod missions;
 mod station;
 
+use std::fs::{self, Permissions};
 use std::net::UdpSocket;
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
+use ipc_types::payload::MavlinkStations;
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Process, Sandbox, languages};
 
@@ -21,8 +24,18 @@ const OFFBOARD: u32 = 0x0006_0000;
 
 /// A gateway for this station. What a stall of the machine makes of ages and answers is no part of these tests, unless `lost_s` says so.
 fn gateway(rig: &Sandbox, port: u16, lost_s: f64) -> Process {
+    gateway_with(rig, port, lost_s, "")
+}
+
+/// The same, with more lines of `mavlink.toml`.
+fn gateway_with(rig: &Sandbox, port: u16, lost_s: f64, more: &str) -> Process {
+    // What is kept lies beside the rest, and not in the home of this user.
+    let state = match more.contains("state = ") {
+        true => "",
+        false => "state = 'state'\n",
+    };
     let config = format!(
-        "port = 0\nstations = ['127.0.0.1:{port}']\nlost_s = {lost_s}\nanswer_s = 60.0\nstate = 'state'\n"
+        "port = 0\nstations = ['127.0.0.1:{port}']\nlost_s = {lost_s}\nanswer_s = 60.0\n{state}{more}"
     );
     rig.write("mavlink.toml", &config);
     rig.start_ready("run mavlink")
@@ -52,6 +65,10 @@ fn a_station_arms_takes_off_flies_there_holds_and_lands() {
         2
     );
     rig.run("control show", 0).out_says("control of robot 1: ");
+    let shown = rig.run("mavlink status", 0);
+    shown.out_says("helicopter  heard for ");
+    shown.out_says("station     255/190 at 127.0.0.1:");
+    shown.out_says("may command");
 
     let here = station.until("a position", |message| {
         message.is(33) && message.i32(16) > 5_000
@@ -83,6 +100,9 @@ fn a_helicopter_that_is_not_heard_is_silent_and_its_orders_are_refused() {
     end(robot.status, Signal::TERM);
     // Samples of before may still be new.
     station.until_not_heard();
+    let shown = rig.run("mavlink status --json", 6);
+    shown.out_says("\"helicopter\":\"no-telemetry\"");
+    shown.err_says("nothing is sent to stations: no telemetry comes");
     let between = station.between_command(193, [0.0; 7]);
     assert!(
         between
@@ -100,9 +120,14 @@ fn a_helicopter_that_is_not_heard_is_silent_and_its_orders_are_refused() {
 #[test]
 fn a_wrong_configuration_is_refused_and_a_port_has_one_owner() {
     let rig = sandbox();
-    rig.write("mavlink.toml", "\nstations = ['192.168.0.7:14550']\n");
-    let wrong = rig.run("run mavlink", 78);
-    wrong.err_says("mavlink.toml:2: `192.168.0.7:14550` is no address on loopback");
+    rig.write("mavlink.toml", "\nlisten = '0.0.0.0'\n");
+    for command in ["run mavlink", "run mavlink --check-config"] {
+        let wrong = rig.run(command, 78);
+        wrong.err_says("mavlink.toml:2: MAVLink is not protected");
+    }
+    rig.write("mavlink.toml", "key = 'no-such.key'\nport = 0\n");
+    rig.run("mavlink", 78)
+        .err_says("the key of signatures no-such.key cannot be used");
     rig.write("mavlink.toml", "take_off_m = 5.0\n");
     rig.run("run mavlink --check-config", 0)
         .out_says("take_off_m = 5.0");
@@ -113,42 +138,125 @@ fn a_wrong_configuration_is_refused_and_a_port_has_one_owner() {
         .err_says(format!("UDP port {port} is in use"));
 }
 
+/// A judge in Python, with what is written about its station's port.
+fn judged(
+    what: &str,
+    (script, package): (&str, &str),
+    words: &[&str],
+    last_line: &str,
+    config: &str,
+    look: impl FnOnce(&Sandbox),
+) {
+    let rig = sandbox();
+    let python = match languages::python_with(package, &rig.path("venv")) {
+        Ok(python) => python,
+        Err(why) => return languages::skip(what, &why),
+    };
+    let robot = rig.start_robot(1, 10);
+    let port = Station::new().port();
+    rig.write("mavlink.key", &format!("{PASSPHRASE}\n"));
+    fs::set_permissions(rig.path("mavlink.key"), Permissions::from_mode(0o600)).expect("a mode");
+    let gateway = gateway_with(&rig, port, 60.0, config);
+    let mut judge = std::process::Command::new(python);
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/ril/mavlink");
+    judge.arg("-u").arg(folder.join(script));
+    judge.arg(port.to_string()).args(words);
+    let mut judge = rig.spawn(rig.place(judge));
+    // It waits for each step of the flight as long as every test does for one.
+    judge.wait_for_line_within(8 * WAIT_LIMIT, |line| line.text == last_line);
+    judge.exits(0);
+    look(&rig);
+    end(gateway, Signal::TERM);
+    robot.end();
+}
+
+/// The package that most judges use.
+const PYMAVLINK: &str = "pymavlink==2.4.50";
+
+/// What the stations of these tests sign with.
+const PASSPHRASE: &str = "correct horse battery";
+
+/// Both sides sign; what was recorded or has another key is dropped.
+#[test]
+fn pymavlink_signs_and_takes_signatures_alone() {
+    let (script, words) = (("signed.py", PYMAVLINK), [PASSPHRASE]);
+    let what = "pymavlink signs and takes signatures alone";
+    let config = "key = 'mavlink.key'\nstate = 'kept'\n";
+    judged(what, script, &words, "all is signed", config, |rig| {
+        // Counts alone are published once a second.
+        let mut stations = rig.subscribe::<MavlinkStations>(1);
+        stations.until("what was dropped is counted", |sample| {
+            sample.refused_signature == 1 && sample.refused_replayed == 3
+        });
+        let shown = rig.run("mavlink status", 0);
+        shown.out_says("signatures  asked for");
+        shown.out_says("1 with a signature of another key, 3 with an old signature");
+        let kept = fs::read_to_string(rig.path("kept/robot-1.timestamp")).expect("it is kept");
+        assert!(
+            kept.trim().parse::<u64>().is_ok_and(|kept| kept > 0),
+            "{kept}"
+        );
+    });
+}
+
 /// By a library that others wrote: bytes, checksums and a flight.
 #[test]
 fn pymavlink_flies_the_helicopter() {
-    judged_by("judge.py", "pymavlink==2.4.50");
+    let what = "pymavlink flies the helicopter";
+    judged(what, ("judge.py", PYMAVLINK), &[], "all is well", "", |_| {});
 }
 
 /// In the order of QGroundControl: send, read, start, pause, go on.
 #[test]
 fn pymavlink_sends_and_flies_a_mission_as_qgroundcontrol_does() {
-    judged_by("qgc_mission.py", "pymavlink==2.4.50");
+    let what = "pymavlink sends and flies a mission";
+    judged(what, ("qgc_mission.py", PYMAVLINK), &[], "all is well", "", |_| {});
 }
 
 /// As a script would be written that knows nothing of this project.
 #[test]
 fn mavsdk_flies_a_mission_and_all_its_actions() {
-    judged_by("mavsdk_flies.py", "mavsdk==4.1.0");
+    let what = "MAVSDK flies a mission and all its actions";
+    let judge = ("mavsdk_flies.py", "mavsdk==4.1.0");
+    judged(what, judge, &[], "all is well", "", |_| {});
 }
 
-fn judged_by(script: &str, package: &str) {
+/// A station that sends all kinds of bytes as fast as it can is not obeyed, and another one still is.
+#[test]
+fn a_flood_leaves_room_for_a_hold_that_is_done_once() {
     let rig = sandbox();
-    let what = format!("{package} flies the helicopter");
-    let python = match languages::python_with(package, &rig.path("venv")) {
-        Ok(python) => python,
-        Err(why) => return languages::skip(&what, &why),
-    };
     let robot = rig.start_robot(1, 10);
-    let port = Station::new().port();
-    let gateway = gateway(&rig, port, 60.0);
-    let mut judge = std::process::Command::new(python);
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ril/mavlink");
-    judge.arg("-u").arg(Path::new(folder).join(script));
-    judge.arg(port.to_string());
-    let mut judge = rig.spawn(rig.place(judge));
-    // It waits for each step of the flight as long as every test does for one.
-    judge.wait_for_line_within(8 * WAIT_LIMIT, |line| line.text == "all is well");
-    judge.exits(0);
-    end(gateway, Signal::TERM);
+    let mut station = Station::new();
+    let mut gateway = gateway(&rig, station.port(), 60.0);
+    station.connect();
+    assert_eq!(station.command(22, [NAN, 0.0, 0.0, NAN, NAN, NAN, NAN]), 0);
+    station.until_text("take-off done");
+    let here = station.until("a position", |message| message.is(33));
+    let there = here.i32(4) + 450_000;
+    assert_eq!(station.reposition(6, there, here.i32(8), 15.0), 0);
+    station.until_mode(OFFBOARD);
+    let before = resident_kb(&gateway);
+    let flood = station.flood(30_000);
+    // The socket drops what it has no room for: the command is sent again until it is answered, as stations do.
+    assert_eq!(station.command_again_and_again(193, [0.0; 7]), 0);
+    station.until_mode(HOLD);
+    flood.join().expect("it has ended");
+    let grown = resident_kb(&gateway).saturating_sub(before);
+    assert!(grown < 8_192, "{grown} kB more");
+    let shown = rig.run("mavlink status", 0);
+    shown.out_says("no frame");
+    gateway.signal(Signal::TERM);
+    let said = gateway.exits(0);
+    let holds = said.stderr.iter().filter(|line| line.contains("hold by"));
+    assert_eq!(holds.count(), 1, "{said:#?}");
     robot.end();
+}
+
+/// What a process has in memory, kB.
+fn resident_kb(process: &Process) -> u64 {
+    let path = format!("/proc/{}/status", process.id());
+    let status = fs::read_to_string(path).expect("it runs");
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
+    let number = line.and_then(|line| line.split_whitespace().next());
+    number.and_then(|number| number.parse().ok()).expect("kB")
 }

@@ -2,10 +2,11 @@
 
 use std::collections::VecDeque;
 use std::net::{SocketAddr, UdpSocket};
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use ipc_types::code::Reason;
-use mavlink_gateway::message::{COMMAND_INT, COMMAND_LONG, HEARTBEAT};
+use mavlink_gateway::message::{ALL, COMMAND_INT, COMMAND_LONG, HEARTBEAT};
 use mavlink_gateway::wire::{Message, frames};
 use ril_tests::process::WAIT_LIMIT;
 
@@ -187,6 +188,49 @@ impl Station {
     pub fn command(&mut self, command: u16, params: [f32; 7]) -> u8 {
         self.send_command(command, params);
         self.answer(command).u8(2)
+    }
+
+    /// Commands once a second until it is answered, and gives the result.
+    #[track_caller]
+    pub fn command_again_and_again(&mut self, command: u16, params: [f32; 7]) -> u8 {
+        let give_up = Instant::now() + WAIT_LIMIT;
+        let mut next = Instant::now();
+        while Instant::now() < give_up {
+            if Instant::now() >= next {
+                self.send_command(command, params);
+                next = Instant::now() + Duration::from_secs(1);
+            }
+            if let Some(message) = self.next()
+                && message.is(77)
+                && message.i32(0) as u16 == command
+                && message.u8(2) != 5
+            {
+                return message.u8(2);
+            }
+        }
+        panic!("{command} was not answered");
+    }
+
+    /// Another program sends so many datagrams of all kinds to the helicopter.
+    pub fn flood(&self, count: u32) -> JoinHandle<()> {
+        let vehicle = self.vehicle.expect("it was heard");
+        let socket = UdpSocket::bind("127.0.0.1:0").expect("a free port");
+        thread::spawn(move || {
+            for number in 0..count {
+                let bits = number.wrapping_mul(2_654_435_761);
+                let kind = ALL[bits as usize % ALL.len()];
+                let message = (0..20).fold(Message::new(kind), |message, at| {
+                    message.u32(bits.rotate_left(at))
+                });
+                let mut bytes = message.frame(number as u8, 77, 1);
+                match number % 4 {
+                    0 => bytes[0] = 0x55,
+                    1 => bytes[11] ^= 1,
+                    _ => {}
+                }
+                let _ = socket.send_to(&bytes, vehicle);
+            }
+        })
     }
 
     /// Commands a return again and again, until that is refused because the helicopter is not heard: before, because it is on the ground.

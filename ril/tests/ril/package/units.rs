@@ -13,12 +13,13 @@ use runtime::exit::ExitCode;
 use super::{has, repository};
 use crate::common::sandbox;
 
-const UNITS: [&str; 6] = [
+const UNITS: [&str; 7] = [
     "ril-bridge@.service",
     "ril-status@.service",
     "ril-record@.service",
     "ril-relay@.service",
     "ril-view@.service",
+    "ril-mavlink@.service",
     "ril@.target",
 ];
 
@@ -78,6 +79,7 @@ fn each_unit_starts_a_process_that_there_is_with_a_file_that_is_installed() {
         ("ril-bridge@.service", "Bridge"),
         ("ril-status@.service", "Status"),
         ("ril-view@.service", "RunViewArgs"),
+        ("ril-mavlink@.service", "MavlinkArgs"),
     ] {
         let unit = unit(name);
         let line: Vec<&str> = only(&unit, "ExecStart").split(' ').collect();
@@ -205,7 +207,7 @@ fn the_configuration_of_the_package_is_taken_by_the_processes() {
         .output()
         .unwrap();
     assert!(made.status.success(), "{made:?}");
-    for process in ["bridge", "status", "view"] {
+    for process in ["bridge", "status", "view", "mavlink"] {
         rig.run(
             &format!("run {process} --check-config --config etc/{process}.toml"),
             0,
@@ -235,6 +237,11 @@ fn the_configuration_of_the_package_is_taken_by_the_processes() {
     assert_eq!(format!("-{key}"), format!("{folder}/view.key"));
     let secret = "\nd /var/lib/hero/view 0700 hero hero -\n";
     assert!(folders.contains(secret), "{folders}");
+    let state = read("mavlink.toml")["state"].as_str().unwrap().to_owned();
+    let folder = only(&unit("ril-mavlink@.service"), "ReadWritePaths").to_owned();
+    assert_eq!(format!("-{state}"), folder);
+    let own = format!("\nd {state} 0700 hero hero -\n");
+    assert!(folders.contains(&own), "{folders}");
 }
 
 #[test]

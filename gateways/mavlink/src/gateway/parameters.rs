@@ -1,0 +1,191 @@
+//! What stations ask about parameters.
+
+use ipc_types::MonotonicNs;
+use ipc_types::code::{Reason, Stage};
+
+use super::Gateway;
+use crate::event::{Event, Order};
+use crate::number::Severity;
+use crate::parameters::{
+    ALL, ParameterError, Reply, Source, Value, Work, Write, error_about, error_message, find,
+    value_message,
+};
+use crate::received::Asked;
+use crate::stations::Sender;
+
+impl Gateway {
+    /// Only a station gets values: an address that has sent one small message is not sent many.
+    pub(super) fn parameter(
+        &mut self,
+        sender: Sender,
+        is_station: bool,
+        asked: &Asked,
+        now: MonotonicNs,
+    ) {
+        if !is_station {
+            let why = self.not_permitted(sender, is_station);
+            let text = why.map_or("", |(_, text)| text);
+            return self.say(&[sender.address], Severity::Error, text, now);
+        }
+        match *asked {
+            Asked::List => (0..ALL.len()).for_each(|index| self.read_parameter(sender, index)),
+            Asked::Read { index, name } => match find(index, &name) {
+                Some(index) => self.read_parameter(sender, index),
+                None => {
+                    let error = error_about(index, &name, ParameterError::DoesNotExist);
+                    self.send(sender.address, &error);
+                }
+            },
+            Asked::Set { name, bits, kind } => match find(-1, &name) {
+                Some(index) => self.set_parameter(sender, index, Value::of(kind, bits), now),
+                None => {
+                    let error = error_about(-1, &name, ParameterError::DoesNotExist);
+                    self.send(sender.address, &error);
+                    let text = format!("{name}: there is no such parameter");
+                    self.say(&[sender.address], Severity::Error, &text, now);
+                }
+            },
+        }
+    }
+
+    fn read_parameter(&mut self, sender: Sender, index: usize) {
+        match ALL[index].source {
+            Source::Port(_) => self.parameters.read(sender.address, index),
+            Source::TakeOff => {
+                let height = ALL[index].value(self.settings.take_off_m);
+                self.send(sender.address, &value_message(index, height));
+            }
+            Source::Fixed(value) => self.send(sender.address, &value_message(index, value)),
+        }
+    }
+
+    fn set_parameter(
+        &mut self,
+        sender: Sender,
+        index: usize,
+        value: Option<Value>,
+        now: MonotonicNs,
+    ) {
+        let parameter = ALL[index];
+        let value = value.filter(|value| value.kind() == parameter.kind());
+        let refused = match (self.not_permitted(sender, true), value, parameter.range()) {
+            (Some((_, why)), ..) => Err((ParameterError::PermissionDenied, why.to_owned())),
+            (_, _, None) => Err((ParameterError::ReadOnly, "it can only be read".to_owned())),
+            (_, None, _) => {
+                let kind = match parameter.kind() {
+                    9 => "REAL32",
+                    _ => "INT32",
+                };
+                let text = format!("its type is {kind}, and that of the value is another one");
+                Err((ParameterError::TypeMismatch, text))
+            }
+            (_, Some(value), Some((min, max))) if !(min..=max).contains(&value.number()) => {
+                let text = {
+                    let (min, max) = (parameter.value(min), parameter.value(max));
+                    format!("{value} is not from {min} to {max}")
+                };
+                Err((ParameterError::OutOfRange, text))
+            }
+            (_, Some(value), _) => Ok(value),
+        };
+        let taken = refused.and_then(|value| {
+            if parameter.source == Source::TakeOff {
+                self.settings.take_off_m = value.number();
+                return Ok(Some(value));
+            }
+            let asked = now;
+            let write = Write {
+                by: sender,
+                index,
+                value,
+                asked,
+            };
+            let taken = self.parameters.write(write).map(|()| None);
+            taken.map_err(|error| (error, "too many writes are waiting".to_owned()))
+        });
+        match taken {
+            Ok(Some(value)) => {
+                self.reply(&Reply {
+                    to: None,
+                    message: value_message(index, value),
+                });
+                let text = format!("{} = {value} by {sender}", parameter.name);
+                self.note(Event::Commanded(text));
+            }
+            Ok(None) => {}
+            Err((error, why)) => {
+                self.send(sender.address, &error_message(index, error));
+                let text = format!("{} was not set: {why}", parameter.name);
+                self.say(&[sender.address], Severity::Error, &text, now);
+                // For stations that read no errors.
+                self.read_parameter(sender, index);
+            }
+        }
+    }
+
+    fn reply(&mut self, reply: &Reply) {
+        let to = match reply.to {
+            Some(address) => vec![address],
+            None => self.stations.addresses(),
+        };
+        for address in to {
+            self.send(address, &reply.message);
+        }
+    }
+
+    /// Gives up what takes too long, and asks the bridge for the next one.
+    pub(super) fn advance_parameters(&mut self, now: MonotonicNs) {
+        for reply in self.parameters.expire(now) {
+            self.reply(&reply);
+        }
+        let number = self.last_number + 1;
+        let Some(work) = self.parameters.next(number, now) else {
+            return;
+        };
+        let Some(kind) = work.order() else {
+            return;
+        };
+        self.last_number = number;
+        let (issued, begin_by) = match work {
+            Work::Read(_) => (now, None),
+            Work::Write(write) => {
+                let Write {
+                    by, index, value, ..
+                } = write;
+                let text = format!("{} = {value} by {by}", ALL[index].name);
+                self.note(Event::Commanded(text));
+                let limit = write.asked + self.settings.answer_within;
+                (write.asked, Some(limit))
+            }
+        };
+        self.orders.push_back(Order {
+            number,
+            kind,
+            issued,
+            begin_by,
+            preempts: false,
+        });
+    }
+
+    /// Whether a report was on a parameter; the askers get their answer.
+    pub(super) fn parameter_report(
+        &mut self,
+        number: u64,
+        (stage, reason): (Stage, Reason),
+        value: Option<f64>,
+        words: &str,
+        now: MonotonicNs,
+    ) -> bool {
+        let writer = self.parameters.writer();
+        let Some(replies) = self.parameters.report(number, (stage, reason), value) else {
+            return false;
+        };
+        for reply in &replies {
+            self.reply(reply);
+        }
+        if let Some(sender) = writer.filter(|_| stage.is_final() && stage != Stage::Done) {
+            self.say(&[sender.address], Severity::Error, words, now);
+        }
+        true
+    }
+}

@@ -1,0 +1,102 @@
+//! [`TimestampFile`]: the timestamp of signatures that is kept, so that none is used twice when the gateway starts again.
+
+use std::fs::{self, File};
+use std::io::{self, ErrorKind, Write};
+use std::path::{Path, PathBuf};
+
+use ipc_types::RobotId;
+
+/// Why a timestamp is not kept.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum TimestampError {
+    /// There is no folder for it.
+    #[error(
+        "this user has no home for the timestamp of signatures: name a folder by `state` of mavlink.toml"
+    )]
+    NoFolder,
+    /// The file cannot be read or written.
+    #[error("the timestamp of signatures {}: {source}", path.display())]
+    File {
+        /// Which file.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// Something else is in the file.
+    #[error("the timestamp of signatures {} is no number: remove the file if the clock of this machine is right", path.display())]
+    NoNumber {
+        /// Which file.
+        path: PathBuf,
+    },
+}
+
+/// See the module's documentation.
+pub(super) struct TimestampFile(Option<PathBuf>);
+
+impl TimestampFile {
+    /// That of a robot, in this folder.
+    pub fn new(folder: Option<&Path>, robot: RobotId) -> TimestampFile {
+        TimestampFile(folder.map(|folder| folder.join(format!("robot-{robot}.timestamp"))))
+    }
+
+    fn path(&self) -> Result<&Path, TimestampError> {
+        self.0.as_deref().ok_or(TimestampError::NoFolder)
+    }
+
+    /// What was kept; 0 if nothing was.
+    pub fn read(&self) -> Result<u64, TimestampError> {
+        let path = self.path()?;
+        let text = match fs::read_to_string(path) {
+            Ok(text) => text,
+            Err(source) if source.kind() == ErrorKind::NotFound => return Ok(0),
+            Err(source) => return Err(failed(path, source)),
+        };
+        let path = path.to_owned();
+        let number = text.trim_end().parse();
+        number.map_err(|_| TimestampError::NoNumber { path })
+    }
+
+    /// Keeps it: a process that is killed meanwhile leaves the old one or this one.
+    pub fn write(&self, timestamp: u64) -> Result<(), TimestampError> {
+        let path = self.path()?;
+        write(path, timestamp).map_err(|source| failed(path, source))
+    }
+}
+
+fn failed(path: &Path, source: io::Error) -> TimestampError {
+    let path = path.to_owned();
+    TimestampError::File { path, source }
+}
+
+fn write(path: &Path, timestamp: u64) -> io::Result<()> {
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder)?;
+    }
+    let new = path.with_extension("new");
+    let mut file = File::create(&new)?;
+    writeln!(file, "{timestamp}")?;
+    file.sync_data()?;
+    fs::rename(&new, path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_kept_is_read_again_and_something_else_is_refused() {
+        let folder = std::env::temp_dir().join(format!("ril-timestamp-{}", std::process::id()));
+        let robot = RobotId::new(7).unwrap();
+        let file = TimestampFile::new(Some(&folder), robot);
+        assert_eq!(file.read().unwrap(), 0);
+        for timestamp in [5, u64::MAX] {
+            file.write(timestamp).unwrap();
+            assert_eq!(file.read().unwrap(), timestamp);
+        }
+        fs::write(folder.join("robot-7.timestamp"), "").unwrap();
+        assert!(matches!(file.read(), Err(TimestampError::NoNumber { .. })));
+        fs::remove_dir_all(&folder).unwrap();
+        let nowhere = TimestampFile::new(None, robot);
+        assert!(matches!(nowhere.write(1), Err(TimestampError::NoFolder)));
+    }
+}
