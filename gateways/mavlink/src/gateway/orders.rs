@@ -470,5 +470,8 @@ impl Gateway {
 
 /// Whether an order, when it is accepted, moves the helicopter otherwise than a mission does, or makes it hover.
 fn takes_over(kind: OrderKind) -> bool {
-    !matches!(kind, OrderKind::Start | OrderKind::Speed(_))
+    !matches!(
+        kind,
+        OrderKind::Start | OrderKind::Speed(_) | OrderKind::ReadPort(_) | OrderKind::WritePort(..)
+    )
 }
