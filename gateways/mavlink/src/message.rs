@@ -93,6 +93,8 @@ kinds! {
     STATUSTEXT = 253, 83;
     /// Why a parameter is not read or set.
     PARAM_ERROR = 345, 209;
+    /// The fuel.
+    FUEL_STATUS = 371, 10;
     /// The modes that there are.
     AVAILABLE_MODES = 435, 134;
     /// The mode that holds.

@@ -81,6 +81,7 @@ impl Scene<'_> {
             Stream::Altitude => Some(self.altitudes(message)),
             Stream::GpsRaw => Some(self.gps(message)),
             Stream::Battery => Some(self.battery(message)),
+            Stream::Fuel => self.fuel(message),
             Stream::Home => self.home(message),
             Stream::Mission => Some(self.mission(message)),
         }
