@@ -3,7 +3,7 @@
 //! * [`model`]: a plan as its author meant it; each altitude says what it is above;
 //! * [`read`]: QGroundControl `.plan`, `QGC WPL 110`, GeoJSON, KML and GPX become that model; [`write`](mod@write): `.plan`;
 //! * [`mavlink`]: mission items; [`meaning`]: what they mean for a helicopter;
-//! * [`flight`]: what the helicopter does for a plan at a [`site`], in [`steps`]; [`timeline`]: when;
+//! * [`flight`]: what the helicopter does for a plan at a [`site`], in [`steps`]; [`timeline`]: when; [`executor`]: one after the other;
 //! * [`check`]: whether the bridge and the DSP will take it, and what else the operator must know.
 //!
 //! Pure values: no file, no clock, no thread, no shared memory.
@@ -46,6 +46,7 @@
 
 pub mod check;
 pub mod error;
+pub mod executor;
 pub mod finding;
 pub mod flight;
 pub mod format;

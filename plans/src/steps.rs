@@ -39,6 +39,17 @@ pub enum Step {
     },
 }
 
+impl Step {
+    /// The first item that the step belongs to; `None` for a take-off in front of the plan.
+    pub fn first_item(&self) -> Option<u32> {
+        match self {
+            Step::TakeOff { item, .. } => *item,
+            Step::Path(points) => points.first().map(|point| point.item),
+            Step::Wait { item, .. } | Step::Speed { item, .. } | Step::Land { item } => Some(*item),
+        }
+    }
+}
+
 /// A waypoint of a path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PathPoint {

@@ -33,7 +33,10 @@ const ARROWS: [(&str, &[&str]); 19] = [
     ("recording", &["ipc-types", "ros-messages"]),
     ("dsp-sim", &["dsp-protocol", "runtime"]),
     ("conform", &["dsp-protocol"]),
-    ("mavlink-gateway", &["dsp-protocol", "ipc-types", "plans"]),
+    (
+        "mavlink-gateway",
+        &["bridge", "dsp-protocol", "ipc-types", "plans", "runtime"],
+    ),
     ("plans", &["bridge", "dsp-protocol", "ipc-types", "runtime"]),
     ("replay", &["bridge", "ipc-types", "module-kit", "status"]),
     (

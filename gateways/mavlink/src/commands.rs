@@ -108,6 +108,17 @@ impl Commands {
         }
     }
 
+    /// What an accepted command began has ended otherwise: copies get this answer, for as long as they would have got the first one.
+    pub fn amend(&mut self, key: &Key, answer: Answer) {
+        if let Some(Known {
+            answered: Some((known, _)),
+            ..
+        }) = self.known.iter_mut().find(|one| one.key == *key)
+        {
+            *known = answer;
+        }
+    }
+
     /// Forgets what a sender that is gone has commanded and was answered.
     pub fn forget(&mut self, sender: Sender) {
         self.known
@@ -160,6 +171,16 @@ mod tests {
             Copy::Answered(later)
         );
         assert_eq!(commands.take(goto, false, at(14_999)), Copy::New);
+        commands.amend(&goto, denied);
+        assert_eq!(
+            commands.take(goto, false, at(15_000)),
+            Copy::Open,
+            "not answered yet"
+        );
+        commands.answer(&goto, later, at(15_000));
+        commands.amend(&goto, denied);
+        assert_eq!(commands.look(goto, at(17_499)), Copy::Answered(denied));
+        assert_eq!(commands.look(goto, at(17_500)), Copy::New);
         // A stop is one while it is open only.
         let hold = key(1, 193);
         assert_eq!(commands.take(hold, true, at(0)), Copy::New);

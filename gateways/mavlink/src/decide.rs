@@ -43,6 +43,22 @@ pub enum Decision {
     Orders(Orders),
     /// Home is there.
     SetHome(WaypointPosition),
+    /// The mission begins, goes on, or goes elsewhere.
+    Mission(MissionAsk),
+}
+
+/// What is asked of the mission.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MissionAsk {
+    /// Begin with this item, or else go on with the next one.
+    Start {
+        /// From 0.
+        first: Option<u16>,
+        /// Whether the module is started for it on the ground; otherwise the mission waits for that.
+        arms: bool,
+    },
+    /// Go on with this item, from 0.
+    SetCurrent(u16),
 }
 
 /// One or two orders, the second of which follows when the first is done.
@@ -57,7 +73,7 @@ pub struct Orders {
 }
 
 impl Orders {
-    fn one(kind: OrderKind) -> Decision {
+    pub fn one(kind: OrderKind) -> Decision {
         Decision::Orders(Orders {
             first: kind,
             then: None,
@@ -104,9 +120,18 @@ pub fn decide(asked: &Command, facts: &Facts<'_>) -> Decision {
         command::REPOSITION => facts.reposition(asked),
         command::PAUSE_CONTINUE => match asked.param(1) {
             0.0 => Orders::one(OrderKind::Hold),
-            _ => no_missions(),
+            _ => MISSION_GOES_ON,
         },
-        command::MISSION_START => no_missions(),
+        command::MISSION_START => mission_start(asked),
+        command::SET_MISSION_CURRENT => match asked.param(1) {
+            number if (0.0..65_535.0).contains(&number) => {
+                Decision::Mission(MissionAsk::SetCurrent(number as u16))
+            }
+            _ => refuse(
+                MavResult::Denied,
+                "the mission was refused: there is no such item",
+            ),
+        },
         command::SET_MODE => decide_mode(custom_of(asked.param(2), asked.param(3)), facts),
         command::SET_STANDARD_MODE => {
             let mode = Mode::ALL
@@ -132,6 +157,7 @@ pub fn decide_mode(custom: u32, facts: &Facts<'_>) -> Decision {
     match Mode::of_custom(custom) {
         Ok(Mode::Hold) => Orders::one(OrderKind::Hold),
         Ok(Mode::Land) => facts.land_here(),
+        Ok(Mode::Mission) => MISSION_GOES_ON,
         Ok(Mode::Return) => facts.go_home(),
         Ok(mode) => {
             let text = format!(
@@ -140,7 +166,6 @@ pub fn decide_mode(custom: u32, facts: &Facts<'_>) -> Decision {
             );
             refuse(MavResult::Denied, text)
         }
-        Err("missions") => no_missions(),
         Err(name) => refuse(MavResult::Denied, format!("{name}: there is no such mode")),
     }
 }
@@ -153,9 +178,20 @@ fn custom_of(main: f32, sub: f32) -> u32 {
     }
 }
 
-fn no_missions() -> Decision {
-    let text = "missions are not offered yet: fly plans with `ril plan fly`";
-    refuse(MavResult::Denied, text)
+const MISSION_GOES_ON: Decision = Decision::Mission(MissionAsk::Start {
+    first: None,
+    arms: false,
+});
+
+/// The first item is 0 where the station means "go on"; a last item is none where it is 0, or not a number.
+fn mission_start(asked: &Command) -> Decision {
+    let (first, last) = (asked.param(1), asked.param(2));
+    if last > 0.0 {
+        let text = "the mission was refused: it is flown to its end, and not to an item";
+        return refuse(MavResult::Denied, text);
+    }
+    let first = (first >= 1.0).then_some(first as u16);
+    Decision::Mission(MissionAsk::Start { first, arms: true })
 }
 
 fn not_heard() -> Decision {

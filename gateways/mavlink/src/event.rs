@@ -5,6 +5,8 @@ use std::net::SocketAddr;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::WaypointPosition;
 
+use crate::mission::store::Mission;
+
 /// Bytes for a station.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Datagram {
@@ -46,6 +48,8 @@ pub enum OrderKind {
     Land,
     /// Fly straight there.
     GoTo(WaypointPosition),
+    /// Fly the path that [`Gateway::path`](crate::Gateway::path) has for the order.
+    Path,
     /// Fly paths at this speed, m/s.
     Speed(f64),
     /// Read a port of the DSP.
@@ -69,10 +73,20 @@ impl OrderKind {
             OrderKind::Hold => "hold",
             OrderKind::Land => "land",
             OrderKind::GoTo(_) => "goto",
+            OrderKind::Path => "path",
             OrderKind::Speed(_) => "speed",
             OrderKind::ReadPort(_) | OrderKind::WritePort(..) => "parameter",
         }
     }
+}
+
+/// What the program around it does for a [`Gateway`](crate::Gateway) beside orders.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// Ask the bridge for its configuration, within a second, and give it to [`Gateway::rules`](crate::Gateway::rules).
+    Rules,
+    /// Keep a mission on disk, and say [`Gateway::saved`](crate::Gateway::saved).
+    Save(Mission),
 }
 
 /// Something for the log.

@@ -4,9 +4,9 @@ use crate::message::{AUTOPILOT_VERSION, AVAILABLE_MODES};
 use crate::mode::Mode;
 use crate::wire::Message;
 
-/// MAV_PROTOCOL_CAPABILITY: parameters, of which integers are not converted; commands with integer coordinates; MAVLink 2; fences.
-/// Missions are not offered yet.
-const CAPABILITIES: u64 = 2 | 8 | 16 | 8192 | 16_384;
+/// MAV_PROTOCOL_CAPABILITY: parameters, of which integers are not converted; missions and commands with integer coordinates; MAVLink 2;
+/// fences.
+const CAPABILITIES: u64 = 2 | 4 | 8 | 16 | 8192 | 16_384;
 
 /// AUTOPILOT_VERSION. The version is that of the PX4 of which the dialect of modes and commands is, of the type "development".
 pub fn autopilot_version(robot: u32) -> Message {

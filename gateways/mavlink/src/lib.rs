@@ -5,6 +5,7 @@
 //! see.
 //!
 //! * [`wire`]: frames and their checksums; [`message`]: the messages; `received`: what is read of one; [`number`]: the protocol's numbers;
+//! * `mission`: the mission: its items, how it comes, whether it can be flown;
 //! * `signing`: whose frames they are;
 //! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`, `identity`: the same in messages;
 //! * `stations`, `streams`, `texts`: to whom what is sent, and when;
@@ -22,6 +23,7 @@ mod gateway;
 mod home;
 mod identity;
 pub mod message;
+mod mission;
 mod mode;
 pub mod number;
 mod parameters;
@@ -37,8 +39,9 @@ mod verdict;
 pub mod wire;
 
 pub use commands::MEMORY;
-pub use event::{Datagram, Event, Order, OrderKind};
+pub use event::{Datagram, Event, Order, OrderKind, Task};
 pub use gateway::Gateway;
+pub use mission::store::{MAX_FILE_BYTES, Mission};
 pub use mode::Mode;
 pub use settings::{Settings, StationLost};
 pub use signing::{Key, Signing, timestamp};

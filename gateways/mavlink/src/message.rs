@@ -47,12 +47,18 @@ kinds! {
     GLOBAL_POSITION_INT = 33, 104;
     /// Asks for an item of a mission, in the form that is not used any more.
     MISSION_REQUEST = 40, 230;
+    /// Goes on with an item of a mission.
+    MISSION_SET_CURRENT = 41, 28;
+    /// Which item of the mission is flown.
+    MISSION_CURRENT = 42, 28;
     /// Asks for the items of a mission.
     MISSION_REQUEST_LIST = 43, 132;
     /// How many items a mission has.
     MISSION_COUNT = 44, 221;
     /// Asks to forget a mission.
     MISSION_CLEAR_ALL = 45, 232;
+    /// An item of the mission was done.
+    MISSION_ITEM_REACHED = 46, 11;
     /// How the exchange of a mission ended.
     MISSION_ACK = 47, 153;
     /// Asks for an item of a mission.
@@ -87,6 +93,8 @@ kinds! {
     STATUSTEXT = 253, 83;
     /// Why a parameter is not read or set.
     PARAM_ERROR = 345, 209;
+    /// The fuel.
+    FUEL_STATUS = 371, 10;
     /// The modes that there are.
     AVAILABLE_MODES = 435, 134;
     /// The mode that holds.

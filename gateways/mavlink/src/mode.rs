@@ -14,6 +14,8 @@ pub enum Mode {
     TakeOff,
     /// At rest, hovering or stopping.
     Hold,
+    /// A station's mission is flown, whatever its step, or waits for the arming that starts it.
+    Mission,
     /// A return that a station has commanded.
     Return,
     /// A landing is under way.
@@ -24,8 +26,9 @@ pub enum Mode {
 
 impl Mode {
     /// All, in the order in which they are listed.
-    pub const ALL: [Mode; 6] = [
+    pub const ALL: [Mode; 7] = [
         Mode::Hold,
+        Mode::Mission,
         Mode::Return,
         Mode::Land,
         Mode::Manual,
@@ -33,10 +36,13 @@ impl Mode {
         Mode::Offboard,
     ];
 
-    /// What the helicopter does; `is_returning` says whether its path is that of a return.
-    pub fn of(known: &Known<'_>, is_returning: bool) -> Mode {
+    /// What the helicopter does; `is_returning` says whether its path is that of a return, `has_mission` whether it is a mission's.
+    pub fn of(known: &Known<'_>, is_returning: bool, has_mission: bool) -> Mode {
         if known.is_manual() {
             return Mode::Manual;
+        }
+        if has_mission {
+            return Mode::Mission;
         }
         match known.state.functionality() {
             Some(Functionality::TakingOff) => Mode::TakeOff,
@@ -53,6 +59,7 @@ impl Mode {
             Mode::Manual => (1, 0),
             Mode::TakeOff => (4, 2),
             Mode::Hold => (4, 3),
+            Mode::Mission => (4, 4),
             Mode::Return => (4, 5),
             Mode::Land => (4, 6),
             Mode::Offboard => (6, 0),
@@ -69,7 +76,6 @@ impl Mode {
     pub fn of_custom(custom: u32) -> Result<Mode, &'static str> {
         let mode = Mode::ALL.into_iter().find(|mode| mode.custom() == custom);
         mode.ok_or(match (custom >> 16 & 0xff, custom >> 24) {
-            (4, 4) => "missions",
             (2, _) => "altitude control by stick",
             (3, _) => "position control by stick",
             _ => "this mode",
@@ -80,6 +86,7 @@ impl Mode {
     pub fn standard(self) -> u8 {
         match self {
             Mode::Return => 5,
+            Mode::Mission => 6,
             Mode::Land => 7,
             Mode::TakeOff => 8,
             _ => 0,
@@ -88,7 +95,7 @@ impl Mode {
 
     /// Whether a station can choose it.
     pub fn is_selectable(self) -> bool {
-        matches!(self, Mode::Hold | Mode::Return | Mode::Land)
+        matches!(self, Mode::Hold | Mode::Mission | Mode::Return | Mode::Land)
     }
 
     /// What it is called.
@@ -97,6 +104,7 @@ impl Mode {
             Mode::Manual => "Manual",
             Mode::TakeOff => "Takeoff",
             Mode::Hold => "Hold",
+            Mode::Mission => "Mission",
             Mode::Return => "Return",
             Mode::Land => "Land",
             Mode::Offboard => "Offboard",
@@ -145,10 +153,15 @@ mod tests {
                     state: &state,
                 };
                 assert_eq!(
-                    Mode::of(&known, is_returning),
+                    Mode::of(&known, is_returning, false),
                     expected,
                     "{functionality}, {switch}"
                 );
+                let in_mission = match switch {
+                    PilotSwitch::Manual => Mode::Manual,
+                    _ => Mode::Mission,
+                };
+                assert_eq!(Mode::of(&known, is_returning, true), in_mission);
             }
         }
     }
@@ -156,12 +169,12 @@ mod tests {
     #[test]
     fn numbers_are_those_of_px4_and_come_back() {
         let numbers = Mode::ALL.map(Mode::custom);
-        let expected = [0x0304, 0x0504, 0x0604, 0x0001, 0x0204, 0x0006].map(|mode: u32| mode << 16);
+        let expected =
+            [0x0304, 0x0404, 0x0504, 0x0604, 0x0001, 0x0204, 0x0006].map(|mode: u32| mode << 16);
         assert_eq!(numbers, expected);
         for mode in Mode::ALL {
             assert_eq!(Mode::of_custom(mode.custom()), Ok(mode));
         }
-        assert_eq!(Mode::of_custom(0x0404_0000), Err("missions"));
         assert_eq!(Mode::of_custom(7), Err("this mode"));
     }
 }

@@ -14,6 +14,8 @@ pub mod command {
     pub const REPOSITION: u16 = 192;
     /// Pause or continue.
     pub const PAUSE_CONTINUE: u16 = 193;
+    /// Go on with this item of the mission.
+    pub const SET_MISSION_CURRENT: u16 = 224;
     /// Switch the geofence.
     pub const FENCE_ENABLE: u16 = 207;
     /// Reboot.
@@ -62,12 +64,28 @@ pub enum MissionResult {
     Accepted = 0,
     /// Not now.
     Error = 1,
-    /// Not this kind.
+    /// Not with this frame.
+    UnsupportedFrame = 2,
+    /// Not this command.
     Unsupported = 3,
-    /// No such item.
+    /// Too many items.
+    NoSpace = 4,
+    /// Not so, as a whole.
+    Invalid = 5,
+    /// Not this second parameter, which is the speed.
+    InvalidParam2 = 7,
+    /// Not this fifth parameter, or not this place.
+    InvalidParam5 = 10,
+    /// Not this sixth parameter.
+    InvalidParam6 = 11,
+    /// Not this seventh parameter, which is the altitude.
+    InvalidParam7 = 12,
+    /// Not this item at this place, or no such item.
     InvalidSequence = 13,
-    /// Not over MAVLink.
+    /// Not by this station, not over MAVLink, or not while the mission is flown.
     Denied = 14,
+    /// It has taken too long, or its station has ended it.
+    Cancelled = 15,
 }
 
 /// MAV_MISSION_TYPE of a geofence.
@@ -103,3 +121,5 @@ pub const AUTOPILOT_PX4: u8 = 12;
 pub const AUTOPILOT_INVALID: u8 = 8;
 /// MAV_COMP_ID of the autopilot.
 pub const COMPONENT: u8 = 1;
+/// MAV_COMP_ID for all that has to do with missions.
+pub const MISSION_PLANNER: u8 = 190;

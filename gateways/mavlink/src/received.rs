@@ -4,9 +4,11 @@ use arrayvec::ArrayString;
 
 use crate::message::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MISSION_ACK, MISSION_CLEAR_ALL,
-    MISSION_COUNT, MISSION_REQUEST, MISSION_REQUEST_INT, MISSION_REQUEST_LIST, PARAM_REQUEST_LIST,
-    PARAM_REQUEST_READ, PARAM_SET, PING, SET_MODE, TIMESYNC,
+    MISSION_COUNT, MISSION_ITEM_INT, MISSION_REQUEST, MISSION_REQUEST_INT, MISSION_REQUEST_LIST,
+    MISSION_SET_CURRENT, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, SET_MODE,
+    TIMESYNC,
 };
+use crate::mission::store::Item;
 use crate::number::{AUTOPILOT_INVALID, TYPE_PROGRAM, TYPE_STATION};
 use crate::parameters::NAME;
 use crate::wire::{Frame, Payload};
@@ -44,6 +46,8 @@ pub enum Received {
     Mission {
         /// For which system.
         system: u8,
+        /// For which component; 0 for all.
+        component: u8,
         /// What is asked.
         request: MissionRequest,
         /// Mission, fence or rally points; to be repeated.
@@ -108,8 +112,12 @@ pub enum MissionRequest {
     Clear,
     /// Which is this item?
     Request(u16),
+    /// This is this item.
+    Item(u16, Item),
     /// How a transfer ended: MAV_MISSION_RESULT.
     Ack(u8),
+    /// Go on with this item.
+    SetCurrent(u16),
 }
 
 /// COMMAND_LONG or COMMAND_INT.
@@ -215,8 +223,21 @@ impl Received {
             }
             MISSION_ACK => Received::Mission {
                 system: payload.u8(0),
+                component: payload.u8(1),
                 request: MissionRequest::Ack(payload.u8(2)),
                 mission_type: payload.u8(3),
+            },
+            MISSION_ITEM_INT => Received::Mission {
+                system: payload.u8(32),
+                component: payload.u8(33),
+                request: MissionRequest::Item(payload.u16(28), Item::of(payload)),
+                mission_type: payload.u8(37),
+            },
+            MISSION_SET_CURRENT => Received::Mission {
+                system: payload.u8(2),
+                component: payload.u8(3),
+                request: MissionRequest::SetCurrent(payload.u16(0)),
+                mission_type: 0,
             },
             MISSION_CLEAR_ALL => mission(MissionRequest::Clear, payload, 0),
             FILE_TRANSFER_PROTOCOL => Received::File {
@@ -245,6 +266,7 @@ impl Received {
 fn mission(request: MissionRequest, payload: Payload<'_>, at: usize) -> Received {
     Received::Mission {
         system: payload.u8(at),
+        component: payload.u8(at + 1),
         request,
         mission_type: payload.u8(at + 2),
     }

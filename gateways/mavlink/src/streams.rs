@@ -39,8 +39,12 @@ pub enum Stream {
     GpsRaw,
     /// The battery.
     Battery,
+    /// The fuel.
+    Fuel,
     /// Where home is.
     Home,
+    /// Which item of the mission is flown.
+    Mission,
 }
 
 /// What a message is made of, so that it is not sent again unchanged.
@@ -54,7 +58,7 @@ pub enum Content {
 
 impl Stream {
     /// All, by their numbers.
-    pub const ALL: [Stream; 13] = [
+    pub const ALL: [Stream; 15] = [
         Stream::Heartbeat,
         Stream::CurrentMode,
         Stream::SysStatus,
@@ -67,7 +71,9 @@ impl Stream {
         Stream::Altitude,
         Stream::GpsRaw,
         Stream::Battery,
+        Stream::Fuel,
         Stream::Home,
+        Stream::Mission,
     ];
 
     /// The message, how often it is sent by default in tenths of a hertz, and what it is made of.
@@ -86,7 +92,9 @@ impl Stream {
             Stream::Altitude => (message::ALTITUDE, 20, Sample),
             Stream::GpsRaw => (message::GPS_RAW_INT, 20, Sample),
             Stream::Battery => (message::BATTERY_STATUS, 5, Sample),
+            Stream::Fuel => (message::FUEL_STATUS, 5, Sample),
             Stream::Home => (message::HOME_POSITION, 2, State),
+            Stream::Mission => (message::MISSION_CURRENT, 10, State),
         }
     }
 
@@ -254,7 +262,7 @@ mod tests {
 
     #[test]
     fn rates_are_those_of_the_table_and_no_sample_goes_twice() {
-        let expected = [10, 5, 10, 10, 50, 100, 0, 20, 40, 20, 20, 5, 2];
+        let expected = [10, 5, 10, 10, 50, 100, 0, 20, 40, 20, 20, 5, 5, 2, 10];
         assert_eq!(sent(20), expected);
         // One sample a second: what is made of samples comes once a second.
         let rare = expected.map(|count: usize| count.min(10));
@@ -266,7 +274,7 @@ mod tests {
         let mut streams = Streams::new(MonotonicNs(0));
         let _ = streams.take_due(MonotonicNs(1), MonotonicNs(0));
         let late = MonotonicNs(60_000 * MS);
-        assert_eq!(streams.take_due(late, late).len(), 12);
+        assert_eq!(streams.take_due(late, late).len(), 14);
         assert_eq!(streams.take_due(late, late), []);
 
         for (interval_us, expected) in [

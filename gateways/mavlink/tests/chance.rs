@@ -10,7 +10,7 @@ use proptest::collection::vec;
 use proptest::prelude::*;
 
 use crate::common::{QGC, SCRIPT, Station, World, acks, reposition};
-use crate::script;
+use crate::{mission_file, script};
 
 /// A message of any kind, with any content.
 fn any_message() -> impl Strategy<Value = Vec<u8>> {
@@ -203,8 +203,51 @@ fn the_corpus_of_the_fuzz_target_passes() {
     assert!(count >= 5, "{count} files are no corpus");
 }
 
+/// Items whose numbers are of the kinds that plans have, in the middle of a flight.
+#[test]
+fn any_items_are_a_mission_that_is_checked() {
+    let mut rng = Rng::with_seed(3);
+    for _ in 0..500 {
+        let mut bytes = Vec::new();
+        for _ in 0..rng.usize(0..12) {
+            for _ in 0..4 {
+                bytes.extend(
+                    rng.choice(&[0.0, 1.0, -1.0, 5.5, f32::NAN, 1e30])
+                        .unwrap_or(&0.0)
+                        .to_le_bytes(),
+                );
+            }
+            for degrees in [37.411, -6.001] {
+                let near = (degrees * 1e7) as i32 + rng.i32(-5_000..5_000);
+                bytes.extend(
+                    rng.choice(&[near, near, 0, i32::MAX])
+                        .unwrap_or(&0)
+                        .to_le_bytes(),
+                );
+            }
+            bytes.extend(
+                rng.choice(&[0.0, 15.0, 400.0, f32::INFINITY])
+                    .unwrap_or(&0.0)
+                    .to_le_bytes(),
+            );
+            bytes.extend(
+                rng.choice(&[16_u16, 17, 19, 20, 21, 22, 93, 178, 206])
+                    .unwrap_or(&16)
+                    .to_le_bytes(),
+            );
+            bytes.extend([*rng.choice(&[0, 2, 3, 6, 10]).unwrap_or(&3), 0, 1]);
+        }
+        mission_file::check(&bytes);
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn any_bytes_are_a_mission_that_is_checked_or_none(data in vec(any::<u8>(), 0..400)) {
+        mission_file::check(&data);
+    }
 
     #[test]
     fn any_script_leaves_the_gateway_bounded(data in vec(any::<u8>(), 0..1500)) {

@@ -8,7 +8,7 @@ use ipc_types::code::{Functionality, LinkState, ModuleStatus, PilotSwitch, Reaso
 use ipc_types::payload::{HeroTelemetry, ModuleState, RequestReport};
 use mavlink_gateway::message::{self, COMMAND_LONG, HEARTBEAT, Kind};
 use mavlink_gateway::wire::{Message, frames};
-use mavlink_gateway::{Gateway, Order, OrderKind, Settings};
+use mavlink_gateway::{Gateway, Mission, Order, OrderKind, Settings, Task};
 
 /// A ground station, as an address and a system.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,6 +58,8 @@ pub struct World {
     pub now: MonotonicNs,
     pub state: ModuleState,
     pub telemetry: HeroTelemetry,
+    /// What lies on the disk.
+    pub disk: Option<Mission>,
 }
 
 /// Where the helicopter is, degrees and m with telemetry's zero.
@@ -87,6 +89,7 @@ impl World {
             now: MonotonicNs(1_000_000_000_000),
             state,
             telemetry,
+            disk: None,
         };
         world.tick(0);
         world
@@ -102,7 +105,13 @@ impl World {
 
     /// The same in the air, 20 m above home, started.
     pub fn flying() -> World {
-        let mut world = World::with_station();
+        World::flying_with(Settings::default())
+    }
+
+    /// The same with these settings.
+    pub fn flying_with(settings: Settings) -> World {
+        let mut world = World::new(settings);
+        world.heartbeat(QGC);
         world.state.blocked = 0;
         world.state.status = ModuleStatus::Running.code();
         world.tick(20);
@@ -153,6 +162,23 @@ impl World {
 
     pub fn command(&mut self, from: Station, command: u16, params: [f32; 7]) {
         self.receive(from, &from.frame(&long(command, params)));
+    }
+
+    /// The program around the gateway does what it wants beside orders: the bridge has these rules.
+    pub fn serve(&mut self, rules: &str) {
+        while let Some(task) = self.gateway.poll_task() {
+            match task {
+                Task::Rules => {
+                    let rules = runtime::config::parse(rules, "bridge.toml").expect("rules");
+                    self.gateway.rules(Some(&rules), self.now);
+                }
+                Task::Save(mission) => {
+                    self.disk = Some(mission.clone());
+                    self.gateway.saved(mission, Ok(()), self.now);
+                }
+            }
+        }
+        self.gateway.advance(self.now);
     }
 
     /// The bridge reports on an order.

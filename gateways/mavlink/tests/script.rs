@@ -8,7 +8,7 @@
 //! | 0 | these bytes come as a datagram |
 //! | 1 | they come as a message with a right checksum; the first says which |
 //! | 2 | time passes, 10 ms for the second byte's unit; with bit 2 samples come, with bit 3 the helicopter flies, with bit 4 it holds |
-//! | 3 | the bridge reports on the oldest order: the second byte is the stage, by its place, and the reason |
+//! | 3 | the bridge reports on the oldest order: the second byte is the stage, by its place, and the reason; so many waypoints are reached |
 //!
 //! The bits 5 to 7 are the station's port.
 
@@ -20,7 +20,7 @@ use ipc_types::code::{Functionality, LinkState, Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, ModuleState, RequestReport};
 use mavlink_gateway::message::{ALL, HEARTBEAT};
 use mavlink_gateway::wire::{MAX_FRAME, Message, frames};
-use mavlink_gateway::{Gateway, Order, Settings};
+use mavlink_gateway::{Gateway, Mission, Order, Settings, Task};
 
 struct Play {
     gateway: Gateway,
@@ -121,13 +121,27 @@ impl Play {
         if stage.is_final() {
             self.orders.remove(0);
         }
-        let report = RequestReport::new(stage, reason);
+        let report = RequestReport {
+            waypoints_reached: number.into(),
+            ..RequestReport::new(stage, reason)
+        };
         self.gateway
             .report(order.number, &report, "words", self.now);
     }
 
     /// What must hold after each step.
     fn look(&mut self) {
+        self.gateway.advance(self.now);
+        while let Some(task) = self.gateway.poll_task() {
+            match task {
+                // The default ones.
+                Task::Rules => self.gateway.rules(None, self.now),
+                Task::Save(mission) => {
+                    let kept = Mission::decode(&mission.encode()).expect("it is read again");
+                    self.gateway.saved(kept, Ok(()), self.now);
+                }
+            }
+        }
         self.gateway.advance(self.now);
         self.orders
             .extend(std::iter::from_fn(|| self.gateway.poll_order()));

@@ -127,7 +127,7 @@ fn a_station_chooses_messages_and_rates() {
         sent.iter()
             .filter(|one| one.kind == AVAILABLE_MODES)
             .count(),
-        7
+        8
     );
     assert_eq!(count(&sent, Stream::AttitudeQuaternion), 1);
     let results: Vec<u8> = acks(&sent).iter().map(|ack| ack.1).collect();
@@ -135,7 +135,7 @@ fn a_station_chooses_messages_and_rates() {
 }
 
 #[test]
-fn clocks_and_missions_are_answered_so_that_no_station_waits() {
+fn clocks_and_fences_are_answered_so_that_no_station_waits() {
     let mut world = World::with_station();
     let messages = [
         Message::new(PING).u64(5).u32(6).u8(0).u8(0),
@@ -144,7 +144,7 @@ fn clocks_and_missions_are_answered_so_that_no_station_waits() {
             .u8(1)
             .u8(1)
             .u8(2),
-        Message::new(MISSION_COUNT).u16(12).u8(1).u8(1).u8(0),
+        Message::new(MISSION_COUNT).u16(12).u8(1).u8(1).u8(2),
     ];
     for message in messages {
         world.receive(QGC, &QGC.frame(&message));
@@ -161,7 +161,7 @@ fn clocks_and_missions_are_answered_so_that_no_station_waits() {
     );
     assert_eq!(i64::from_le_bytes(one(TIMESYNC).bytes(8)), 77);
     assert_eq!(one(MISSION_COUNT).bytes(0), [0, 0, 255, 190, 2]);
-    assert_eq!(one(MISSION_ACK).bytes(0), [255, 190, 3, 0]);
+    assert_eq!(one(MISSION_ACK).bytes(0), [255, 190, 3, 2]);
 }
 
 #[test]

@@ -61,6 +61,11 @@ impl RunningBridge {
         })
     }
 
+    /// The same, if it has come.
+    pub fn take(&mut self) -> Option<BridgeConfig> {
+        self.config.take()
+    }
+
     /// The configuration without the serial port, and with the fence that is in force; `None` if the bridge does not say it within
     /// `timeout`.
     pub fn wait(&mut self, timeout: Duration) -> Option<BridgeConfig> {

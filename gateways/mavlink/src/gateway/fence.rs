@@ -17,9 +17,9 @@ impl Gateway {
     }
 
     /// What a station asks about the geofence: it can read it, and not change it.
-    pub(super) fn fence(&mut self, sender: Sender, request: MissionRequest, now: MonotonicNs) {
+    pub(super) fn fence(&mut self, sender: Sender, request: &MissionRequest, now: MonotonicNs) {
         let state = self.vehicle.last_state();
-        match request {
+        match *request {
             MissionRequest::List => match self.fence.read_by(sender, state) {
                 Some(count) => {
                     let message = Message::new(MISSION_COUNT).u16(count);
@@ -49,6 +49,8 @@ impl Gateway {
                     }
                 }
             }
+            // Items that were not asked for.
+            MissionRequest::Item(..) | MissionRequest::SetCurrent(_) => {}
             MissionRequest::Count(_) => {
                 let why =
                     "a fence is not taken over MAVLink: `ril plan fly --fence` adds that of a plan";

@@ -3,6 +3,7 @@
 //! | the station's movement | `continue` | `hold` | `land` |
 //! |---|---|---|---|
 //! | a path | goes on | the helicopter holds | it lands |
+//! | a mission | goes on | is paused, the helicopter holds | is paused, it lands |
 //! | a take-off, which nothing interrupts | goes on; it ends in a hover | goes on | it lands when the take-off is done |
 //! | a return or a landing, which end on the ground | goes on | goes on | goes on |
 //! | none, or that of another station or program | – | – | – |
@@ -30,6 +31,9 @@ impl Gateway {
             StationLost::Hold => Some(OrderKind::Hold),
             StationLost::Land => Some(OrderKind::Land),
         };
+        if self.flies_mission_of(lost) {
+            return self.mission_of_lost(lost, kind, now);
+        }
         let moving = |one: &&mut Pending| one.key.sender == lost && one.is_movement();
         let movement = self.pending.iter_mut().find(moving);
         let (then, order) = match (movement, kind) {
@@ -48,6 +52,45 @@ impl Gateway {
                 _ => ("its take-off goes on", None),
             },
         };
+        self.tell_lost(lost, then, order, now);
+    }
+
+    fn flies_mission_of(&self, sender: Sender) -> bool {
+        let run = self.missions.run.as_ref();
+        run.is_some_and(|run| run.key.sender == sender && run.executor.is_running())
+    }
+
+    fn mission_of_lost(&mut self, lost: Sender, kind: Option<OrderKind>, now: MonotonicNs) {
+        let (Some(kind), Some(run)) = (kind, &mut self.missions.run) else {
+            return self.tell_lost(lost, "its mission goes on", None, now);
+        };
+        let key = run.key;
+        let step = self
+            .pending
+            .iter_mut()
+            .find(|one| Some(one.number) == run.order);
+        let (then, order) = match (step.as_ref().map(|step| step.kind), step) {
+            (Some(OrderKind::Land), _) => ("its landing goes on", None),
+            (Some(OrderKind::TakeOff(_)), Some(step)) if kind == OrderKind::Land => {
+                // It is no step of a mission any more that would go on.
+                (step.then, step.is_mission, run.order) = (Some(kind), false, None);
+                ("the helicopter lands after its take-off", None)
+            }
+            (Some(OrderKind::TakeOff(_)), _) => ("its mission is paused after the take-off", None),
+            _ if kind == OrderKind::Land => ("the helicopter lands", Some((kind, key))),
+            _ => ("its mission is paused", Some((kind, key))),
+        };
+        self.pause_mission(now);
+        self.tell_lost(lost, then, order, now);
+    }
+
+    fn tell_lost(
+        &mut self,
+        lost: Sender,
+        then: &str,
+        order: Option<(OrderKind, Key)>,
+        now: MonotonicNs,
+    ) {
         let text = format!("{lost} is lost: {then}");
         let mut others = self.stations.addresses();
         others.retain(|address| *address != lost.address);
@@ -73,6 +116,8 @@ impl Gateway {
             key,
             then: None,
             is_return: false,
+            is_mission: false,
+            path: Vec::new(),
             issued: now,
             is_answered: true,
             progress_at: now,

@@ -11,11 +11,13 @@
 //!
 //! What becomes of it later is a text to all stations.
 //!
-//! `orders`: commands become orders, and reports become answers; `fence`: the geofence; `lost`: what becomes of those of a station that is lost; `output`: what is sent; `parameters`: what is asked about them; `pending`: an order on its way;
-//! `shown`: what the gateway says of itself.
+//! `missions`: how a mission comes, and its steps; `orders`: commands become orders, and reports become answers; `fence`: the geofence;
+//! `lost`: what becomes of those of a station that is lost; `output`: what is sent; `parameters`: what is asked about them; `pending`: an
+//! order on its way; `shown`: what the gateway says of itself.
 
 mod fence;
 mod lost;
+mod missions;
 mod orders;
 mod output;
 mod parameters;
@@ -33,13 +35,14 @@ use ipc_types::payload::{HeroTelemetry, ModuleState};
 use self::pending::Pending;
 use crate::commands::Commands;
 use crate::counts::Counts;
-use crate::event::{Datagram, Event, Order};
+use crate::event::{Datagram, Event, Order, Task};
 use crate::fence::Fence;
 use crate::home::Home;
-use crate::message::{FILE_TRANSFER_PROTOCOL, MISSION_ACK, MISSION_COUNT, PING, TIMESYNC};
-use crate::number::{COMPONENT, MISSION_TYPE_FENCE, Severity};
+use crate::message::{FILE_TRANSFER_PROTOCOL, PING, TIMESYNC};
+use crate::mission::Missions;
+use crate::number::{COMPONENT, MISSION_PLANNER, Severity};
 use crate::parameters::Parameters;
-use crate::received::{MissionRequest, Received};
+use crate::received::Received;
 use crate::settings::Settings;
 use crate::signing::{Forged, Signing};
 use crate::stations::{Entry, Sender, Stations};
@@ -69,6 +72,7 @@ pub struct Gateway {
     moment: MonotonicNs,
     parameters: Parameters,
     fence: Fence,
+    missions: Missions,
     pending: Vec<Pending>,
     last_number: u64,
     last_hold: Option<MonotonicNs>,
@@ -80,6 +84,7 @@ pub struct Gateway {
     told_vehicle: (MavlinkVehicle, MonotonicNs),
     datagrams: VecDeque<Datagram>,
     orders: VecDeque<Order>,
+    tasks: VecDeque<Task>,
     events: VecDeque<Event>,
 }
 impl Gateway {
@@ -97,6 +102,7 @@ impl Gateway {
             moment: MonotonicNs(0),
             parameters: Parameters::default(),
             fence: Fence::default(),
+            missions: Missions::new(),
             pending: Vec::new(),
             last_number: 0,
             last_hold: None,
@@ -106,6 +112,7 @@ impl Gateway {
             told_vehicle: (MavlinkVehicle::NoState, MonotonicNs(0)),
             datagrams: VecDeque::new(),
             orders: VecDeque::new(),
+            tasks: VecDeque::new(),
             events: VecDeque::new(),
         }
     }
@@ -152,6 +159,7 @@ impl Gateway {
         for (severity, text) in before.iter().flat_map(|before| changes(before, state)) {
             self.say_to_all(severity, &text, now);
         }
+        self.look_at_mission(now);
     }
 
     /// A datagram has come.
@@ -230,10 +238,13 @@ impl Gateway {
             }
             Received::Mission {
                 system,
+                component,
                 request,
                 mission_type,
-            } if system == self.settings.system => {
-                self.mission(sender, request, mission_type, now);
+            } if system == self.settings.system
+                && matches!(component, 0 | COMPONENT | MISSION_PLANNER) =>
+            {
+                self.mission(sender, is_station, &request, mission_type, now);
             }
             Received::Parameter {
                 system,
@@ -275,32 +286,6 @@ impl Gateway {
         }
     }
 
-    /// Missions and rally points are not offered yet: there are none, and none is taken.
-    fn mission(
-        &mut self,
-        sender: Sender,
-        request: MissionRequest,
-        mission_type: u8,
-        now: MonotonicNs,
-    ) {
-        let to = |message: Message| message.u8(sender.system).u8(sender.component);
-        if mission_type == MISSION_TYPE_FENCE {
-            return self.fence(sender, request, now);
-        }
-        let answer = match request {
-            MissionRequest::List => to(Message::new(MISSION_COUNT).u16(0)),
-            MissionRequest::Clear => to(Message::new(MISSION_ACK)).u8(0),
-            MissionRequest::Count(_) => to(Message::new(MISSION_ACK)).u8(3),
-            MissionRequest::Request(_) => to(Message::new(MISSION_ACK)).u8(13),
-            MissionRequest::Ack(_) => return,
-        };
-        self.send(sender.address, &answer.u8(mission_type));
-        if let MissionRequest::Count(_) = request {
-            let text = "missions are not taken yet: fly plans with `ril plan fly`";
-            self.say(&[sender.address], Severity::Error, text, now);
-        }
-    }
-
     fn look(&mut self, now: MonotonicNs) {
         self.moment = now;
         match self.vehicle.look(now) {
@@ -325,6 +310,7 @@ impl Gateway {
         for gone in self.stations.expire(now) {
             self.commands.forget(gone);
             self.fence.forget(gone);
+            self.missions.forget(gone);
             if !self.stations.is_heard(gone.address) {
                 self.parameters.forget(gone.address);
             }
@@ -332,6 +318,7 @@ impl Gateway {
         }
         self.remind(now);
         self.advance_parameters(now);
+        self.advance_missions(now);
         self.send_streams(now);
     }
 
@@ -355,6 +342,7 @@ impl Gateway {
             self.vehicle.deadline(),
             self.stations.deadline(),
             self.parameters.deadline(),
+            self.missions.deadline(),
         ]
         .into_iter()
         .flatten()

@@ -20,17 +20,17 @@ use crate::verdict::{Answer, answer_of};
 use crate::wire::Message;
 
 /// When "in progress" is said first, and how often from then on.
-const FIRST_PROGRESS: Duration = Duration::from_millis(250);
+pub(super) const FIRST_PROGRESS: Duration = Duration::from_millis(250);
 const NEXT_PROGRESS: Duration = Duration::from_secs(1);
 
 /// Most orders without a final report: the bridge has eight for a client. One is kept for hold and land.
-const MAX_ORDERS: usize = 8;
+pub(super) const MAX_ORDERS: usize = 8;
 
 /// A hold is not sent again so soon after the last one while the helicopter holds: a flood of them is one.
 const HOLD_PERIOD: Duration = Duration::from_millis(100);
 
-/// In place of a command's number in the key of SET_MODE, which is none.
-const SET_MODE: u16 = u16::MAX;
+/// In place of a command's number in the key of what is none, such as SET_MODE.
+pub(super) const NO_COMMAND: u16 = u16::MAX;
 
 impl Gateway {
     pub(super) fn command(
@@ -81,7 +81,7 @@ impl Gateway {
         bits[0] = custom;
         let key = Key {
             sender,
-            command: SET_MODE,
+            command: NO_COMMAND,
             bits,
         };
         let decision = decide_mode(custom, &self.facts());
@@ -146,6 +146,7 @@ impl Gateway {
             self.say(&[key.sender.address], Severity::Error, why, now);
             return;
         }
+        let decision = self.with_start(&key, decision, now);
         let copy = match &decision {
             // How the helicopter is now decides whether it may be disarmed, not how it was when that was asked before.
             Decision::Answer(..) if key.command == command::ARM_DISARM => Copy::New,
@@ -174,6 +175,7 @@ impl Gateway {
                 self.note(Event::Commanded(format!("home was set by {}", key.sender)));
             }
             Decision::Orders(orders) => self.order(key, orders, now),
+            Decision::Mission(asked) => self.mission_asked(key, asked, now),
         }
     }
 
@@ -184,7 +186,8 @@ impl Gateway {
                 .last_hold
                 .is_some_and(|last| now.since(last) < HOLD_PERIOD)
             && self.vehicle.now().is_some_and(|known| known.is_holding())
-            && self.pending.iter().all(|one| one.kind == OrderKind::Hold);
+            && self.pending.iter().all(|one| one.kind == OrderKind::Hold)
+            && !self.missions.is_running();
         if is_repeated {
             return self.settle(&key, Answer::plain(MavResult::Accepted), now);
         }
@@ -195,9 +198,22 @@ impl Gateway {
             };
             return self.settle(&key, answer, now);
         }
+        if self.is_mission_of_another(key.sender, kind) {
+            let answer = Answer {
+                result: MavResult::TemporarilyRejected,
+                reason: Reason::Busy,
+            };
+            let text = format!(
+                "{} was refused: another station flies a mission; press Pause first",
+                kind.name()
+            );
+            self.say(&[key.sender.address], Severity::Error, &text, now);
+            return self.settle(&key, answer, now);
+        }
         self.last_hold = (kind == OrderKind::Hold).then_some(now);
         if kind.is_stop() || kind == OrderKind::Stop {
             self.cancel_what_follows(now);
+            self.cancel_start_of_mission(now);
         }
         let log = format!(
             "{} by {} at {}",
@@ -217,6 +233,8 @@ impl Gateway {
             key,
             then: orders.then,
             is_return: orders.is_return,
+            is_mission: false,
+            path: Vec::new(),
             issued: now,
             is_answered: false,
             progress_at: now + FIRST_PROGRESS,
@@ -228,8 +246,9 @@ impl Gateway {
 
     pub(super) fn send_order(&mut self, pending: Pending) {
         let sender = pending.key.sender;
-        let is_own =
-            |one: &Pending| one.key.sender == sender && matches!(one.kind, OrderKind::GoTo(_));
+        let is_own = |one: &Pending| {
+            one.key.sender == sender && matches!(one.kind, OrderKind::GoTo(_) | OrderKind::Path)
+        };
         let state = self.vehicle.last_state();
         let functionality = state.and_then(|state| state.functionality());
         let preempts = match pending.kind {
@@ -315,11 +334,17 @@ impl Gateway {
             self.settle(&pending.key, answer, now);
             if answer.is_accepted() {
                 self.tell_others(&pending, now);
-            } else {
+                if !pending.is_mission && takes_over(pending.kind) {
+                    self.pause_mission(now);
+                }
+            } else if !pending.is_mission {
                 self.say(&[pending.key.sender.address], Severity::Error, words, now);
             }
         } else if !answer.is_accepted() {
             self.commands.answer(&pending.key, answer, now);
+        }
+        if pending.is_mission {
+            return self.mission_report(&pending, report, (stage, reason), words, now);
         }
         if stage.is_final() && (answer.is_accepted() || !is_first) {
             self.end(&pending, stage, reason, words, now);
@@ -382,7 +407,7 @@ impl Gateway {
         if !matches!(answer.result, MavResult::Accepted | MavResult::InProgress) {
             self.stations.count_refusal(key.sender);
         }
-        if key.command != SET_MODE {
+        if key.command != NO_COMMAND {
             let progress = match answer.result {
                 MavResult::InProgress => u8::MAX,
                 _ => 0,
@@ -412,10 +437,12 @@ impl Gateway {
     pub(super) fn remind(&mut self, now: MonotonicNs) {
         let limit = self.settings.answer_within;
         let mut said = Vec::new();
+        let mut is_mission_stuck = false;
         for one in self.pending.iter_mut().filter(|one| !one.is_answered) {
             if now >= one.issued + limit {
                 // What was to follow would come too late.
                 (one.is_answered, one.then) = (true, None);
+                is_mission_stuck |= one.is_mission;
                 said.push((one.key, one.name(), MavResult::Failed));
             } else if now >= one.progress_at {
                 one.progress_at = now + NEXT_PROGRESS;
@@ -435,5 +462,16 @@ impl Gateway {
                 }
             }
         }
+        if is_mission_stuck {
+            self.mission_unanswered(now);
+        }
     }
+}
+
+/// Whether an order, when it is accepted, moves the helicopter otherwise than a mission does, or makes it hover.
+fn takes_over(kind: OrderKind) -> bool {
+    !matches!(
+        kind,
+        OrderKind::Start | OrderKind::Speed(_) | OrderKind::ReadPort(_) | OrderKind::WritePort(..)
+    )
 }

@@ -107,7 +107,8 @@ impl Gateway {
         Some(Scene {
             known,
             home: &self.home,
-            mode: Mode::of(&known, is_returning),
+            mode: Mode::of(&known, is_returning, self.missions.view().is_mode),
+            mission: self.missions.view(),
             zero_above_sea_m: self.settings.zero_above_sea_m.unwrap_or(0.0),
         })
     }
@@ -127,6 +128,7 @@ impl Gateway {
                     Stream::CurrentMode,
                     Stream::ExtendedSysState,
                     Stream::Home,
+                    Stream::Mission,
                 ];
                 for stream in at_once {
                     route.streams.hurry(stream, now);

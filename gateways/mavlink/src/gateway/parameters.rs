@@ -186,6 +186,8 @@ impl Gateway {
         if let Some(sender) = writer.filter(|_| stage.is_final() && stage != Stage::Done) {
             self.say(&[sender.address], Severity::Error, words, now);
         }
+        // The next one is asked for at once, also when this one could not be sent.
+        self.advance_parameters(now);
         true
     }
 }

@@ -1,6 +1,7 @@
 //! [`Pending`]: an order on its way.
 
 use ipc_types::MonotonicNs;
+use ipc_types::payload::WaypointPosition;
 
 use crate::commands::Key;
 use crate::event::OrderKind;
@@ -14,6 +15,10 @@ pub struct Pending {
     /// What follows when it is done.
     pub then: Option<OrderKind>,
     pub is_return: bool,
+    /// Whether it is a step of the mission.
+    pub is_mission: bool,
+    /// The waypoints of [`OrderKind::Path`].
+    pub path: Vec<WaypointPosition>,
     pub issued: MonotonicNs,
     pub is_answered: bool,
     pub progress_at: MonotonicNs,
@@ -22,14 +27,18 @@ pub struct Pending {
 impl Pending {
     /// Whether it moves the helicopter to another place.
     pub fn is_movement(&self) -> bool {
-        matches!(self.kind, OrderKind::GoTo(_) | OrderKind::TakeOff(_))
+        matches!(
+            self.kind,
+            OrderKind::GoTo(_) | OrderKind::Path | OrderKind::TakeOff(_)
+        )
     }
 
     /// What people call it.
     pub fn name(&self) -> &'static str {
-        match self.is_return {
-            true => "return",
-            false => self.kind.name(),
+        match (self.is_return, self.is_mission) {
+            (true, _) => "return",
+            (_, true) => "mission",
+            _ => self.kind.name(),
         }
     }
 }

@@ -9,6 +9,7 @@ use ipc_types::payload::HeroTelemetry;
 use ipc_types::{MonotonicNs, TelemetryGroup};
 
 use crate::home::Home;
+use crate::mission::MissionView;
 use crate::mode::Mode;
 use crate::number::{AUTOPILOT_PX4, TYPE_HELICOPTER};
 use crate::streams::Stream;
@@ -26,6 +27,7 @@ pub struct Scene<'a> {
     pub known: Known<'a>,
     pub home: &'a Home,
     pub mode: Mode,
+    pub mission: MissionView,
     pub zero_above_sea_m: f64,
 }
 
@@ -36,6 +38,7 @@ pub struct Signature {
     base: u8,
     status: u8,
     landed: u8,
+    mission: MissionView,
     home: Option<(u64, u64, u64)>,
 }
 
@@ -53,6 +56,7 @@ impl Scene<'_> {
             base: self.base_mode(),
             status: self.system_status(),
             landed: self.landed_state(),
+            mission: self.mission,
             // On the ground home follows every sample.
             home: home.filter(|_| self.known.is_flying()),
         }
@@ -77,8 +81,22 @@ impl Scene<'_> {
             Stream::Altitude => Some(self.altitudes(message)),
             Stream::GpsRaw => Some(self.gps(message)),
             Stream::Battery => Some(self.battery(message)),
+            Stream::Fuel => self.fuel(message),
             Stream::Home => self.home(message),
+            Stream::Mission => Some(self.mission(message)),
         }
+    }
+
+    /// The item from 0; without a mission there is no count.
+    fn mission(&self, message: Message) -> Message {
+        let mission = self.mission;
+        let total = match mission.total {
+            0 => u16::MAX,
+            total => total,
+        };
+        let mode = if mission.is_mode { 1 } else { 2 };
+        let message = message.u16(mission.sequence).u16(total);
+        message.u8(mission.state as u8).u8(mode).u32(mission.id)
     }
 
     fn telemetry(&self) -> &HeroTelemetry {

@@ -110,6 +110,15 @@ impl Scene<'_> {
         }
     }
 
+    /// Of a kind that is not known, so that its maximum is 1 and the rest counts by it.
+    pub(super) fn fuel(&self, message: Message) -> Option<Message> {
+        let fraction = self.telemetry().supply.fuel_fraction.clamp(0.0, 1.0);
+        let is_known = self.known.has(TelemetryGroup::Supply) && !fraction.is_nan();
+        let message = message.f32(1.0).f32(f32::NAN).f32(fraction);
+        let message = message.f32(f32::NAN).f32(f32::NAN).u32(0).u8(0);
+        is_known.then(|| message.u8((fraction * 100.0).round() as u8))
+    }
+
     pub(super) fn battery(&self, message: Message) -> Message {
         let safety = &self.known.state.safety;
         let charge = match (safety.rule(), safety.action()) {

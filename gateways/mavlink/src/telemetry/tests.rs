@@ -10,6 +10,7 @@ fn with<R>(telemetry: &HeroTelemetry, home: Home, look: impl FnOnce(&Scene<'_>) 
         },
         home: &home,
         mode: Mode::Hold,
+        mission: crate::mission::Missions::new().view(),
         zero_above_sea_m: 100.0,
     };
     look(&scene)
@@ -30,6 +31,7 @@ fn full() -> HeroTelemetry {
     telemetry.velocity.course_rad = -0.1;
     telemetry.attitude.yaw_rad = -std::f32::consts::FRAC_PI_2;
     telemetry.supply.battery_v = 24.5;
+    telemetry.supply.fuel_fraction = 0.625;
     telemetry
 }
 
@@ -60,6 +62,9 @@ fn units_and_frames_are_those_of_the_messages() {
         assert_eq!(gps.payload().u16(26), 35_427);
         let status = scene.message(Stream::SysStatus).unwrap();
         assert_eq!(status.payload().u16(14), 24_500);
+        let fuel = scene.message(Stream::Fuel).unwrap();
+        let levels = [0, 8].map(|at| fuel.payload().f32(at));
+        assert_eq!((levels, fuel.payload().u8(25)), ([1.0, 0.625], 63));
         let altitudes = scene.message(Stream::Altitude).unwrap();
         assert_eq!(altitudes.payload().f32(20), 10.25);
         let quaternion = scene.message(Stream::AttitudeQuaternion).unwrap();
@@ -84,6 +89,7 @@ fn what_is_not_valid_is_not_sent_or_marked() {
                     | Stream::AttitudeQuaternion
                     | Stream::LocalPosition
                     | Stream::VfrHud
+                    | Stream::Fuel
                     | Stream::Home
             );
             assert_eq!(is_sent, expected, "{stream:?}");

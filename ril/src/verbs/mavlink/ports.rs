@@ -1,18 +1,31 @@
 //! [`Ports`]: what the gateway reads of the robot, and the requests that its orders become.
 
+use std::time::Duration;
+
+use bridge::BridgeConfig;
 use dsp_protocol::port;
+use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{
-    BridgeOutline, HeroTelemetry, ModuleControl, ModuleState, MovementData, ParameterRequest,
-    RequestReport,
+    BridgeJournal, BridgeOutline, HeroTelemetry, ModuleControl, ModuleState, MovementData,
+    ParameterRequest, RequestReport, WaypointPosition,
 };
 use ipc_types::{
-    Client, Ipc, MonotonicNs, Request, SendError, Source, Subscriber, fresh_request_id,
+    Client, Ipc, MonotonicNs, Request, SendError, Source, Subscriber, Topic, fresh_request_id,
 };
 use mavlink_gateway::{Gateway, Order, OrderKind};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::render::messages::{self, FinalReport, Verb};
 use crate::request::order::{OrderRequest, RobotOrder};
+use crate::request::{Exchange, Next, Outcome, Until};
+use crate::robot::running::RunningBridge;
+use crate::session::Topics;
+
+/// How long the bridge may need to say its configuration, which takes it milliseconds.
+const RULES_LIMIT: Duration = Duration::from_millis(500);
+
+/// How long the bridge may need to take one waypoint of a path.
+const WAYPOINT_LIMIT: Duration = Duration::from_secs(5);
 
 /// See the module's documentation.
 pub(super) struct Ports {
@@ -24,6 +37,11 @@ pub(super) struct Ports {
     control: Option<Client<ModuleControl>>,
     parameters: Option<Client<ParameterRequest>>,
     open: Vec<Open>,
+    paths: Vec<Path>,
+    /// A bridge that was asked for its configuration, and until when it may answer.
+    rules: Option<(RunningBridge, MonotonicNs)>,
+    /// Whether its configuration is asked for, and no bridge is there that could say it.
+    has_no_rules: bool,
 }
 
 /// A request without a final report.
@@ -31,6 +49,13 @@ struct Open {
     request_id: u64,
     number: u64,
     verb: Verb,
+}
+
+/// A path: each waypoint is sent when the one before it was accepted.
+struct Path {
+    number: u64,
+    exchange: Exchange,
+    requests: Vec<MovementData>,
 }
 
 impl Ports {
@@ -44,6 +69,9 @@ impl Ports {
             control: None,
             parameters: None,
             open: Vec::new(),
+            paths: Vec::new(),
+            rules: None,
+            has_no_rules: false,
         })
     }
 
@@ -55,9 +83,60 @@ impl Ports {
         let parameters = self.parameters.as_mut().map(|client| client as _);
         let state = Some(&mut self.state as _);
         let outline = Some(&mut self.outline as _);
+        let rules = self.rules.iter_mut().flat_map(|(rules, _)| rules.ports());
         [telemetry, state, outline, movement, control, parameters]
             .into_iter()
             .flatten()
+            .chain(rules)
+    }
+
+    /// When [`Ports::drain`] is to be called though nothing has come.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        let rules = self.rules.as_ref().map(|(_, until)| *until);
+        let due = |path: &Path| match path.exchange.next(MonotonicNs(0)) {
+            Next::Wait(until) => until,
+            _ => None,
+        };
+        rules
+            .into_iter()
+            .chain(self.paths.iter().filter_map(due))
+            .min()
+    }
+
+    /// Asks the bridge for its configuration.
+    pub fn ask_rules(&mut self, now: MonotonicNs) -> Result<(), Failure> {
+        let key = BridgeJournal::KEY;
+        self.has_no_rules = self
+            .ipc
+            .provider(key)
+            .or_fail(ExitCode::Internal)?
+            .is_none();
+        self.rules = match self.has_no_rules {
+            true => None,
+            false => {
+                let running = RunningBridge::open(&self.ipc).or_fail(ExitCode::Internal)?;
+                Some((running, now + RULES_LIMIT))
+            }
+        };
+        Ok(())
+    }
+
+    /// Gives the gateway the configuration of the bridge, if it was asked for and has come, or does not come.
+    pub fn take_rules(&mut self, gateway: &mut Gateway, now: MonotonicNs) {
+        let rules: Option<BridgeConfig> = match &mut self.rules {
+            Some((running, until)) => {
+                running.drain();
+                match running.take() {
+                    Some(config) => Some(config),
+                    None if now >= *until => None,
+                    None => return,
+                }
+            }
+            None if self.has_no_rules => None,
+            None => return,
+        };
+        (self.rules, self.has_no_rules) = (None, false);
+        gateway.rules(rules.as_ref(), now);
     }
 
     /// Gives the gateway what has come.
@@ -77,6 +156,7 @@ impl Ports {
             tracing::warn!(%error, "samples could not be received");
         }
         for report in self.reports() {
+            self.report_of_path(&report, gateway, now);
             let Some(index) = self
                 .open
                 .iter()
@@ -91,6 +171,106 @@ impl Ports {
                 self.open.swap_remove(index);
             }
             gateway.report(number, &report, &words, now);
+        }
+        // What the bridge does not answer.
+        let due: Vec<u64> = self.paths.iter().map(|path| path.number).collect();
+        for number in due {
+            self.go_on(number, gateway, now);
+        }
+    }
+
+    /// A report about a waypoint. Those of the last one stand for the path.
+    fn report_of_path(&mut self, report: &RequestReport, gateway: &mut Gateway, now: MonotonicNs) {
+        let taken = self
+            .paths
+            .iter_mut()
+            .find_map(|path| path.exchange.take(report, now).map(|index| (path, index)));
+        let Some((path, index)) = taken else {
+            return;
+        };
+        let number = path.number;
+        let is_last = index + 1 == path.requests.len();
+        if is_last && matches!(report.stage(), Some(Stage::Accepted | Stage::Progress)) {
+            gateway.report(number, report, "", now);
+        }
+        self.go_on(number, gateway, now);
+    }
+
+    /// Sends the next waypoints, or says how the path ended.
+    fn go_on(&mut self, number: u64, gateway: &mut Gateway, now: MonotonicNs) {
+        let Some(place) = self.paths.iter().position(|path| path.number == number) else {
+            return;
+        };
+        let path = &mut self.paths[place];
+        let report = loop {
+            match path.exchange.next(now) {
+                Next::Wait(_) => return,
+                Next::Send(index) => {
+                    let sent = self
+                        .movement
+                        .as_mut()
+                        .map(|client| client.send(&path.requests[index]));
+                    match sent {
+                        Some(Ok(_)) => path.exchange.sent(now),
+                        _ => break RequestReport::new(Stage::Refused, Reason::LinkDown),
+                    }
+                }
+                Next::Over(Outcome::Final(end)) => break end.report,
+                Next::Over(_) => break RequestReport::new(Stage::Unknown, Reason::BridgeGone),
+            }
+        };
+        self.paths.swap_remove(place);
+        let end = FinalReport::of(&report);
+        let words = end.map_or_else(String::new, |end| messages::ending(Verb::GoTo, &end));
+        gateway.report(number, &report, &words, now);
+    }
+
+    /// Begins to send a path; what cannot be sent is reported to the gateway.
+    fn send_path(
+        &mut self,
+        order: Order,
+        positions: &[WaypointPosition],
+        gateway: &mut Gateway,
+        now: MonotonicNs,
+    ) -> Result<(), Failure> {
+        let (issued_ns, begin_by_ns) = (order.issued.0, order.begin_by.map_or(0, |by| by.0));
+        let with_moments = |request: MovementData| MovementData {
+            issued_ns,
+            begin_by_ns,
+            preempt: u16::from(order.preempts),
+            ..request
+        };
+        let path = MovementData::path(fresh_request_id(), positions, fresh_request_id);
+        let requests: Vec<MovementData> = path.map(with_moments).collect();
+        let ids = requests.iter().map(|request| request.request_id);
+        let mut exchange = Exchange::new(ids, Until::Final, WAYPOINT_LIMIT);
+        let sent = match requests.first() {
+            Some(first) => send(&self.ipc, &mut self.movement, first)?,
+            None => return Ok(()),
+        };
+        match sent {
+            Ok(()) => {
+                exchange.sent(now);
+                self.paths.push(Path {
+                    number: order.number,
+                    exchange,
+                    requests,
+                });
+            }
+            Err(error) => gateway.not_sent(order.number, &self.unsent(Verb::GoTo, &error), now),
+        }
+        Ok(())
+    }
+
+    /// Why an order was not sent.
+    fn unsent(&self, verb: Verb, error: &SendError) -> String {
+        let verb = verb.name();
+        match error {
+            SendError::NoServer { .. } => {
+                let robot = self.ipc.robot();
+                format!("{verb} was refused: robot {robot}'s bridge is not running")
+            }
+            error => format!("{verb} was refused: {error}"),
         }
     }
 
@@ -111,6 +291,10 @@ impl Ports {
     ) -> Result<(), Failure> {
         let (issued_ns, begin_by_ns) = (order.issued.0, order.begin_by.map_or(0, |by| by.0));
         let (verb, request_id, sent) = match wanted(order.kind) {
+            Wanted::Path => {
+                let path = gateway.path(order.number).to_vec();
+                return self.send_path(order, &path, gateway, now);
+            }
             Wanted::Parameter(verb, request) => {
                 let request = ParameterRequest {
                     issued_ns,
@@ -149,17 +333,7 @@ impl Ports {
                 number: order.number,
                 verb,
             }),
-            Err(error) => {
-                let words = match error {
-                    SendError::NoServer { .. } => format!(
-                        "{} was refused: robot {}'s bridge is not running",
-                        verb.name(),
-                        self.ipc.robot()
-                    ),
-                    error => format!("{} was refused: {error}", verb.name()),
-                };
-                gateway.not_sent(order.number, &words, now);
-            }
+            Err(error) => gateway.not_sent(order.number, &self.unsent(verb, &error), now),
         }
         Ok(())
     }
@@ -169,6 +343,8 @@ impl Ports {
 enum Wanted {
     Robot(RobotOrder),
     Parameter(Verb, ParameterRequest),
+    /// Fly the path of the order.
+    Path,
 }
 
 fn wanted(kind: OrderKind) -> Wanted {
@@ -183,6 +359,7 @@ fn wanted(kind: OrderKind) -> Wanted {
         OrderKind::Hold => RobotOrder::Hold,
         OrderKind::Land => RobotOrder::Land,
         OrderKind::GoTo(position) => RobotOrder::GoTo(position),
+        OrderKind::Path => return Wanted::Path,
         OrderKind::Speed(speed_mps) => return write(port::CRUISE_SPEED_MPS, speed_mps),
         OrderKind::WritePort(port, value) => return write(port, value),
         OrderKind::ReadPort(port) => {

@@ -16,6 +16,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use super::own_topic::OwnTopic;
 use super::ports::Ports;
 use super::shell::MavlinkShell;
+use super::store::MissionFile;
 use super::timestamp::TimestampFile;
 use crate::mavlink_setup::{self, DEFAULT_FILE, EXAMPLE, MavlinkConfig};
 
@@ -84,7 +85,13 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
         }
         timestamp = Some(file);
     }
-    let mut shell = MavlinkShell::new(socket, ports, topic, timestamp, gateway);
+    let file = MissionFile::new(set_up.config.state_folder().as_deref(), robot);
+    match file.read() {
+        Ok(mission) => gateway.restore(mission),
+        // Without a mission the rest works.
+        Err(why) => tracing::warn!("{why}; there is no mission"),
+    }
+    let mut shell = MavlinkShell::new(socket, ports, topic, (file, timestamp), gateway);
     tracing::info!(%address, system, "ready");
     process::run(&mut shell, &set_up.termination, &set_up.supervisor)
         .or_fail(ExitCode::Internal)?;

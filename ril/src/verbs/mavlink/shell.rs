@@ -7,12 +7,13 @@ use std::os::fd::AsFd;
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, SchedulingRole, WaitError, Wake};
-use mavlink_gateway::{Datagram, Event, Gateway};
+use mavlink_gateway::{Datagram, Event, Gateway, Task};
 use module_kit::process::{Process, Sources};
 use runtime::exit::Failure;
 
 use super::own_topic::OwnTopic;
 use super::ports::Ports;
+use super::store::MissionFile;
 use super::timestamp::TimestampFile;
 
 /// Datagrams that are read at one wake, so that a flood cannot starve telemetry and reports.
@@ -51,6 +52,7 @@ pub(super) struct MavlinkShell {
     topic: OwnTopic,
     timestamp: Option<TimestampFile>,
     gateway: Gateway,
+    file: MissionFile,
     /// Answers that the socket did not take.
     waiting: VecDeque<Datagram>,
     retry_at: Option<MonotonicNs>,
@@ -62,7 +64,7 @@ impl MavlinkShell {
         socket: UdpSocket,
         ports: Ports,
         topic: OwnTopic,
-        timestamp: Option<TimestampFile>,
+        (file, timestamp): (MissionFile, Option<TimestampFile>),
         gateway: Gateway,
     ) -> MavlinkShell {
         MavlinkShell {
@@ -71,6 +73,7 @@ impl MavlinkShell {
             topic,
             timestamp,
             gateway,
+            file,
             waiting: VecDeque::new(),
             retry_at: None,
             deadline: None,
@@ -89,11 +92,22 @@ impl MavlinkShell {
         }
     }
 
-    fn order(&mut self, now: MonotonicNs) -> Result<(), Failure> {
-        while let Some(order) = self.gateway.poll_order() {
-            self.ports.send(order, &mut self.gateway, now)?;
+    /// Does what the gateway wants; what comes of it may make it want more.
+    fn work(&mut self, now: MonotonicNs) -> Result<(), Failure> {
+        loop {
+            while let Some(order) = self.gateway.poll_order() {
+                self.ports.send(order, &mut self.gateway, now)?;
+            }
+            match self.gateway.poll_task() {
+                None => return Ok(()),
+                Some(Task::Rules) => self.ports.ask_rules(now)?,
+                Some(Task::Save(mission)) => {
+                    let result = self.file.write(&mission);
+                    self.gateway.saved(mission, result, now);
+                }
+            }
+            self.ports.take_rules(&mut self.gateway, now);
         }
-        Ok(())
     }
 
     fn write(&mut self, now: MonotonicNs) {
@@ -162,12 +176,14 @@ impl Process for MavlinkShell {
         self.ports.drain(&mut self.gateway, now);
         self.read(now);
         self.gateway.advance(now);
-        self.order(now)?;
+        self.ports.take_rules(&mut self.gateway, now);
+        self.work(now)?;
         self.keep_timestamp();
         self.write(now);
         self.log();
         self.topic.tend(&self.gateway, now);
-        self.deadline = self.gateway.deadline();
+        let deadlines = [self.gateway.deadline(), self.ports.deadline()];
+        self.deadline = deadlines.into_iter().flatten().min();
         Ok(())
     }
 

@@ -6,13 +6,14 @@ use std::time::Duration;
 
 use ipc_types::payload::{ModuleState, MovementData, RequestReport, WaypointPosition};
 use ipc_types::{MonotonicNs, Source, Subscriber, Topic, fresh_request_id};
+use plans::executor::Executor;
 use plans::flight::{PathPoint, Step};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::fence;
 use super::gather::{KnownPlan, gather, read};
-use super::journal::FlownSteps;
 use super::options::PlanFlyArgs;
+use super::progress::{StepEvent, resume};
 use super::report::PlanReport;
 use crate::render::json_line;
 use crate::render::messages::Verb;
@@ -63,7 +64,7 @@ pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
     let mut flyer = Flyer {
         session: &session,
         known: &known,
-        journal: FlownSteps::new(known.flight.steps.clone(), args.plan.from),
+        executor: Executor::new(known.flight.steps.clone(), args.plan.from),
         timeout,
         deadline_ms,
         json: ask.json,
@@ -72,8 +73,9 @@ pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
     let result = flyer.fly();
     flyer.speed.restore();
     result.map_err(explain_closed_output).map_err(|failure| {
-        let journal = &flyer.journal;
-        match journal.next_item().zip(journal.resume(args, &known.site.home)) {
+        flyer.executor.fail(failure.chain().join(": "));
+        let executor = &flyer.executor;
+        match executor.next_item().zip(resume(executor, args, &known.site.home)) {
             Some((item, command)) => failure.context(format!(
                 "the plan ended early, before the end of item {item}; the helicopter is where that left it. Once the cause is gone, go \
                  on with `{command}`"
@@ -122,7 +124,7 @@ fn put_fence(
 struct Flyer<'a> {
     session: &'a Session,
     known: &'a KnownPlan,
-    journal: FlownSteps,
+    executor: Executor,
     timeout: Duration,
     deadline_ms: u32,
     json: bool,
@@ -132,7 +134,8 @@ struct Flyer<'a> {
 impl Flyer<'_> {
     /// Does one step after the other.
     fn fly(&mut self) -> Result<(), Failure> {
-        while let Some(step) = self.journal.step().cloned() {
+        self.executor.begin();
+        while let Some(step) = self.executor.poll(MonotonicNs::now()).cloned() {
             self.announce("begin", &describe(&step))?;
             match &step {
                 Step::TakeOff { height_m, .. } => {
@@ -144,14 +147,16 @@ impl Flyer<'_> {
                     }
                 }
                 Step::Path(points) => self.path(points)?,
-                Step::Wait { duration_s, .. } => self.hover(*duration_s)?,
+                Step::Wait { .. } => self.hover()?,
                 Step::Speed { speed_mps, .. } => self.speed.set(*speed_mps)?,
                 Step::Land { .. } => {
                     let request = MovementData::land(fresh_request_id());
                     self.movement(Verb::Land, vec![request])?;
                 }
             }
-            self.journal.step_done();
+            if !matches!(step, Step::Wait { .. }) {
+                self.executor.step_done();
+            }
         }
         let is_down = matches!(self.known.flight.steps.last(), Some(Step::Land { .. }));
         self.announce(
@@ -191,7 +196,7 @@ impl Flyer<'_> {
         let format = Flyer::format(self.json);
         let mut bridge =
             Conversation::<MovementData>::open(self.session, Verb::GoTo, self.timeout)?;
-        let mut watch = PathWatch::open(self.session, path_id, &mut self.journal, self.json)?;
+        let mut watch = PathWatch::open(self.session, path_id, &mut self.executor, self.json)?;
         let report = bridge.follow_beside(&requests, Until::Final, format, Some(&mut watch))?;
         let reached = report.map_or(0, |report| report.waypoints_reached);
         watch.reached(reached as usize, None)?;
@@ -199,15 +204,14 @@ impl Flyer<'_> {
     }
 
     /// Hovering is what the helicopter does between two movements.
-    fn hover(&mut self, duration_s: f64) -> Result<(), Failure> {
-        // A day at most: longer ones are surely a mistake of units, and are cut off.
-        let end = MonotonicNs::now() + Duration::from_secs_f64(duration_s.clamp(0.0, 86_400.0));
-        while MonotonicNs::now() < end {
+    fn hover(&mut self) -> Result<(), Failure> {
+        while let Some(end) = self.executor.deadline() {
             if self.session.termination.requested() {
                 let text = "interrupted while the helicopter hovers, which it goes on doing";
                 return Err(Failure::new(ExitCode::OutcomeUnknown, text));
             }
             self.session.wait([], Some(end))?;
+            self.executor.advance(MonotonicNs::now());
         }
         Ok(())
     }
@@ -230,7 +234,10 @@ impl Flyer<'_> {
 
     fn announce(&self, event: &'static str, text: &str) -> Result<(), Failure> {
         match self.json {
-            true => json_line(&mut io::stdout().lock(), &self.journal.event(event)),
+            true => json_line(
+                &mut io::stdout().lock(),
+                &StepEvent::of(&self.executor, event),
+            ),
             false => self.print(text),
         }
     }
@@ -268,7 +275,7 @@ fn describe(step: &Step) -> String {
 struct PathWatch<'a> {
     states: Subscriber<ModuleState>,
     path_id: u64,
-    journal: &'a mut FlownSteps,
+    executor: &'a mut Executor,
     json: bool,
 }
 
@@ -277,25 +284,25 @@ impl<'a> PathWatch<'a> {
     fn open(
         session: &Session,
         path_id: u64,
-        journal: &'a mut FlownSteps,
+        executor: &'a mut Executor,
         json: bool,
     ) -> Result<PathWatch<'a>, Failure> {
         Ok(PathWatch {
             states: session.ipc.subscriber().or_fail(ExitCode::Internal)?,
             path_id,
-            journal,
+            executor,
             json,
         })
     }
 
     /// So many waypoints were reached; the rest is so long.
     fn reached(&mut self, count: usize, to_go_m: Option<f64>) -> Result<(), Failure> {
-        let items = self.journal.reached(count);
+        let items = self.executor.reached(count);
         let mut out = io::stdout().lock();
         if self.json {
             return match items.is_empty() {
                 true => Ok(()),
-                false => json_line(&mut out, &self.journal.event("reached")),
+                false => json_line(&mut out, &StepEvent::of(self.executor, "reached")),
             };
         }
         for item in items {

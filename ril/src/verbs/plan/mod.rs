@@ -6,8 +6,9 @@
 mod fence;
 mod fly;
 mod gather;
-mod journal;
+
 pub mod options;
+mod progress;
 mod report;
 mod table;
 

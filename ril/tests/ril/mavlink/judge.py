@@ -27,6 +27,9 @@ def until(what, is_right):
         message = vehicle.recv_match(blocking=True, timeout=0.5)
         if message is None:
             continue
+        # pymavlink 2.4.50 has no FUEL_STATUS.
+        if message.get_type() == "UNKNOWN_371":
+            continue
         assert message.get_type() != "BAD_DATA" and not message.get_type().startswith("UNKNOWN"), message
         seen[message.get_type()] = message
         if is_right(message):

@@ -1,5 +1,6 @@
 //! `ril run mavlink` beside a real robot, as a ground station sees it.
 
+mod missions;
 mod station;
 
 use std::fs::{self, Permissions};
@@ -29,7 +30,7 @@ fn gateway(rig: &Sandbox, port: u16, lost_s: f64) -> Process {
 /// The same, with more lines of `mavlink.toml`.
 fn gateway_with(rig: &Sandbox, port: u16, lost_s: f64, more: &str) -> Process {
     let config = format!(
-        "port = 0\nstations = ['127.0.0.1:{port}']\nlost_s = {lost_s}\nanswer_s = 60.0\n{more}"
+        "port = 0\nstations = ['127.0.0.1:{port}']\nlost_s = {lost_s}\nanswer_s = 60.0\nstate = 'state'\n{more}"
     );
     rig.write("mavlink.toml", &config);
     rig.start_ready("run mavlink")
@@ -132,19 +133,25 @@ fn a_wrong_configuration_is_refused_and_a_port_has_one_owner() {
         .err_says(format!("UDP port {port} is in use"));
 }
 
-/// A judge in Python, with what is written about its station's port.
-fn judged(
-    what: &str,
-    script: &str,
-    words: &[&str],
-    last_line: &str,
-    config: &str,
-    look: impl FnOnce(&Sandbox),
-) {
+/// In the order of QGroundControl: send, read, start, pause, go on.
+#[test]
+fn pymavlink_sends_and_flies_a_mission_as_qgroundcontrol_does() {
+    judged("qgc_mission.py", "pymavlink==2.4.50", &[], "", |_| {});
+}
+
+/// As a script would be written that knows nothing of this project.
+#[test]
+fn mavsdk_flies_a_mission_and_all_its_actions() {
+    judged("mavsdk_flies.py", "mavsdk==4.1.0", &[], "", |_| {});
+}
+
+/// Runs a judge in Python: with its station's port, `words` behind it, and more lines of `mavlink.toml`.
+fn judged(script: &str, package: &str, words: &[&str], config: &str, look: impl FnOnce(&Sandbox)) {
     let rig = sandbox();
-    let python = match languages::python_with("pymavlink==2.4.50", &rig.path("venv")) {
+    let what = format!("{package} flies the helicopter");
+    let python = match languages::python_with(package, &rig.path("venv")) {
         Ok(python) => python,
-        Err(why) => return languages::skip(what, &why),
+        Err(why) => return languages::skip(&what, &why),
     };
     let robot = rig.start_robot(1, 10);
     let port = Station::new().port();
@@ -157,7 +164,7 @@ fn judged(
     judge.arg(port.to_string()).args(words);
     let mut judge = rig.spawn(rig.place(judge));
     // It waits for each step of the flight as long as every test does for one.
-    judge.wait_for_line_within(4 * WAIT_LIMIT, |line| line.text == last_line);
+    judge.wait_for_line_within(8 * WAIT_LIMIT, |line| line.text == "all is well");
     judge.exits(0);
     look(&rig);
     end(gateway, Signal::TERM);
@@ -170,10 +177,9 @@ const PASSPHRASE: &str = "correct horse battery";
 /// Both sides sign; what was recorded or has another key is dropped.
 #[test]
 fn pymavlink_signs_and_takes_signatures_alone() {
-    let (script, words) = ("signed.py", [PASSPHRASE]);
-    let what = "pymavlink signs and takes signatures alone";
-    let config = "key = 'mavlink.key'\nstate = 'kept'\n";
-    judged(what, script, &words, "all is signed", config, |rig| {
+    let config = "key = 'mavlink.key'\n";
+    let (script, package) = ("signed.py", "pymavlink==2.4.50");
+    judged(script, package, &[PASSPHRASE], config, |rig| {
         // Counts alone are published once a second.
         let mut stations = rig.subscribe::<MavlinkStations>(1);
         stations.until("what was dropped is counted", |sample| {
@@ -182,7 +188,7 @@ fn pymavlink_signs_and_takes_signatures_alone() {
         let shown = rig.run("mavlink status", 0);
         shown.out_says("signatures  asked for");
         shown.out_says("1 with a signature of another key, 3 with an old signature");
-        let kept = fs::read_to_string(rig.path("kept/robot-1.timestamp")).expect("it is kept");
+        let kept = fs::read_to_string(rig.path("state/robot-1.timestamp")).expect("it is kept");
         assert!(
             kept.trim().parse::<u64>().is_ok_and(|kept| kept > 0),
             "{kept}"
@@ -193,8 +199,7 @@ fn pymavlink_signs_and_takes_signatures_alone() {
 /// By a library that others wrote: bytes, checksums and a flight.
 #[test]
 fn pymavlink_flies_the_helicopter() {
-    let what = "pymavlink flies the helicopter";
-    judged(what, "judge.py", &[], "all is well", "", |_| {});
+    judged("judge.py", "pymavlink==2.4.50", &[], "", |_| {});
 }
 
 /// A station that sends all kinds of bytes as fast as it can is not obeyed, and another one still is.

@@ -69,4 +69,4 @@ def is_last(message):
 
 until("the last answer", is_last)
 assert count == 0, f"{count} recorded commands were answered"
-print("all is signed")
+print("all is well")

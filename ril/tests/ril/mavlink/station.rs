@@ -1,5 +1,6 @@
 //! A ground station with a UDP socket. Its frames are read and written with the gateway's own `wire`; the judge in Python has another.
 
+use std::collections::VecDeque;
 use std::net::{SocketAddr, UdpSocket};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
@@ -28,8 +29,17 @@ impl Received {
         self.payload.get(at).copied().unwrap_or(0)
     }
 
+    pub fn u16(&self, at: usize) -> u16 {
+        u16::from_le_bytes([self.u8(at), self.u8(at + 1)])
+    }
+
     pub fn i32(&self, at: usize) -> i32 {
         i32::from_le_bytes(std::array::from_fn(|index| self.u8(at + index)))
+    }
+
+    /// A part of the payload, with the zeros that do not travel.
+    pub fn part(&self, range: std::ops::Range<usize>) -> Vec<u8> {
+        range.map(|at| self.u8(at)).collect()
     }
 }
 
@@ -37,7 +47,9 @@ pub struct Station {
     socket: UdpSocket,
     vehicle: Option<SocketAddr>,
     next_heartbeat: Instant,
-    waiting: Vec<Received>,
+    waiting: VecDeque<Received>,
+    /// What the line loses, in percent of the datagrams of each direction, by chance.
+    loss: Option<(u8, fastrand::Rng)>,
 }
 
 impl Station {
@@ -50,7 +62,8 @@ impl Station {
             socket,
             vehicle: None,
             next_heartbeat: Instant::now(),
-            waiting: Vec::new(),
+            waiting: VecDeque::new(),
+            loss: None,
         }
     }
 
@@ -65,14 +78,41 @@ impl Station {
         self.until("telemetry", |message| message.is(30));
     }
 
-    fn send(&self, message: &Message) {
+    /// The same with another gateway, after the messages of the one before.
+    #[track_caller]
+    pub fn reconnect(&mut self) {
+        let before = self.vehicle;
+        self.waiting.clear();
+        let give_up = Instant::now() + WAIT_LIMIT;
+        while self.vehicle == before {
+            assert!(Instant::now() < give_up, "no other gateway came");
+            self.next();
+        }
+        self.waiting.clear();
+        self.connect();
+    }
+
+    /// From here on the line loses so much, in each direction.
+    pub fn lose(&mut self, percent: u8, seed: u64) {
+        self.loss = Some((percent, fastrand::Rng::with_seed(seed)));
+    }
+
+    fn is_lost(&mut self) -> bool {
+        let chance = |(percent, rng): &mut (u8, fastrand::Rng)| rng.u8(0..100) < *percent;
+        self.loss.as_mut().is_some_and(chance)
+    }
+
+    pub fn send(&mut self, message: &Message) {
+        if self.is_lost() {
+            return;
+        }
         let vehicle = self.vehicle.expect("it was heard");
         let frame = message.frame(0, 255, 190);
         self.socket.send_to(&frame, vehicle).expect("it is sent");
     }
 
     /// The next message, if one comes within the period of the heartbeat.
-    fn next(&mut self) -> Option<Received> {
+    pub fn next(&mut self) -> Option<Received> {
         if self.vehicle.is_some() && Instant::now() >= self.next_heartbeat {
             self.next_heartbeat = Instant::now() + HEARTBEAT_PERIOD;
             self.send(&Message::new(HEARTBEAT).u32(0).u8(6).u8(8).u8(0).u8(4).u8(3));
@@ -81,15 +121,18 @@ impl Station {
             let mut buffer = [0; 2048];
             let (length, from) = self.socket.recv_from(&mut buffer).ok()?;
             self.vehicle = Some(from);
+            if self.is_lost() {
+                return None;
+            }
             for frame in frames(&buffer[..length]) {
                 let frame = frame.expect("a frame");
-                self.waiting.push(Received {
+                self.waiting.push_back(Received {
                     id: frame.kind.id,
                     payload: frame.payload.0.to_vec(),
                 });
             }
         }
-        (!self.waiting.is_empty()).then(|| self.waiting.remove(0))
+        self.waiting.pop_front()
     }
 
     /// Waits for a message; the others are dropped.
@@ -131,7 +174,7 @@ impl Station {
         })
     }
 
-    fn send_command(&self, command: u16, params: [f32; 7]) {
+    fn send_command(&mut self, command: u16, params: [f32; 7]) {
         let message = params
             .iter()
             .fold(Message::new(COMMAND_LONG), |message, param| {

@@ -1,0 +1,731 @@
+//! Missions: how they come and go, begin, pause and end. The order of their steps is that of `ril plan fly`.
+
+use bridge::BridgeConfig;
+use ipc_types::MonotonicNs;
+use ipc_types::code::{Reason, Stage};
+use ipc_types::payload::{RequestReport, WaypointPosition};
+use plans::executor::Progress;
+use plans::flight::Step;
+use plans::mavlink::command as item;
+
+use super::Gateway;
+use super::orders::{FIRST_PROGRESS, MAX_ORDERS};
+use super::pending::Pending;
+use crate::commands::Key;
+use crate::decide::{Decision, MissionAsk, Orders};
+use crate::event::{Event, OrderKind, Task};
+use crate::message::{
+    MISSION_ACK, MISSION_COUNT, MISSION_CURRENT, MISSION_ITEM_REACHED, MISSION_REQUEST_INT,
+};
+use crate::mission::check::{Conditions, check_mission};
+use crate::mission::store::Mission;
+use crate::mission::transfer::Output;
+use crate::mission::{PRIMED, Run, Starting};
+use crate::number::{MISSION_TYPE_FENCE, MavResult, MissionResult, Severity, command};
+use crate::received::MissionRequest;
+use crate::stations::Sender;
+use crate::verdict::Answer;
+use crate::wire::Message;
+
+/// MAV_MISSION_TYPE: missions, and all types at once.
+const MISSION: u8 = 0;
+const ALL: u8 = 255;
+
+impl Gateway {
+    /// A message about missions has come.
+    pub(super) fn mission(
+        &mut self,
+        sender: Sender,
+        is_station: bool,
+        request: &MissionRequest,
+        mission_type: u8,
+        now: MonotonicNs,
+    ) {
+        if mission_type != MISSION && !(mission_type == ALL && *request == MissionRequest::Clear) {
+            return match mission_type {
+                MISSION_TYPE_FENCE => self.fence(sender, request, now),
+                _ => self.other_type(sender, request, mission_type, now),
+            };
+        }
+        match *request {
+            MissionRequest::List => {
+                let (count, id) = {
+                    let mission = self.missions.read_by(sender);
+                    (mission.count(), mission.id())
+                };
+                let message = Message::new(MISSION_COUNT).u16(count);
+                let message = message.u8(sender.system).u8(sender.component);
+                self.send(sender.address, &message.u8(MISSION).u32(id));
+            }
+            MissionRequest::Request(sequence) => match self.missions.item(sender, sequence) {
+                Ok(item) => self.send(sender.address, &item.message(sequence, sender, MISSION)),
+                Err(result) => self.acknowledge_mission(sender, result, MISSION),
+            },
+            MissionRequest::Ack(result) => {
+                self.missions.forget(sender);
+                if result != MissionResult::Accepted as u8 {
+                    self.missions.transfer.cancel(sender);
+                }
+            }
+            MissionRequest::Item(sequence, item) => {
+                let output = self.missions.transfer.item(sender, sequence, item, now);
+                self.transfer(output, now);
+            }
+            MissionRequest::SetCurrent(sequence) => {
+                if let Some((_, why)) = self.not_permitted(sender, is_station) {
+                    self.say(&[sender.address], Severity::Error, why, now);
+                    return;
+                }
+                self.set_current(None, sender, sequence, now);
+            }
+            MissionRequest::Count(_) | MissionRequest::Clear => {
+                let refused = match self.not_permitted(sender, is_station) {
+                    Some((_, why)) => Some(why),
+                    None if self.missions.is_in_use() => {
+                        Some("the mission is flown: press Pause before another one is sent")
+                    }
+                    None => None,
+                };
+                if let Some(why) = refused {
+                    self.acknowledge_mission(sender, MissionResult::Denied, mission_type);
+                    return self.say(&[sender.address], Severity::Error, why, now);
+                }
+                let count = match *request {
+                    MissionRequest::Count(count) => count,
+                    _ => 0,
+                };
+                self.missions.asked_type = mission_type;
+                let output = self.missions.transfer.begin(sender, count, now);
+                self.transfer(Some(output), now);
+            }
+        }
+    }
+
+    /// Rally points: there are none, and none is taken.
+    fn other_type(
+        &mut self,
+        sender: Sender,
+        request: &MissionRequest,
+        mission_type: u8,
+        now: MonotonicNs,
+    ) {
+        match request {
+            MissionRequest::List => {
+                let message = Message::new(MISSION_COUNT).u16(0);
+                let message = message.u8(sender.system).u8(sender.component);
+                self.send(sender.address, &message.u8(mission_type));
+            }
+            MissionRequest::Clear => {
+                self.acknowledge_mission(sender, MissionResult::Accepted, mission_type);
+            }
+            MissionRequest::Count(_) => {
+                self.acknowledge_mission(sender, MissionResult::Unsupported, mission_type);
+                let text = "rally points are not taken over MAVLink";
+                self.say(&[sender.address], Severity::Error, text, now);
+            }
+            MissionRequest::Request(_) => {
+                self.acknowledge_mission(sender, MissionResult::InvalidSequence, mission_type);
+            }
+            _ => {}
+        }
+    }
+
+    fn acknowledge_mission(&mut self, to: Sender, result: MissionResult, mission_type: u8) {
+        let id = match result {
+            MissionResult::Accepted if mission_type == MISSION => self.missions.mission.id(),
+            _ => 0,
+        };
+        let message = Message::new(MISSION_ACK).u8(to.system).u8(to.component);
+        let message = message.u8(result as u8).u8(mission_type);
+        self.send(to.address, &message.u32(id));
+    }
+
+    /// Does what the transfer wants.
+    fn transfer(&mut self, output: Option<Output>, now: MonotonicNs) {
+        match output {
+            None => {}
+            Some(Output::Request(to, sequence)) => {
+                let message = Message::new(MISSION_REQUEST_INT).u16(sequence);
+                let message = message.u8(to.system).u8(to.component);
+                self.send(to.address, &message.u8(MISSION));
+            }
+            Some(Output::Ack(to, result)) => {
+                self.acknowledge_mission(to, result, self.missions.asked_type);
+                if result == MissionResult::Cancelled {
+                    let text = "the mission did not come whole, and the one of before is in force";
+                    self.say(&[to.address], Severity::Error, text, now);
+                }
+            }
+            Some(Output::Check(from, items)) => {
+                let mission = Mission::new(items);
+                if mission.items().is_empty() {
+                    return self.save(mission, now);
+                }
+                self.missions.spare = Some((from, mission));
+                self.ask(Task::Rules);
+            }
+        }
+    }
+
+    /// Puts a mission on the disk, so that it is in force.
+    fn save(&mut self, mission: Mission, now: MonotonicNs) {
+        if *self.missions.mission == mission && !self.missions.is_saving {
+            // The same again: only its progress is forgotten.
+            return self.saved(mission, Ok(()), now);
+        }
+        if self.missions.is_saving || self.missions.is_in_use() {
+            let output = self.missions.transfer.checked(MissionResult::Error);
+            return self.transfer(output, now);
+        }
+        self.missions.is_saving = true;
+        self.ask(Task::Save(mission));
+    }
+
+    /// A [`Task::Save`] was done, or the reason why it was not.
+    pub fn saved(&mut self, mission: Mission, result: Result<(), String>, now: MonotonicNs) {
+        self.missions.is_saving = false;
+        let result = match result {
+            Ok(()) => {
+                let text = match mission.count() {
+                    0 => "there is no mission".to_owned(),
+                    count => format!("a mission of {count} items is in force"),
+                };
+                self.missions.set(mission);
+                self.note(Event::Note(text.clone()));
+                self.say_to_all(Severity::Notice, &text, now);
+                MissionResult::Accepted
+            }
+            Err(why) => {
+                let text = format!("the mission was not kept: {why}");
+                self.say_to_all(Severity::Error, &text, now);
+                MissionResult::Error
+            }
+        };
+        let output = self.missions.transfer.checked(result);
+        self.transfer(output, now);
+    }
+
+    /// The mission that was in force before a restart. Nothing of it is flown.
+    pub fn restore(&mut self, mission: Mission) {
+        self.missions.set(mission);
+    }
+
+    /// The answer to [`Task::Rules`]: the configuration of the bridge; `None` if it is not known.
+    pub fn rules(&mut self, rules: Option<&BridgeConfig>, now: MonotonicNs) {
+        if let Some((from, mission)) = self.missions.spare.take()
+            && self.missions.transfer.is_checking()
+        {
+            let conditions = self.conditions(rules, None);
+            match check_mission(&mission, 1, &conditions) {
+                Ok(checked) => {
+                    for remark in checked.remarks {
+                        self.say(&[from.address], Severity::Notice, &remark, now);
+                    }
+                    self.save(mission, now);
+                }
+                Err(refusal) => {
+                    let text = format!("the mission was refused: {}", refusal.text);
+                    self.say(&[from.address], Severity::Error, &text, now);
+                    let output = self.missions.transfer.checked(refusal.result);
+                    self.transfer(output, now);
+                }
+            }
+        }
+        if let Some(starting) = self.missions.starting.take() {
+            self.begin_mission(starting, rules, now);
+        }
+    }
+
+    fn conditions<'a>(
+        &'a self,
+        rules: Option<&'a BridgeConfig>,
+        here: Option<(WaypointPosition, bool)>,
+    ) -> Conditions<'a> {
+        Conditions {
+            settings: &self.settings,
+            rules,
+            home: &self.home,
+            here,
+        }
+    }
+
+    /// What a command means while a start is under way, which a disarming stops, and while a mission waits for its arming, which that of
+    /// the same station is. Any other order ends the waiting.
+    pub(super) fn with_start(
+        &mut self,
+        key: &Key,
+        decision: Decision,
+        now: MonotonicNs,
+    ) -> Decision {
+        let is_disarming = key.command == command::ARM_DISARM && key.bits[0] == 0.0_f32.to_bits();
+        if is_disarming && matches!(decision, Decision::Answer(answer, _) if answer.is_accepted()) {
+            if self.pending.iter().any(|one| one.kind == OrderKind::Start) {
+                return Orders::one(OrderKind::Stop);
+            }
+            self.cancel_start_of_mission(now);
+        }
+        let primed_by = self.missions.primed.map(|(sender, _)| sender);
+        match (primed_by, &decision) {
+            (None, _) | (_, Decision::Answer(..) | Decision::Mission(_)) => decision,
+            (Some(sender), Decision::Orders(orders))
+                if sender == key.sender
+                    && (orders.first, orders.then) == (OrderKind::Start, None) =>
+            {
+                Decision::Mission(MissionAsk::Start {
+                    first: None,
+                    arms: true,
+                })
+            }
+            _ => {
+                self.missions.primed = None;
+                decision
+            }
+        }
+    }
+
+    /// Whether an order would move the helicopter in the middle of the mission of another station.
+    pub(super) fn is_mission_of_another(&self, sender: Sender, kind: OrderKind) -> bool {
+        let run = self.missions.run.as_ref();
+        let is_another =
+            run.is_some_and(|run| run.executor.is_running() && run.key.sender != sender);
+        is_another && matches!(kind, OrderKind::GoTo(_) | OrderKind::TakeOff(_))
+    }
+
+    /// A command about the mission.
+    pub(super) fn mission_asked(&mut self, key: Key, asked: MissionAsk, now: MonotonicNs) {
+        match asked {
+            MissionAsk::SetCurrent(sequence) => {
+                self.set_current(Some(key), key.sender, sequence, now);
+            }
+            MissionAsk::Start { first, arms } => self.start_mission(key, first, arms, now),
+        }
+    }
+
+    fn start_mission(&mut self, key: Key, first: Option<u16>, arms: bool, now: MonotonicNs) {
+        let total = self.missions.mission.count();
+        let Some(known) = self.vehicle.now() else {
+            let why = "the helicopter is not heard";
+            return self.refuse_mission(
+                &key,
+                MavResult::TemporarilyRejected,
+                Reason::LinkDown,
+                why,
+                now,
+            );
+        };
+        if total == 0 || first.is_some_and(|first| first >= total) {
+            let why = match total {
+                0 => "there is none: send one first",
+                _ => "there is no such item",
+            };
+            return self.refuse_mission(&key, MavResult::Denied, Reason::None, why, now);
+        }
+        if self.missions.is_running() && first.is_none() {
+            return self.settle(&key, Answer::plain(MavResult::Accepted), now);
+        }
+        if self.missions.is_in_use() {
+            let why = "it is flown: press Pause first";
+            return self.refuse_mission(
+                &key,
+                MavResult::TemporarilyRejected,
+                Reason::Busy,
+                why,
+                now,
+            );
+        }
+        if !known.is_started() {
+            if let Some(why) = known.not_ready() {
+                let result = MavResult::TemporarilyRejected;
+                return self.refuse_mission(&key, result, Reason::None, why, now);
+            }
+            if !arms && !known.is_flying() {
+                self.missions.primed = Some((key.sender, now + PRIMED));
+                return self.settle(&key, Answer::plain(MavResult::Accepted), now);
+            }
+            if known.is_flying() {
+                let why = "the module was aborted: press Pause first";
+                let result = MavResult::TemporarilyRejected;
+                return self.refuse_mission(&key, result, Reason::NotStarted, why, now);
+            }
+        }
+        let from = first.map_or(self.missions.next, |first| u32::from(first) + 1);
+        self.ask_to_start(key, from, now);
+    }
+
+    fn ask_to_start(&mut self, key: Key, from: u32, now: MonotonicNs) {
+        self.missions.primed = None;
+        self.missions.starting = Some(Starting {
+            key,
+            from,
+            issued: now,
+            until: now + self.settings.answer_within,
+        });
+        self.ask(Task::Rules);
+    }
+
+    fn refuse_mission(
+        &mut self,
+        key: &Key,
+        result: MavResult,
+        reason: Reason,
+        why: &str,
+        now: MonotonicNs,
+    ) {
+        self.settle(key, Answer { result, reason }, now);
+        let text = format!("the mission was refused: {why}");
+        self.say(&[key.sender.address], Severity::Error, &text, now);
+    }
+
+    /// Goes on with another item: at once if the mission is flown, and else with the next start. MISSION_SET_CURRENT has no key.
+    fn set_current(&mut self, key: Option<Key>, sender: Sender, sequence: u16, now: MonotonicNs) {
+        let key_or_none = key.unwrap_or(Key {
+            sender,
+            command: super::orders::NO_COMMAND,
+            bits: [u32::from(sequence); 8],
+        });
+        let run = self
+            .missions
+            .run
+            .as_ref()
+            .filter(|run| run.executor.is_running());
+        let refused = if sequence >= self.missions.mission.count() {
+            Some((MavResult::Denied, Reason::None, "there is no such item"))
+        } else if self.missions.starting.is_some() {
+            Some((
+                MavResult::TemporarilyRejected,
+                Reason::Busy,
+                "it is being started",
+            ))
+        } else if run.is_some_and(|run| run.key.sender != sender) {
+            let why = "another station flies it: press Pause first";
+            Some((MavResult::TemporarilyRejected, Reason::Busy, why))
+        } else if run.is_some_and(|run| !can_leave(run.executor.step())) {
+            let why = "the helicopter takes off or lands";
+            Some((MavResult::TemporarilyRejected, Reason::UnableToAbort, why))
+        } else {
+            None
+        };
+        if let Some((result, reason, why)) = refused {
+            self.refuse_mission(&key_or_none, result, reason, why, now);
+            if key.is_none() {
+                self.acknowledge_mission(sender, MissionResult::InvalidSequence, MISSION);
+            }
+        } else if run.is_some() {
+            self.ask_to_start(key_or_none, u32::from(sequence) + 1, now);
+        } else {
+            self.missions.next = u32::from(sequence) + 1;
+            self.settle(&key_or_none, Answer::plain(MavResult::Accepted), now);
+            self.send_message(sender, MISSION_CURRENT.id, 0);
+        }
+    }
+
+    /// Checks the mission as the helicopter is now, and begins it.
+    fn begin_mission(
+        &mut self,
+        starting: Starting,
+        rules: Option<&BridgeConfig>,
+        now: MonotonicNs,
+    ) {
+        let Starting {
+            key, from, issued, ..
+        } = starting;
+        let Some(known) = self.vehicle.now() else {
+            let why = "the helicopter is not heard";
+            return self.refuse_mission(
+                &key,
+                MavResult::TemporarilyRejected,
+                Reason::LinkDown,
+                why,
+                now,
+            );
+        };
+        let Some(here) = known.position() else {
+            let why = "the position is not known";
+            return self.refuse_mission(
+                &key,
+                MavResult::TemporarilyRejected,
+                Reason::NoPosition,
+                why,
+                now,
+            );
+        };
+        let (is_flying, is_started) = (known.is_flying(), known.is_started());
+        let mission = self.missions.mission.clone();
+        let first = mission.items().get(from as usize - 1);
+        let is_up = is_flying && first.is_some_and(|first| first.command() == item::TAKE_OFF);
+        let from = match is_up && from < u32::from(mission.count()) {
+            true => from + 1,
+            false => from,
+        };
+        let checked = check_mission(
+            &mission,
+            from,
+            &self.conditions(rules, Some((here, is_flying))),
+        );
+        let checked = match checked {
+            Ok(checked) => checked,
+            Err(refusal) => {
+                return self.refuse_mission(
+                    &key,
+                    MavResult::Denied,
+                    Reason::None,
+                    &refusal.text,
+                    now,
+                );
+            }
+        };
+        let follows = self
+            .missions
+            .run
+            .as_ref()
+            .is_some_and(|run| run.order.is_some() && run.executor.is_running());
+        if follows && matches!(checked.flight.steps.first(), Some(Step::Wait { .. })) {
+            let why = "that item hovers where the helicopter is: press Pause first";
+            return self.refuse_mission(
+                &key,
+                MavResult::TemporarilyRejected,
+                Reason::Busy,
+                why,
+                now,
+            );
+        }
+        let log = format!(
+            "mission from item {from} by {} at {}",
+            key.sender, key.sender.address
+        );
+        self.note(Event::Commanded(log));
+        self.missions.run = Some(Run::new(&mission, &checked.flight, from, key));
+        if is_started {
+            self.drive_mission(now);
+        } else {
+            self.send_step(OrderKind::Start, Vec::new(), issued);
+        }
+    }
+
+    /// Orders the next step when it is time for it.
+    pub(super) fn drive_mission(&mut self, now: MonotonicNs) {
+        let Some(run) = &mut self.missions.run else {
+            return;
+        };
+        run.executor.advance(now);
+        // A hold or a landing that a station has just commanded is waited for: it may end the mission.
+        let is_stopping = |one: &Pending| one.kind.is_stop() && !one.is_mission && !one.is_answered;
+        let is_blocked =
+            self.pending.iter().any(is_stopping) || self.pending.len() + 1 >= MAX_ORDERS;
+        if run.order.is_none()
+            && !is_blocked
+            && let Some(step) = run.executor.poll(now)
+        {
+            let (kind, path) = match step {
+                Step::TakeOff { height_m, .. } => (Some(OrderKind::TakeOff(*height_m)), Vec::new()),
+                Step::Path(points) => {
+                    let position = |point: &plans::flight::PathPoint| WaypointPosition {
+                        latitude_deg: point.waypoint.latitude_deg,
+                        longitude_deg: point.waypoint.longitude_deg,
+                        altitude_m: point.waypoint.altitude_m,
+                    };
+                    (Some(OrderKind::Path), points.iter().map(position).collect())
+                }
+                Step::Speed { speed_mps, .. } => (Some(OrderKind::Speed(*speed_mps)), Vec::new()),
+                Step::Land { .. } => (Some(OrderKind::Land), Vec::new()),
+                Step::Wait { .. } => (None, Vec::new()),
+            };
+            match kind {
+                Some(kind) => self.send_step(kind, path, now),
+                None => {
+                    let (key, was_answered) = (run.key, run.is_answered);
+                    run.is_answered = true;
+                    if !was_answered {
+                        self.settle(&key, Answer::plain(MavResult::Accepted), now);
+                    }
+                }
+            }
+        }
+        self.follow_mission(now);
+    }
+
+    fn send_step(&mut self, kind: OrderKind, path: Vec<WaypointPosition>, issued: MonotonicNs) {
+        let Some(run) = &mut self.missions.run else {
+            return;
+        };
+        let (key, is_answered) = (run.key, run.is_answered);
+        run.is_answered = true;
+        self.send_order(Pending {
+            number: 0,
+            kind,
+            key,
+            then: None,
+            is_return: false,
+            is_mission: true,
+            path,
+            issued,
+            is_answered,
+            progress_at: issued + FIRST_PROGRESS,
+        });
+        let number = self.last_number;
+        if let Some(run) = &mut self.missions.run {
+            run.order = Some(number);
+        }
+    }
+
+    /// The waypoints of an order of the kind [`OrderKind::Path`].
+    pub fn path(&self, number: u64) -> &[WaypointPosition] {
+        let order = self.pending.iter().find(|one| one.number == number);
+        order.map_or(&[], |order| &order.path)
+    }
+
+    /// The bridge has reported on a step of the mission. Its first answer is that to the command that has begun the mission.
+    pub(super) fn mission_report(
+        &mut self,
+        pending: &Pending,
+        report: &RequestReport,
+        (stage, reason): (Stage, Reason),
+        words: &str,
+        now: MonotonicNs,
+    ) {
+        let run = self.missions.run.as_mut();
+        let Some(run) = run.filter(|run| run.order == Some(pending.number)) else {
+            // A step that another one has replaced.
+            return;
+        };
+        run.executor.reached(report.waypoints_reached as usize);
+        if stage.is_final() {
+            run.order = None;
+            match (stage, reason) {
+                (Stage::Done, _) | (Stage::Refused, Reason::AlreadyRunning) => {
+                    if pending.kind != OrderKind::Start {
+                        run.executor.step_done();
+                    }
+                }
+                (Stage::Aborted, Reason::Replaced | Reason::Stopped | Reason::PilotHasControl) => {
+                    run.executor.pause();
+                }
+                _ => run.executor.fail(words),
+            }
+        }
+        self.follow_mission(now);
+    }
+
+    /// A step has no answer of the bridge: what becomes of it is not known.
+    pub(super) fn mission_unanswered(&mut self, now: MonotonicNs) {
+        if let Some(run) = &mut self.missions.run {
+            run.executor.fail("no answer of the bridge");
+        }
+        self.follow_mission(now);
+    }
+
+    /// Somebody else moves the helicopter.
+    pub(super) fn pause_mission(&mut self, now: MonotonicNs) {
+        if let Some(run) = &mut self.missions.run {
+            run.executor.pause();
+        }
+        self.follow_mission(now);
+    }
+
+    /// A hold, a landing or a stop is commanded: nothing begins that has not begun.
+    pub(super) fn cancel_start_of_mission(&mut self, now: MonotonicNs) {
+        self.missions.primed = None;
+        if let Some(starting) = self.missions.starting.take() {
+            self.settle(&starting.key, Answer::plain(MavResult::Cancelled), now);
+        }
+        let order = self.missions.run.as_ref().and_then(|run| run.order);
+        let waits = |one: &&mut Pending| {
+            Some(one.number) == order && one.is_mission && one.kind == OrderKind::Start
+        };
+        let Some(start) = self.pending.iter_mut().find(waits) else {
+            return;
+        };
+        let unanswered = (!start.is_answered).then_some(start.key);
+        start.is_answered = true;
+        if let Some(key) = unanswered {
+            self.settle(&key, Answer::plain(MavResult::Cancelled), now);
+        }
+        self.pause_mission(now);
+    }
+
+    /// The state of the bridge is another one: a hover between two movements is none of its, so it does not end it.
+    pub(super) fn look_at_mission(&mut self, now: MonotonicNs) {
+        let Some(known) = self.vehicle.now() else {
+            return;
+        };
+        let is_out = known.is_manual() || !known.is_started();
+        let hovers = |run: &Run| run.executor.is_running() && run.order.is_none();
+        if is_out && self.missions.run.as_ref().is_some_and(hovers) {
+            self.pause_mission(now);
+        }
+    }
+
+    /// Tells stations how far the mission is.
+    fn follow_mission(&mut self, now: MonotonicNs) {
+        let Some(run) = &mut self.missions.run else {
+            return;
+        };
+        let reached = run.take_reached();
+        let next = run.executor.next_item().unwrap_or(1);
+        let (severity, text) = match run.executor.progress() {
+            Progress::Ready | Progress::Step => (Severity::Info, None),
+            Progress::Done => (Severity::Info, Some("mission done".to_owned())),
+            Progress::Paused => {
+                let text = format!("mission paused: item {next} is the next one");
+                (Severity::Notice, Some(text))
+            }
+            Progress::Failed(reason) => {
+                let text = format!("mission stopped at item {next}: {reason}");
+                (Severity::Error, Some(text))
+            }
+        };
+        let is_first = !std::mem::replace(&mut run.is_told, text.is_some());
+        let (key, is_done) = (run.key, *run.executor.progress() == Progress::Done);
+        if text.is_some() {
+            self.missions.next = next;
+        }
+        if text.is_some() && is_first && !is_done {
+            // A copy of the start that comes late must not be told that the mission goes on.
+            let answer = Answer {
+                result: MavResult::Cancelled,
+                reason: Reason::Replaced,
+            };
+            self.commands.amend(&key, answer);
+        }
+        for address in self.stations.addresses() {
+            for sequence in reached.clone() {
+                let message = Message::new(MISSION_ITEM_REACHED).u16(sequence as u16);
+                self.send(address, &message);
+            }
+        }
+        if let Some(text) = text.filter(|_| is_first) {
+            self.say_to_all(severity, &text, now);
+        }
+    }
+
+    /// Does what is due about missions.
+    pub(super) fn advance_missions(&mut self, now: MonotonicNs) {
+        let output = self.missions.transfer.advance(now);
+        self.transfer(output, now);
+        self.missions.primed = self.missions.primed.filter(|(_, until)| now < *until);
+        let is_late = |starting: &mut Starting| now >= starting.until;
+        if let Some(late) = self.missions.starting.take_if(is_late) {
+            let why = "the rules of the bridge did not come in time";
+            let result = MavResult::TemporarilyRejected;
+            self.refuse_mission(&late.key, result, Reason::None, why, now);
+        }
+        self.drive_mission(now);
+    }
+
+    fn ask(&mut self, task: Task) {
+        // Two kinds, each at most once: a mission that waits for the rules and a start wait for the same.
+        if !self.tasks.contains(&task) {
+            self.tasks.push_back(task);
+        }
+    }
+
+    /// What the program around it is to do next.
+    pub fn poll_task(&mut self) -> Option<Task> {
+        self.tasks.pop_front()
+    }
+}
+
+/// Whether the bridge ends this step for another one.
+fn can_leave(step: Option<&Step>) -> bool {
+    !matches!(step, Some(Step::TakeOff { .. } | Step::Land { .. }))
+}

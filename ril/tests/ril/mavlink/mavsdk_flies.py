@@ -1,0 +1,101 @@
+"""A mission and all actions by MAVSDK, as a script that knows nothing of this project: `mavsdk_flies.py PORT`."""
+
+import asyncio
+import sys
+
+from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
+from mavsdk.asyncio.plugins.action import ActionAsync
+from mavsdk.asyncio.plugins.mission import MissionAsync
+from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
+from mavsdk.plugins.mission import MissionItem, MissionPlan
+
+LIMIT_S = 90
+ON_GROUND, IN_AIR = 1, 2
+HOLD = 3
+
+
+async def until(what, values, is_right):
+    """The first value that is right."""
+
+    async def look():
+        async for value in values:
+            if is_right(value):
+                return value
+
+    try:
+        return await asyncio.wait_for(look(), LIMIT_S)
+    except TimeoutError:
+        sys.exit(f"{what} did not come")
+
+
+async def refused(what, action):
+    """The action must end with an error that says "denied"."""
+    try:
+        await asyncio.wait_for(action, LIMIT_S)
+    except Exception as error:  # noqa: BLE001 each plugin has its own
+        assert "DENIED" in str(error), f"{what}: {error}"
+        return
+    sys.exit(f"{what} was not refused")
+
+
+async def fly(system):
+    telemetry, action, mission = TelemetryAsync(system), ActionAsync(system), MissionAsync(system)
+    await until("health", telemetry.subscribe_health_all_ok(), lambda is_ok: is_ok)
+    home = await until("a position", telemetry.subscribe_position(), lambda position: True)
+    lat, lon = home.latitude_deg, home.longitude_deg
+
+    def item(number):
+        place = {"latitude_deg": lat + 0.0003 * number, "longitude_deg": lon, "relative_altitude_m": 10.0 + number}
+        return MissionItem(**place, speed_m_s=6.0, is_fly_through=True)
+
+    plan = MissionPlan([item(number) for number in (1, 2, 3)])
+    await mission.set_return_to_launch_after_mission(True)
+    await mission.upload_mission(plan)
+    downloaded = await mission.download_mission()
+    for sent, one in zip(plan.mission_items, downloaded.mission_items, strict=True):
+        assert abs(sent.latitude_deg - one.latitude_deg) < 2e-7, (sent, one)
+        assert (sent.relative_altitude_m, sent.speed_m_s) == (one.relative_altitude_m, one.speed_m_s), (sent, one)
+    await action.arm()
+    await action.takeoff()
+    await until("the air", telemetry.subscribe_landed_state(), lambda state: int(state) == IN_AIR)
+    await action.land()
+    await until("the ground", telemetry.subscribe_landed_state(), lambda state: int(state) == ON_GROUND)
+    # On the ground it is a moment before it has ended to land.
+    await until("the end of the landing", telemetry.subscribe_flight_mode(), lambda mode: int(mode) == HOLD)
+    # Without a take-off in it, as such scripts have it.
+    await mission.start_mission()
+    await until("item 1", mission.subscribe_mission_progress(), lambda progress: progress.current >= 1)
+    await refused("an upload in flight", mission.upload_mission(plan))
+    await mission.pause_mission()
+    # A command that comes again within 2.5 s counts as a copy, which is not carried out.
+    await asyncio.sleep(3.0)
+    await mission.start_mission()
+    await until("the end", mission.subscribe_mission_progress(), lambda progress: progress.current == progress.total == 3)
+    assert await mission.is_mission_finished()
+    await until("the ground", telemetry.subscribe_landed_state(), lambda state: int(state) == ON_GROUND)
+    await action.disarm()
+    await until("disarmed", telemetry.subscribe_armed(), lambda is_armed: not is_armed)
+    await mission.clear_mission()
+    await refused("a mission that is none", mission.start_mission())
+
+    await action.arm()
+    await action.takeoff()
+    await until("the air", telemetry.subscribe_landed_state(), lambda state: int(state) == IN_AIR)
+    await action.goto_location(lat + 0.0005, lon, home.absolute_altitude_m + 15.0, 0.0)
+    await refused("kill", action.kill())
+    await action.hold()
+    await action.set_current_speed(5.0)
+    await action.return_to_launch()
+    await until("the ground", telemetry.subscribe_landed_state(), lambda state: int(state) == ON_GROUND)
+
+
+async def main():
+    config = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+    async with Mavsdk(config) as mavsdk:
+        await mavsdk.add_any_connection(f"udpin://127.0.0.1:{sys.argv[1]}")
+        system = await mavsdk.first_autopilot(timeout_s=LIMIT_S)
+        await fly(system)
+
+
+asyncio.run(main())
+print("all is well", flush=True)

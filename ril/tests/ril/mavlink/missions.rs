@@ -1,0 +1,186 @@
+//! Missions over a real socket: whole or not at all, over a bad line, and when the gateway is killed.
+
+use std::time::{Duration, Instant};
+
+use mavlink_gateway::message::{
+    MISSION_ACK, MISSION_COUNT, MISSION_ITEM_INT, MISSION_REQUEST_INT, MISSION_REQUEST_LIST,
+};
+use mavlink_gateway::wire::Message;
+use ril_tests::process::{Signal, WAIT_LIMIT};
+
+use super::station::Station;
+use super::{gateway, sandbox};
+use crate::common::end;
+
+/// When a station sends something again that it got no answer for.
+const RETRY: Duration = Duration::from_millis(250);
+
+/// A take-off to this height, then waypoints beside home, `count` items in all.
+fn mission(count: u16, height_m: f32) -> Vec<Message> {
+    let item = |sequence: u16| {
+        let message = Message::new(MISSION_ITEM_INT)
+            .f32(0.0)
+            .f32(0.0)
+            .f32(0.0)
+            .f32(f32::NAN);
+        let (command, x, y) = match sequence {
+            0 => (22, 0, 0),
+            number => (16, 374_110_000 + 50 * i32::from(number), -60_010_000),
+        };
+        let message = message.i32(x).i32(y).f32(height_m);
+        message
+            .u16(sequence)
+            .u16(command)
+            .u8(1)
+            .u8(1)
+            .u8(6)
+            .u8(0)
+            .u8(1)
+            .u8(0)
+    };
+    (0..count).map(item).collect()
+}
+
+fn count(count: usize) -> Message {
+    Message::new(MISSION_COUNT)
+        .u16(count as u16)
+        .u8(1)
+        .u8(1)
+        .u8(0)
+}
+
+/// What of an item is the mission's own.
+fn content(item: &Message) -> Vec<u8> {
+    let bytes = item.payload().0;
+    [&bytes[..32], &bytes[34..37]].concat()
+}
+
+/// Sends a mission as it is asked for; what got no answer is sent again. Gives the result.
+#[track_caller]
+fn upload(station: &mut Station, items: &[Message]) -> u8 {
+    let give_up = Instant::now() + WAIT_LIMIT;
+    let mut last = count(items.len());
+    station.send(&last);
+    let mut again = Instant::now() + RETRY;
+    while Instant::now() < give_up {
+        let message = station.next();
+        match &message {
+            Some(message) if message.is(MISSION_ACK.id) => return message.u8(2),
+            Some(message) if message.is(MISSION_REQUEST_INT.id) => {
+                last = items[usize::from(message.u16(0))].clone();
+                station.send(&last);
+                again = Instant::now() + RETRY;
+            }
+            _ if Instant::now() >= again => {
+                station.send(&last);
+                again = Instant::now() + RETRY;
+            }
+            _ => {}
+        }
+    }
+    panic!("the upload does not end");
+}
+
+/// Asks until the answer comes.
+#[track_caller]
+fn ask(
+    station: &mut Station,
+    question: &Message,
+    is_answer: impl Fn(&super::station::Received) -> bool,
+) -> super::station::Received {
+    let give_up = Instant::now() + WAIT_LIMIT;
+    station.send(question);
+    let mut again = Instant::now() + RETRY;
+    while Instant::now() < give_up {
+        if let Some(message) = station.next()
+            && is_answer(&message)
+        {
+            return message;
+        }
+        if Instant::now() >= again {
+            station.send(question);
+            again = Instant::now() + RETRY;
+        }
+    }
+    panic!("no answer to {question:?}");
+}
+
+/// The items of the gateway's mission.
+#[track_caller]
+fn download(station: &mut Station) -> Vec<Vec<u8>> {
+    let list = Message::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
+    let total = ask(station, &list, |message| message.is(MISSION_COUNT.id)).u16(0);
+    let item = |sequence: u16| {
+        let request = Message::new(MISSION_REQUEST_INT)
+            .u16(sequence)
+            .u8(1)
+            .u8(1)
+            .u8(0);
+        let item = ask(station, &request, |message| {
+            message.is(MISSION_ITEM_INT.id) && message.u16(28) == sequence
+        });
+        [item.part(0..32), item.part(34..37)].concat()
+    };
+    let items = (0..total).map(item).collect();
+    station.send(&Message::new(MISSION_ACK).u8(1).u8(1).u8(0).u8(0));
+    items
+}
+
+fn contents(items: &[Message]) -> Vec<Vec<u8>> {
+    items.iter().map(content).collect()
+}
+
+#[test]
+fn a_line_that_loses_a_fifth_of_all_datagrams_carries_a_mission_whole() {
+    let rig = sandbox();
+    let robot = rig.start_robot(1, 1);
+    let mut station = Station::new();
+    let gateway = gateway(&rig, station.port(), 60.0);
+    station.connect();
+    station.lose(20, 7);
+    let items = mission(200, 15.0);
+    assert_eq!(upload(&mut station, &items), 0);
+    assert_eq!(download(&mut station), contents(&items));
+    end(gateway, Signal::TERM);
+    robot.end();
+}
+
+#[test]
+fn a_gateway_that_is_killed_at_any_step_of_an_upload_has_the_old_mission_or_the_new_one() {
+    const ITEMS: usize = 3;
+    let rig = sandbox();
+    let robot = rig.start_robot(1, 1);
+    let missions = [mission(ITEMS as u16, 15.0), mission(ITEMS as u16, 16.0)];
+    let mut station = Station::new();
+    let mut process = gateway(&rig, station.port(), 60.0);
+    station.connect();
+    assert_eq!(upload(&mut station, &missions[0]), 0);
+    let mut kept = 0;
+    // Killed after the count, after each item, and after the answer.
+    for sent in 0..=ITEMS + 1 {
+        let other = 1 - kept;
+        station.send(&count(ITEMS));
+        for item in &missions[other][..sent.min(ITEMS)] {
+            station.until("a question", |message| message.is(MISSION_REQUEST_INT.id));
+            station.send(item);
+        }
+        if sent > ITEMS {
+            let answer = station.until("an answer", |message| message.is(MISSION_ACK.id));
+            assert_eq!(answer.u8(2), 0);
+        }
+        rig.kill(process);
+        process = gateway(&rig, station.port(), 60.0);
+        station.reconnect();
+        let found = download(&mut station);
+        let is = |which: usize| found == contents(&missions[which]);
+        match sent {
+            // On its way to the disk.
+            ITEMS => assert!(is(kept) || is(other), "{found:?}"),
+            sent if sent > ITEMS => assert!(is(other), "{found:?}"),
+            _ => assert!(is(kept), "{sent} items: {found:?}"),
+        }
+        kept = if is(other) { other } else { kept };
+    }
+    end(process, Signal::TERM);
+    robot.end();
+}
