@@ -115,7 +115,7 @@ const char *hero_ril_last_error(void);
 
 /* Takes part in the shared memory of a robot (1, 2, ...). `root` is the folder of the shared memory; NULL takes the variable
  * RIL_IPC_ROOT, else the user's own. `process_name` is what others see: letters, digits, `-` and `_`, and not
- * `bridge`, `status` or `relay`, which are the names of the RIL's own modules. */
+ * `bridge`, `status`, `relay` or `mavlink`, which are the names of the RIL's own modules. */
 int hero_ril_join(const char *root, uint32_t robot, const char *process_name, hero_ril_robot **out);
 void hero_ril_leave(hero_ril_robot *robot);
 
