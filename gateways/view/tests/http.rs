@@ -92,29 +92,49 @@ fn a_tile_is_answered_when_it_was_read_and_the_connection_goes_on() {
         let now = world.now;
         world.server.tile(connection, request, image, now);
         let answer = world.answer(&mut client);
-        assert!(answer.starts_with(&format!("HTTP/1.1 {status}\r\n")), "{answer}");
+        assert!(
+            answer.starts_with(&format!("HTTP/1.1 {status}\r\n")),
+            "{answer}"
+        );
         assert!(answer.contains(kind), "{answer}");
         assert!(answer.ends_with("</html>\n"), "the page follows: {answer}");
         // An answer that comes twice, or too late, goes nowhere.
-        world.server.tile(connection, request, Some(png.clone()), now);
+        world
+            .server
+            .tile(connection, request, Some(png.clone()), now);
         assert_eq!(world.answer(&mut client), "");
     }
     let head = ask.replace("GET ", "HEAD ");
     world.send(&client, head.as_bytes());
     let (connection, request) = asked(&mut world).expect("a tile");
     let now = world.now;
-    world.server.tile(connection, request, Some(png.clone()), now);
+    world
+        .server
+        .tile(connection, request, Some(png.clone()), now);
     let answer = world.answer(&mut client);
-    assert!(answer.contains("Content-Length: 11\r\n") && answer.ends_with("\r\n\r\n"), "{answer}");
+    assert!(
+        answer.contains("Content-Length: 11\r\n") && answer.ends_with("\r\n\r\n"),
+        "{answer}"
+    );
     // What is no tile, and a server without any.
-    for (path, has_tiles) in [("/tiles/18/1/x", true), ("/tiles/24/1/1", true), ("/tiles/18/1/1", false)] {
+    for (path, has_tiles) in [
+        ("/tiles/18/1/x", true),
+        ("/tiles/24/1/1", true),
+        ("/tiles/18/1/1", false),
+    ] {
         let mut world = World::new(Settings {
             tiles: has_tiles.then_some(tiles),
             ..settings()
         });
         let mut client = world.connect(own());
-        world.send(&client, format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes());
-        assert!(world.answer(&mut client).starts_with("HTTP/1.1 404 "), "{path}");
+        world.send(
+            &client,
+            format!("GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n").as_bytes(),
+        );
+        assert!(
+            world.answer(&mut client).starts_with("HTTP/1.1 404 "),
+            "{path}"
+        );
         assert!(asked(&mut world).is_none(), "{path}");
     }
 }

@@ -69,7 +69,11 @@ impl Answer {
         };
         Answer {
             head: format!("{head}{GUARDS}Content-Length: {length}\r\n\r\n"),
-            body: if request.has_body { image.into() } else { Bytes::new() },
+            body: if request.has_body {
+                image.into()
+            } else {
+                Bytes::new()
+            },
             stays: request.stays,
         }
     }

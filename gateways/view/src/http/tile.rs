@@ -37,7 +37,9 @@ impl Tile {
             (number.to_string() == text).then_some(number)
         };
         let (zoom, x, y) = (number()?, number()?, number()?);
-        let zoom = u8::try_from(zoom).ok().filter(|zoom| *zoom <= Tile::MAX_ZOOM)?;
+        let zoom = u8::try_from(zoom)
+            .ok()
+            .filter(|zoom| *zoom <= Tile::MAX_ZOOM)?;
         let edge = 1_u32 << zoom;
         (parts.next().is_none() && x < edge && y < edge).then_some(Tile { zoom, x, y })
     }

@@ -58,7 +58,9 @@ fn known(value: Option<f64>, decimals: i32) -> Option<f64> {
 
 /// A place as it is sent many times.
 fn rounded_place(place: Place) -> [f64; 2] {
-    place.degrees().map(|degrees| rounded(degrees, decimals::PLACE))
+    place
+        .degrees()
+        .map(|degrees| rounded(degrees, decimals::PLACE))
 }
 
 /// Home is drawn anew when it has moved by so much, m: no less than what a map shows.

@@ -121,7 +121,11 @@ fn read(folder: &Path, tile: Tile) -> Option<Vec<u8>> {
             return None;
         }
         let mut image = Vec::new();
-        File::open(path).ok()?.take(MAX_TILE_BYTES).read_to_end(&mut image).ok()?;
+        File::open(path)
+            .ok()?
+            .take(MAX_TILE_BYTES)
+            .read_to_end(&mut image)
+            .ok()?;
         Some(image)
     })
 }

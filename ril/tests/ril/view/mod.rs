@@ -381,13 +381,19 @@ fn tiles_come_from_their_folder_and_from_nowhere_else() {
     ] {
         let (found, body) = get(path);
         assert!(found.contains(status), "{path}: {found}");
-        assert!(body.ends_with(end) && !body.contains("secret"), "{path}: {body}");
+        assert!(
+            body.ends_with(end) && !body.contains("secret"),
+            "{path}: {body}"
+        );
     }
     view.end();
     for folder in ["empty", "missing"] {
-        ril(&rig, &format!("run view --port {} --tiles {folder}", free_port()))
-            .exits(2)
-            .err_says("has no tiles");
+        ril(
+            &rig,
+            &format!("run view --port {} --tiles {folder}", free_port()),
+        )
+        .exits(2)
+        .err_says("has no tiles");
     }
     drop(bridge);
 }
