@@ -3,7 +3,7 @@
 //! | a copy comes | it is |
 //! |---|---|
 //! | of no command that is known | new: carried out; refused while 16 of its sender are known |
-//! | while the first one has no answer | open: "in progress" |
+//! | while the first one has no answer | open: the answer to come is for it, too |
 //! | at most [`MEMORY`] after the answer | answered: the same answer |
 //! | later | new |
 //!

@@ -50,8 +50,6 @@ pub enum MavResult {
     Unsupported = 3,
     /// Tried without success, or its outcome is not known.
     Failed = 4,
-    /// No answer yet.
-    InProgress = 5,
     /// Something else took its place.
     Cancelled = 6,
 }

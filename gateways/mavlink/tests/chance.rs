@@ -150,8 +150,7 @@ fn sequence(seed: u64) {
     }
     let expected = arrived.iter().filter(|one| **one).count();
     assert_eq!(ordered, expected, "seed {seed}");
-    let verdicts = answered.iter().filter(|ack| ack.1 != 5).count();
-    assert!(verdicts >= expected, "seed {seed}: {answered:?}");
+    assert!(answered.len() >= expected, "seed {seed}: {answered:?}");
 }
 
 /// `RIL_SEQUENCES=100000 cargo test --release -p mavlink-gateway copies` plays more.

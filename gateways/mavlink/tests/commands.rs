@@ -200,10 +200,9 @@ fn an_answer_is_the_first_report_and_what_comes_later_is_a_text() {
     );
     let order = world.orders()[0];
     assert_eq!(order.issued, world.now);
-    world.pass(240);
+    // Never "in progress": MAVSDK takes the first answer for the last one.
+    world.pass(900);
     assert_eq!(acks(&world.sent()), []);
-    world.pass(10);
-    assert_eq!(acks(&world.sent()), [(192, 5, 0)]);
     world.report(&order, Stage::Accepted, Reason::None);
     world.report(&order, Stage::Progress, Reason::None);
     assert_eq!(acks(&world.sent()), [(192, 0, 0)]);
@@ -230,7 +229,7 @@ fn a_bridge_that_does_not_answer_is_an_unknown_outcome_and_nothing_follows() {
     let start = world.orders()[0];
     world.pass(1_000);
     let sent = world.sent();
-    assert_eq!(acks(&sent), [(22, 5, 0), (22, 4, 0)]);
+    assert_eq!(acks(&sent), [(22, 4, 0)]);
     assert!(
         texts(&sent)[0].1.contains("look before you repeat"),
         "{sent:?}"
@@ -262,7 +261,7 @@ fn copies_are_carried_out_once_and_a_stop_each_time() {
     world.receive(QGC, &QGC.frame(&goto));
     let orders = world.orders();
     assert_eq!(orders.len(), 1);
-    assert_eq!(acks(&world.sent()), [(192, 5, 0)]);
+    assert_eq!(acks(&world.sent()), []);
     world.report(&orders[0], Stage::Accepted, Reason::None);
     world.sent();
     world.pass(2_400);

@@ -120,7 +120,6 @@ impl Gateway {
             path: Vec::new(),
             issued: now,
             is_answered: true,
-            progress_at: now,
         });
     }
 }

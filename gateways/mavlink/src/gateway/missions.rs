@@ -9,7 +9,7 @@ use plans::flight::Step;
 use plans::mavlink::command as item;
 
 use super::Gateway;
-use super::orders::{FIRST_PROGRESS, MAX_ORDERS};
+use super::orders::MAX_ORDERS;
 use super::pending::Pending;
 use crate::commands::Key;
 use crate::decide::{Decision, MissionAsk, Orders};
@@ -560,7 +560,6 @@ impl Gateway {
             path,
             issued,
             is_answered,
-            progress_at: issued + FIRST_PROGRESS,
         });
         let number = self.last_number;
         if let Some(run) = &mut self.missions.run {

@@ -5,7 +5,6 @@
 //! | | answer |
 //! |---|---|
 //! | first report of the bridge | that of [`answer_of`](crate::answer_of); a refusal is said in a text as well |
-//! | no report for 250 ms, and each second from then on | in progress |
 //! | no report for `answer_within` | failed: the outcome is unknown |
 //! | a hold, a landing or a stop, while its start is awaited | cancelled: what was to follow the start is not sent |
 //!
@@ -316,7 +315,7 @@ impl Gateway {
             }
             self.note(Event::Note(format!("{gone} at {} is gone", gone.address)));
         }
-        self.remind(now);
+        self.give_up(now);
         self.advance_parameters(now);
         self.advance_missions(now);
         self.send_streams(now);
@@ -326,9 +325,7 @@ impl Gateway {
     pub fn deadline(&mut self) -> Option<MonotonicNs> {
         let limit = self.settings.answer_within;
         let open = self.pending.iter().filter(|one| !one.is_answered);
-        let answers = open
-            .map(|one| one.progress_at.min(one.issued + limit))
-            .min();
+        let answers = open.map(|one| one.issued + limit).min();
         let streams = match self.vehicle.now() {
             Some(_) => {
                 let routes = self.stations.routes();

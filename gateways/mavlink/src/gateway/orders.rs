@@ -19,10 +19,6 @@ use crate::stations::Sender;
 use crate::verdict::{Answer, answer_of};
 use crate::wire::Message;
 
-/// When "in progress" is said first, and how often from then on.
-pub(super) const FIRST_PROGRESS: Duration = Duration::from_millis(250);
-const NEXT_PROGRESS: Duration = Duration::from_secs(1);
-
 /// Most orders without a final report: the bridge has eight for a client. One is kept for hold and land.
 pub(super) const MAX_ORDERS: usize = 8;
 
@@ -58,7 +54,7 @@ impl Gateway {
                 true => self.message_request(sender, asked, now),
                 false => MavResult::TemporarilyRejected,
             };
-            self.acknowledge(sender, asked.command, Answer::plain(result), 0);
+            self.acknowledge(sender, asked.command, Answer::plain(result));
             return;
         }
         let key = Key {
@@ -155,7 +151,7 @@ impl Gateway {
         };
         match copy {
             Copy::New => {}
-            Copy::Open => return self.answer(&key, Answer::plain(MavResult::InProgress)),
+            Copy::Open => return,
             Copy::Answered(answer) => return self.answer(&key, answer),
             Copy::Full => {
                 let answer = Answer::plain(MavResult::TemporarilyRejected);
@@ -237,7 +233,6 @@ impl Gateway {
             path: Vec::new(),
             issued: now,
             is_answered: false,
-            progress_at: now + FIRST_PROGRESS,
         });
         if let Some(notice) = orders.notice {
             self.say(&[key.sender.address], Severity::Notice, notice, now);
@@ -404,63 +399,45 @@ impl Gateway {
 
     /// SET_MODE has no answer but the heartbeat.
     pub(super) fn answer(&mut self, key: &Key, answer: Answer) {
-        if !matches!(answer.result, MavResult::Accepted | MavResult::InProgress) {
+        if answer.result != MavResult::Accepted {
             self.stations.count_refusal(key.sender);
         }
         if key.command != NO_COMMAND {
-            let progress = match answer.result {
-                MavResult::InProgress => u8::MAX,
-                _ => 0,
-            };
-            self.acknowledge(key.sender, key.command, answer, progress);
+            self.acknowledge(key.sender, key.command, answer);
         }
     }
 
-    pub(super) fn acknowledge(
-        &mut self,
-        sender: Sender,
-        command: u16,
-        answer: Answer,
-        progress: u8,
-    ) {
+    /// Never "in progress": MAVSDK takes the first answer to a command for the last one, and reports an error.
+    pub(super) fn acknowledge(&mut self, sender: Sender, command: u16, answer: Answer) {
         let message = Message::new(COMMAND_ACK)
             .u16(command)
             .u8(answer.result as u8)
-            .u8(progress)
+            .u8(0)
             .i32(answer.reason.code() as i32)
             .u8(sender.system)
             .u8(sender.component);
         self.send(sender.address, &message);
     }
 
-    /// Says "in progress", or gives up.
-    pub(super) fn remind(&mut self, now: MonotonicNs) {
+    /// Gives up what the bridge does not answer in time.
+    pub(super) fn give_up(&mut self, now: MonotonicNs) {
         let limit = self.settings.answer_within;
-        let mut said = Vec::new();
+        let mut given_up = Vec::new();
         let mut is_mission_stuck = false;
         for one in self.pending.iter_mut().filter(|one| !one.is_answered) {
             if now >= one.issued + limit {
                 // What was to follow would come too late.
                 (one.is_answered, one.then) = (true, None);
                 is_mission_stuck |= one.is_mission;
-                said.push((one.key, one.name(), MavResult::Failed));
-            } else if now >= one.progress_at {
-                one.progress_at = now + NEXT_PROGRESS;
-                said.push((one.key, one.name(), MavResult::InProgress));
+                given_up.push((one.key, one.name()));
             }
         }
-        for (key, name, result) in said {
-            match result {
-                MavResult::InProgress => self.answer(&key, Answer::plain(result)),
-                _ => {
-                    self.settle(&key, Answer::plain(result), now);
-                    let text = format!(
-                        "{}: no answer of the bridge; it may have been done, look before you repeat it",
-                        name
-                    );
-                    self.say(&[key.sender.address], Severity::Error, &text, now);
-                }
-            }
+        for (key, name) in given_up {
+            self.settle(&key, Answer::plain(MavResult::Failed), now);
+            let text = format!(
+                "{name}: no answer of the bridge; it may have been done, look before you repeat it"
+            );
+            self.say(&[key.sender.address], Severity::Error, &text, now);
         }
         if is_mission_stuck {
             self.mission_unanswered(now);

@@ -21,7 +21,6 @@ pub struct Pending {
     pub path: Vec<WaypointPosition>,
     pub issued: MonotonicNs,
     pub is_answered: bool,
-    pub progress_at: MonotonicNs,
 }
 
 impl Pending {
