@@ -170,7 +170,7 @@ impl Station {
         let what = format!("the answer to {command}");
         self.until(&what, |message| {
             let is_answer = message.is(77) && message.i32(0) as u16 == command;
-            is_answer && message.u8(2) != 5
+            is_answer
         })
     }
 
@@ -190,22 +190,22 @@ impl Station {
         self.answer(command).u8(2)
     }
 
-    /// Commands once a second until it is answered, and gives the result.
+    /// Commands once a second until it is answered, and gives the result and how often it was sent.
     #[track_caller]
-    pub fn command_again_and_again(&mut self, command: u16, params: [f32; 7]) -> u8 {
+    pub fn command_again_and_again(&mut self, command: u16, params: [f32; 7]) -> (u8, usize) {
         let give_up = Instant::now() + WAIT_LIMIT;
-        let mut next = Instant::now();
+        let (mut next, mut copies) = (Instant::now(), 0);
         while Instant::now() < give_up {
             if Instant::now() >= next {
                 self.send_command(command, params);
+                copies += 1;
                 next = Instant::now() + Duration::from_secs(1);
             }
             if let Some(message) = self.next()
                 && message.is(77)
                 && message.i32(0) as u16 == command
-                && message.u8(2) != 5
             {
-                return message.u8(2);
+                return (message.u8(2), copies);
             }
         }
         panic!("{command} was not answered");
