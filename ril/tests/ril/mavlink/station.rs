@@ -169,8 +169,7 @@ impl Station {
     fn answer(&mut self, command: u16) -> Received {
         let what = format!("the answer to {command}");
         self.until(&what, |message| {
-            let is_answer = message.is(77) && message.i32(0) as u16 == command;
-            is_answer
+            message.is(77) && message.i32(0) as u16 == command
         })
     }
 
