@@ -384,8 +384,8 @@ async fn begin(bench: &Bench) -> Result<(), Ended> {
 
 /// Whether the newest status says that the helicopter flies, or an answer that it takes off or lands.
 fn flies_or_moves(seen: &[Arrival]) -> bool {
-    let statuses = seen.iter().filter_map(Arrival::status);
-    let is_flying = statuses.last().is_some_and(|status| status.flying);
+    let mut statuses = seen.iter().filter_map(Arrival::status);
+    let is_flying = statuses.next_back().is_some_and(|status| status.flying);
     let moves = |arrival: &Arrival| matches!(arrival.event, Ok(Downlink::Ack16 { value: 1, .. }));
     is_flying || seen.iter().any(moves)
 }
