@@ -9,7 +9,7 @@ use crate::report::Line;
 use crate::run::Player;
 use crate::wire::{Setup, Wire};
 
-/// How long the DSP is listened to after the last line of the PC.
+/// How long the DSP is listened to after the last line of the PC, and as much longer as this computer may be late.
 const LISTEN: Duration = Duration::from_secs(1);
 /// Longest dialogue, in lines: forty times what the kit writes.
 const MAX_LINES: usize = 16_384;
@@ -94,7 +94,7 @@ impl Replay {
             .collect();
         Replay {
             wire: Wire::new(setup, may_move),
-            until: left.back().map_or(Duration::ZERO, |line| line.0) + LISTEN,
+            until: left.back().map_or(Duration::ZERO, |line| line.0) + LISTEN + setup.slack,
             left,
             now: Duration::ZERO,
             refused: false,

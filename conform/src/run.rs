@@ -6,8 +6,9 @@ use std::rc::Rc;
 use std::task::{Context, Waker};
 use std::time::Duration;
 
-use dsp_protocol::{Group, StatusMask, port};
+use dsp_protocol::{Downlink, Group, StatusMask, port};
 
+use crate::arrival::Arrival;
 use crate::bench::Bench;
 use crate::check::{Check, How, Place};
 use crate::outcome::{Judged, Stop};
@@ -364,28 +365,29 @@ async fn begin(bench: &Bench) -> Result<(), Ended> {
             break;
         }
     }
+    if !bench.since(mark).iter().any(|seen| seen.event.is_ok()) {
+        return Err(Ended::Silent);
+    }
+    // A helicopter that flies is written nothing.
+    let _ = bench.statuses(1).await;
+    if flies_or_moves(&bench.since(mark)) {
+        return Err(Ended::Flies);
+    }
     let period = Harmless::write_16(QuietPort16::StatusPeriod, PERIOD_MS);
     insist(bench, period).await;
     let _ = bench.statuses(2).await;
-    let seen = bench.since(mark);
-    if !seen.iter().any(|arrival| arrival.event.is_ok()) {
-        return Err(Ended::Silent);
-    }
-    let flies = seen
-        .iter()
-        .filter_map(|arrival| arrival.status())
-        .next_back()
-        .is_some_and(|status| status.flying);
-    let moves = seen.iter().any(|arrival| {
-        matches!(
-            arrival.event,
-            Ok(dsp_protocol::Downlink::Ack16 { value: 1, .. })
-        )
-    });
-    match flies || moves {
+    match flies_or_moves(&bench.since(mark)) {
         true => Err(Ended::Flies),
         false => Ok(()),
     }
+}
+
+/// Whether the newest status says that the helicopter flies, or an answer that it takes off or lands.
+fn flies_or_moves(seen: &[Arrival]) -> bool {
+    let mut statuses = seen.iter().filter_map(Arrival::status);
+    let is_flying = statuses.next_back().is_some_and(|status| status.flying);
+    let moves = |arrival: &Arrival| matches!(arrival.event, Ok(Downlink::Ack16 { value: 1, .. }));
+    is_flying || seen.iter().any(moves)
 }
 
 /// The ports that the kit writes, as it found them.

@@ -11,21 +11,27 @@ use crate::harness::{Peer, everything, play};
 
 /// What moves a rotor, as a right decoder of the profile sees it.
 fn moving(profile: Profile, sent: &[u8]) -> Vec<Uplink> {
+    let is_moving = |message: &Uplink| match message {
+        Uplink::Waypoint(_) => true,
+        Uplink::Command(Command::Following { on }) => *on,
+        Uplink::Command(Command::Write16 { port, .. } | Command::Write32 { port, .. }) => {
+            moves(*port)
+        }
+        Uplink::Command(_) => false,
+    };
+    let mut found = decoded(profile, sent);
+    found.retain(is_moving);
+    found
+}
+
+/// What a right decoder of the profile sees.
+fn decoded(profile: Profile, sent: &[u8]) -> Vec<Uplink> {
     let mut decoder = Decoder::<Uplink>::with_profile(profile);
     let (mut rest, mut found) = (sent, Vec::new());
     while !rest.is_empty() {
         let (taken, decoded) = decoder.receive(rest);
         rest = &rest[taken..];
-        if let Decoded::Message(got) = decoded
-            && match got.message {
-                Uplink::Waypoint(_) => true,
-                Uplink::Command(Command::Following { on }) => on,
-                Uplink::Command(Command::Write16 { port, .. } | Command::Write32 { port, .. }) => {
-                    moves(port)
-                }
-                Uplink::Command(_) => false,
-            }
-        {
+        if let Decoded::Message(got) = decoded {
             found.push(got.message);
         }
     }
@@ -103,5 +109,12 @@ fn a_helicopter_that_flies_is_left_alone() {
         assert!(!played.report.conforms());
         assert_eq!(moving(profile, &played.sent), []);
         assert!(played.sent.len() < 400, "{}", played.sent.len());
+        let is_write = |message: &Uplink| {
+            let write = |command: &Command| matches!(command, Command::Write16 { .. });
+            matches!(message, Uplink::Command(command) if write(command))
+        };
+        let mut sent = decoded(profile, &played.sent);
+        sent.retain(is_write);
+        assert_eq!(sent, [], "its status period is another PC's");
     }
 }

@@ -361,9 +361,8 @@ mod tests {
 
     #[test]
     fn a_key_is_a_file_that_its_owner_alone_reads() {
-        let folder = std::env::temp_dir().join(format!("ril-mavlink-key-{}", std::process::id()));
-        fs::create_dir_all(&folder).unwrap();
-        let path = folder.join("mavlink.key");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mavlink.key");
         assert!(read_key(&path).is_err(), "it is not there");
         let write = |text: &str, mode| {
             fs::write(&path, text).unwrap();
@@ -378,7 +377,6 @@ mod tests {
         assert!(write("too short\n", 0o600).is_err());
         let refused = write(passphrase, 0o644).unwrap_err();
         assert_eq!(refused.code(), ExitCode::Configuration);
-        fs::remove_dir_all(&folder).unwrap();
     }
 
     #[test]

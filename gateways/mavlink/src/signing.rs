@@ -113,6 +113,8 @@ pub struct Signing {
 impl Signing {
     /// With what the clock says at `now`, and the timestamp that was kept last, 0 if there is none.
     pub fn new(key: Key, clock: u64, kept: u64, now: MonotonicNs) -> Signing {
+        // A file has any number; above this one timestamps do not rise.
+        let kept = kept.min(MAX_TIMESTAMP);
         Signing {
             key,
             began: now,
@@ -308,6 +310,11 @@ mod tests {
         let mut again = signing("secret", 5, kept);
         let after = heartbeat(&mut again, 1, at(0));
         assert_eq!(check(&mut station, &after, at(0)), Ok(()));
+        // A number that is no timestamp was kept.
+        let mut full = signing("secret", 5, u64::MAX);
+        let _ = heartbeat(&mut full, 1, at(1));
+        assert_eq!(full.own, MAX_TIMESTAMP);
+        assert!(full.take_kept().is_some());
         // Stations whose clocks are right are not behind it.
         let theirs = heartbeat(&mut station, 255, at(1));
         assert_eq!(check(&mut again, &theirs, at(1)), Ok(()));

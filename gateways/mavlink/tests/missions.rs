@@ -721,3 +721,27 @@ fn the_take_off_of_a_mission_whose_station_is_lost_ends_in_a_hover_or_a_landing(
         assert_eq!(world.kinds(), Vec::from_iter(expected), "{station_lost:?}");
     }
 }
+
+#[test]
+fn a_station_that_clears_everything_does_not_change_the_answer_to_the_transfer_of_another() {
+    const ALL: u8 = 255;
+    let mut world = World::with_station();
+    world.heartbeat(SCRIPT);
+    world.sent();
+    world.receive(QGC, &QGC.frame(&count(2)));
+    let clear = Message::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(ALL);
+    world.receive(SCRIPT, &SCRIPT.frame(&clear));
+    let answer = |sent: &[Sent]| {
+        let ack = of_kind(sent, MISSION_ACK)[0].bytes::<4>(0);
+        (ack[2], ack[3])
+    };
+    assert_eq!(answer(&world.sent()), (ERROR, ALL));
+    for (number, item) in survey()[..2].iter().enumerate() {
+        world.receive(QGC, &QGC.frame(item));
+        if number == 0 {
+            assert_eq!(requests(&world.sent()), [1]);
+        }
+    }
+    world.serve("");
+    assert_eq!(answer(&world.sent()), (ACCEPTED, 0));
+}

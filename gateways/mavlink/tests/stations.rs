@@ -1,5 +1,7 @@
 //! Several stations, and a station that is lost.
 
+use std::time::Duration;
+
 use ipc_types::code::{Functionality, LinkState, MavlinkVehicle, Reason, Stage};
 use ipc_types::payload::MavlinkStations;
 use mavlink_gateway::{Order, OrderKind, Settings, StationLost};
@@ -8,10 +10,14 @@ use crate::common::{HERE, QGC, SCRIPT, Sent, Station, World, acks, reposition, t
 
 /// In the air, with two stations.
 fn flying(station_lost: StationLost) -> World {
-    let mut world = World::new(Settings {
+    flying_with(Settings {
         station_lost,
         ..Settings::default()
-    });
+    })
+}
+
+fn flying_with(settings: Settings) -> World {
+    let mut world = World::new(settings);
     world.heartbeat(QGC);
     world.heartbeat(SCRIPT);
     world.state.blocked = 0;
@@ -139,6 +145,42 @@ fn a_take_off_of_a_lost_station_ends_in_a_hover_or_a_landing() {
         if let Some(land) = orders.first() {
             assert_eq!(land.issued, world.now);
         }
+    }
+}
+
+#[test]
+fn a_take_off_that_waits_for_its_start_is_not_begun_when_its_station_is_lost() {
+    let take_off = OrderKind::TakeOff(10.0);
+    for (station_lost, expected) in [
+        (StationLost::Continue, vec![take_off]),
+        (StationLost::Hold, vec![]),
+        (StationLost::Land, vec![]),
+    ] {
+        let mut world = flying_with(Settings {
+            station_lost,
+            // The start is awaited longer than the station.
+            answer_within: Duration::from_secs(60),
+            ..Settings::default()
+        });
+        world.telemetry.flying = 0;
+        world.state.blocked = 1;
+        world.tick(20);
+        world.command(SCRIPT, 22, [f32::NAN; 7]);
+        let start = world.orders()[0];
+        assert_eq!(start.kind, OrderKind::Start);
+        world.report(&start, Stage::Accepted, Reason::None);
+        let told = silence_but_of(&mut world, QGC, 15);
+        let is_begun = !expected.is_empty();
+        let text = match is_begun {
+            true => "its take-off goes on",
+            false => "its take-off is not begun",
+        };
+        assert!(
+            told.iter().any(|(_, told)| told.ends_with(text)),
+            "{told:?}"
+        );
+        world.report(&start, Stage::Done, Reason::None);
+        assert_eq!(world.kinds(), expected, "{station_lost:?}");
     }
 }
 

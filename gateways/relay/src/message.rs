@@ -100,7 +100,9 @@ impl Page {
     pub fn unpack(bytes: &[u8]) -> Option<Vec<Service>> {
         let text = decompress_to_vec_zlib_with_limit(bytes, MAX_PAGE_TEXT).ok()?;
         let services: Vec<Service> = postcard::from_bytes(&text).ok()?;
-        (services.len() <= usize::from(MAX_SERVICES)).then_some(services)
+        let has_bounds = services.len() <= usize::from(MAX_SERVICES)
+            && services.iter().all(|one| one.schema.len() <= MAX_TEXT_LEN);
+        has_bounds.then_some(services)
     }
 }
 
@@ -313,7 +315,9 @@ mod tests {
     fn bytes_that_are_no_page_are_refused_and_none_is_unpacked_without_a_bound() {
         let bomb = compress_to_vec_zlib(&vec![0; 10 * MAX_PAGE_TEXT], PACKING);
         let many = vec![service("a", String::new()); usize::from(MAX_SERVICES) + 1];
-        for bytes in [&bomb, &Page::of(&many)[0].0, &vec![], &vec![0; 50]] {
+        let long = [service("a", "x".repeat(MAX_TEXT_LEN + 1))];
+        let (many, long) = (&Page::of(&many)[0].0, &Page::of(&long)[0].0);
+        for bytes in [&bomb, many, long, &vec![], &vec![0; 50]] {
             assert_eq!(Page::unpack(bytes), None);
         }
         assert!(!Page::may_have(0) && !Page::may_have(u32::MAX));

@@ -4,6 +4,7 @@
 //! |---|---|---|---|
 //! | a path | goes on | the helicopter holds | it lands |
 //! | a mission | goes on | is paused, the helicopter holds | is paused, it lands |
+//! | a take-off that waits for its start | goes on | is not begun | is not begun |
 //! | a take-off, which nothing interrupts | goes on; it ends in a hover | goes on | it lands when the take-off is done |
 //! | a return or a landing, which end on the ground | goes on | goes on | goes on |
 //! | none, or that of another station or program | – | – | – |
@@ -14,9 +15,10 @@ use super::Gateway;
 use super::pending::Pending;
 use crate::commands::Key;
 use crate::event::{Event, OrderKind};
-use crate::number::Severity;
+use crate::number::{MavResult, Severity};
 use crate::settings::StationLost;
 use crate::stations::Sender;
+use crate::verdict::Answer;
 
 impl Gateway {
     pub(super) fn look_for_lost_stations(&mut self, now: MonotonicNs) {
@@ -33,6 +35,21 @@ impl Gateway {
         };
         if self.flies_mission_of(lost) {
             return self.mission_of_lost(lost, kind, now);
+        }
+        let waiting = |one: &&mut Pending| {
+            one.key.sender == lost && one.kind == OrderKind::Start && one.then.is_some()
+        };
+        if let Some(start) = self.pending.iter_mut().find(waiting) {
+            if kind.is_none() {
+                return self.tell_lost(lost, "its take-off goes on", None, now);
+            }
+            start.then = None;
+            let unanswered = (!start.is_answered).then_some(start.key);
+            start.is_answered = true;
+            if let Some(key) = unanswered {
+                self.settle(&key, Answer::plain(MavResult::Cancelled), now);
+            }
+            return self.tell_lost(lost, "its take-off is not begun", None, now);
         }
         let moving = |one: &&mut Pending| one.key.sender == lost && one.is_movement();
         let movement = self.pending.iter_mut().find(moving);

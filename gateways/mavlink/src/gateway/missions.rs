@@ -94,9 +94,14 @@ impl Gateway {
                     MissionRequest::Count(count) => count,
                     _ => 0,
                 };
-                self.missions.asked_type = mission_type;
-                let output = self.missions.transfer.begin(sender, count, now);
-                self.transfer(Some(output), now);
+                match self.missions.transfer.begin(sender, count, now) {
+                    // The transfer of another station may be under way, which has its own type.
+                    Output::Ack(to, result) => self.acknowledge_mission(to, result, mission_type),
+                    output => {
+                        self.missions.asked_type = mission_type;
+                        self.transfer(Some(output), now);
+                    }
+                }
             }
         }
     }

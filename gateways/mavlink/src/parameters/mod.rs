@@ -123,21 +123,20 @@ impl Parameters {
         }
     }
 
-    /// A station gives a value. A copy of a write that is not done yet is the same write.
+    /// A station gives a value. A copy of the newest write of that parameter, if it is not done yet, is the same write.
     ///
     /// # Errors
     ///
     /// When too many wait.
     pub fn write(&mut self, write: Write) -> Result<(), ParameterError> {
-        let is_same = |one: &Write| {
-            let what = |one: &Write| (one.by, one.index, one.value.bits());
-            what(one) == what(&write)
+        let in_flight = match self.in_flight.map(|one| one.work) {
+            Some(Work::Write(one)) => Some(one),
+            _ => None,
         };
-        let is_in_flight = match self.in_flight.as_ref().map(|one| one.work) {
-            Some(Work::Write(one)) => is_same(&one),
-            _ => false,
-        };
-        if is_in_flight || self.writes.iter().any(is_same) {
+        let mut open = in_flight.iter().chain(&self.writes);
+        let newest = open.rfind(|one| one.index == write.index);
+        let what = |one: &Write| (one.by, one.value.bits());
+        if newest.is_some_and(|newest| what(newest) == what(&write)) {
             return Ok(());
         }
         if self.writes.len() == MAX_WRITES {
@@ -382,6 +381,24 @@ mod tests {
                 None => assert_eq!(parameters.next(2, NOW), Some(Work::Read(cruise()))),
             }
         }
+    }
+
+    #[test]
+    fn the_value_that_was_given_last_is_written_last() {
+        let mut parameters = Parameters::default();
+        for value in [7.0, 8.0, 8.0, 7.0, 7.0] {
+            parameters.write(write(1, cruise(), value)).unwrap();
+            if value == 7.0 {
+                let _ = parameters.next(1, NOW);
+            }
+        }
+        let mut written = vec![7.0];
+        while parameters.report(1, DONE, Some(1.0)).is_some() {
+            if let Some(Work::Write(write)) = parameters.next(1, NOW) {
+                written.push(write.value.number());
+            }
+        }
+        assert_eq!(written, [7.0, 8.0, 7.0]);
     }
 
     #[test]

@@ -85,7 +85,8 @@ mod tests {
 
     #[test]
     fn what_is_kept_is_read_again_and_something_else_is_refused() {
-        let folder = std::env::temp_dir().join(format!("ril-timestamp-{}", std::process::id()));
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("state");
         let robot = RobotId::new(7).unwrap();
         let file = TimestampFile::new(Some(&folder), robot);
         assert_eq!(file.read().unwrap(), 0);
@@ -95,7 +96,6 @@ mod tests {
         }
         fs::write(folder.join("robot-7.timestamp"), "").unwrap();
         assert!(matches!(file.read(), Err(TimestampError::NoNumber { .. })));
-        fs::remove_dir_all(&folder).unwrap();
         let nowhere = TimestampFile::new(None, robot);
         assert!(matches!(nowhere.write(1), Err(TimestampError::NoFolder)));
     }

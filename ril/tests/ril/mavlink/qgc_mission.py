@@ -73,10 +73,13 @@ def item(seq, frame, number, params, x, y, z):
 
 
 def upload(items):
-    """Count, then what is asked for, until the answer."""
+    """Count, then what is asked for, until the answer. A machine that stalls is too late with an item: then all of it again."""
     vehicle.mav.mission_count_send(1, 1, len(items), 0)
     while True:
         message = until("the next question", lambda one: one.get_type() in ("MISSION_REQUEST_INT", "MISSION_ACK"))
+        if message.get_type() == "MISSION_ACK" and message.type == mavutil.mavlink.MAV_MISSION_OPERATION_CANCELLED:
+            vehicle.mav.mission_count_send(1, 1, len(items), 0)
+            continue
         if message.get_type() == "MISSION_ACK":
             return message
         vehicle.mav.mission_item_int_send(*items[message.seq])

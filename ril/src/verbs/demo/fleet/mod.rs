@@ -13,7 +13,7 @@ mod result;
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::net::TcpListener;
+use std::net::{Ipv4Addr, TcpListener};
 use std::os::fd::AsFd;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -536,11 +536,38 @@ fn of_dead(craft: &Craft, residue: usize) -> Vec<Finding> {
     ]
 }
 
-/// Endpoints on loopback that no other process has at this moment, all different.
+/// Endpoints on loopback, all different, that no other process has and hardly one takes until the relays listen there, or again when one
+/// is replaced.
 fn free_endpoints(count: u32) -> std::io::Result<Vec<String>> {
+    let address = own_loopback(std::process::id());
     let listeners: Vec<_> = (0..count)
-        .map(|_| TcpListener::bind(("127.0.0.1", 0)))
+        .map(|_| TcpListener::bind((address, 0)))
         .collect::<Result<_, _>>()?;
     let endpoint = |listener: &TcpListener| Ok(format!("tcp/{}", listener.local_addr()?));
     listeners.iter().map(endpoint).collect()
+}
+
+/// An address on loopback that belongs to this process: on 127.0.0.1 the kernel gives a port that is free now to the next program that
+/// connects or listens there.
+fn own_loopback(process: u32) -> Ipv4Addr {
+    // The kernel numbers processes up to 2^22, so that the network's last address, which is a broadcast, is not reached.
+    Ipv4Addr::from_bits(0x7f80_0000 | process & 0x003f_ffff)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn each_process_has_an_address_of_its_own_on_loopback() {
+        let addresses: BTreeSet<_> = [1, 2, 256, 4_194_303].map(own_loopback).into();
+        assert_eq!(addresses.len(), 4);
+        let usual = |address: &Ipv4Addr| *address == Ipv4Addr::LOCALHOST || address.is_broadcast();
+        assert!(addresses.iter().all(Ipv4Addr::is_loopback));
+        assert!(!addresses.iter().any(usual));
+        let endpoints: BTreeSet<_> = free_endpoints(50).unwrap().into_iter().collect();
+        assert_eq!(endpoints.len(), 50);
+    }
 }

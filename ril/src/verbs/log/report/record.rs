@@ -44,17 +44,23 @@ pub fn take(collector: &mut Collector, file: &RecordFile, start_unix_ns: Option<
     }
 }
 
-/// What happened to the recording itself.
+/// What happened to the recording itself, and the ends of processes.
 fn recorded(collector: &mut Collector, event: &RecordedEvent, since_ns: Option<u64>) {
-    let weight = match event.kind {
-        EventKind::Loss | EventKind::Late | EventKind::Disk => Weight::Warning,
-        EventKind::Split | EventKind::Clock | EventKind::Note => Weight::Note,
+    let of_recording = || format!("recording: {}", event.text);
+    let (kind, weight, text) = match event.kind {
+        EventKind::Loss | EventKind::Late | EventKind::Disk => {
+            (Kind::Recording, Weight::Warning, of_recording())
+        }
+        EventKind::Split | EventKind::Clock | EventKind::Note => {
+            (Kind::Recording, Weight::Note, of_recording())
+        }
+        // Also at the end of each flight, so it is no warning.
+        EventKind::End => (Kind::Process, Weight::Note, event.text.clone()),
         // Samples that are missing and starts of the bridge are seen in the samples themselves.
         _ => return,
     };
     if let Some(since_ns) = since_ns {
-        let text = format!("recording: {}", event.text);
-        collector.happened(Kind::Recording, since_ns, weight, &text);
+        collector.happened(kind, since_ns, weight, &text);
     }
 }
 
@@ -116,4 +122,34 @@ pub fn tables(summary: &read::Summary) -> Vec<Table> {
     });
     tables.retain(|table| !table.rows.is_empty());
     tables
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::chart::Chart;
+
+    #[test]
+    fn the_end_of_a_process_is_an_event_and_what_the_samples_show_is_none() {
+        let mut collector = Collector::default();
+        for kind in [EventKind::End, EventKind::Restart, EventKind::Gap] {
+            let event = RecordedEvent {
+                log_time_ns: 0,
+                kind,
+                topic: "/robot1/bridge/state".to_owned(),
+                count: 1,
+                first_ns: 0,
+                last_ns: 0,
+                text: kind.name().to_owned(),
+            };
+            recorded(&mut collector, &event, Some(0));
+            recorded(&mut collector, &event, None);
+        }
+        let flight = collector.finish(String::new(), &Chart::default());
+        let events = flight.events.iter();
+        let events: Vec<_> = events
+            .map(|event| (event.text.as_str(), event.weight))
+            .collect();
+        assert_eq!(events, [("end", Weight::Note)]);
+    }
 }
