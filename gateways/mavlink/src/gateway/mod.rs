@@ -319,6 +319,7 @@ impl Gateway {
         self.remind(now);
         self.advance_parameters(now);
         self.advance_missions(now);
+        self.advance_fence(now);
         self.send_streams(now);
     }
 
@@ -343,6 +344,7 @@ impl Gateway {
             self.stations.deadline(),
             self.parameters.deadline(),
             self.missions.deadline(),
+            self.fence.deadline(),
         ]
         .into_iter()
         .flatten()
