@@ -67,6 +67,8 @@ pub(crate) struct MavlinkConfig {
     pub state: Option<PathBuf>,
     /// Who may command.
     pub commands: CommandsConfig,
+    /// Whether stations may send a geofence.
+    pub fence: StationFenceConfig,
 }
 
 /// `station_lost`
@@ -88,6 +90,16 @@ pub(crate) enum StationLostConfig {
 pub(crate) struct CommandsConfig {
     /// Systems that may command; if it is empty, all on this machine and all that sign.
     pub systems: Vec<u8>,
+}
+
+/// `[fence]`
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct StationFenceConfig {
+    /// Whether a station's fence goes into the configuration of the bridge.
+    pub accept: bool,
+    /// That configuration; the one that the live bridge was started with if it is not given.
+    pub bridge: Option<PathBuf>,
 }
 
 runtime::ranged! {
@@ -151,6 +163,7 @@ impl Default for MavlinkConfig {
             insecure: false,
             state: None,
             commands: CommandsConfig::default(),
+            fence: StationFenceConfig::default(),
         }
     }
 }
@@ -299,6 +312,7 @@ impl MavlinkConfig {
                 StationLostConfig::Land => StationLost::Land,
             },
             station_lost_after: Duration::from_secs_f64(self.station_lost_s),
+            accepts_fence: self.fence.accept,
         })
     }
 }

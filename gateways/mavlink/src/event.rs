@@ -5,6 +5,8 @@ use std::net::SocketAddr;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::WaypointPosition;
 
+use plans::model::FenceArea;
+
 use crate::mission::store::Mission;
 
 /// Bytes for a station.
@@ -56,6 +58,8 @@ pub enum OrderKind {
     ReadPort(u16),
     /// Write a port of the DSP.
     WritePort(u16, f64),
+    /// Read the geofence of the bridge's configuration file again.
+    ReloadFence,
 }
 
 impl OrderKind {
@@ -76,17 +80,24 @@ impl OrderKind {
             OrderKind::Path => "path",
             OrderKind::Speed(_) => "speed",
             OrderKind::ReadPort(_) | OrderKind::WritePort(..) => "parameter",
+            OrderKind::ReloadFence => "fence reload",
         }
     }
 }
 
 /// What the program around it does for a [`Gateway`](crate::Gateway) beside orders.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Task {
     /// Ask the bridge for its configuration, within a second, and give it to [`Gateway::rules`](crate::Gateway::rules).
     Rules,
     /// Keep a mission on disk, and say [`Gateway::saved`](crate::Gateway::saved).
     Save(Mission),
+    /// Put these areas into the bridge's configuration file in place of those of the last fence of a station or plan, and say
+    /// [`Gateway::fence_put`](crate::Gateway::fence_put).
+    PutFence(Vec<FenceArea>),
+    /// Make that file what it was before the last [`Task::PutFence`], and say
+    /// [`Gateway::fence_restored`](crate::Gateway::fence_restored).
+    RestoreFence,
 }
 
 /// Something for the log.

@@ -1,22 +1,30 @@
-//! [`Fence`]: the geofence that the bridge has in force, as stations download it.
+//! [`Fence`]: the geofence that the bridge has in force, as stations download it; and the one that a station has sent, on its way there.
 //!
 //! An area is one item for each corner, or one for a circle. The protocol has no room for an area's name, floor and ceiling.
 
 use std::sync::Arc;
 
+use ipc_types::MonotonicNs;
 use ipc_types::outline::{Outline, OutlineReader, OutlineShape};
 use ipc_types::payload::{BridgeOutline, ModuleState};
 
+use crate::areas::MAX_FENCE_ITEMS;
 use crate::message::MISSION_ITEM_INT;
+use crate::mission::transfer::Transfer;
 use crate::number::MISSION_TYPE_FENCE;
 use crate::stations::{MAX_STATIONS, Sender};
 use crate::wire::Message;
 
 /// MAV_CMD of the items: corners and circles, to stay inside and to stay outside.
-const INSIDE_POLYGON: u16 = 5001;
-const OUTSIDE_POLYGON: u16 = 5002;
-const INSIDE_CIRCLE: u16 = 5003;
-const OUTSIDE_CIRCLE: u16 = 5004;
+pub const INSIDE_POLYGON: u16 = 5001;
+pub const OUTSIDE_POLYGON: u16 = 5002;
+pub const INSIDE_CIRCLE: u16 = 5003;
+pub const OUTSIDE_CIRCLE: u16 = 5004;
+/// MAV_CMD of a place to return to when the fence is broken. There is none here: the bridge stops in front of the fence.
+pub const RETURN_POINT: u16 = 5000;
+
+/// How the names of areas begin that came from a station or a plan; no others are ever changed.
+const PREFIX: &str = "plan: ";
 
 /// An item of a fence.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,9 +37,13 @@ pub struct FenceItem {
 }
 
 impl FenceItem {
+    fn place_e7(&self) -> [i32; 2] {
+        self.place.map(|degrees| (degrees * 1e7).round() as i32)
+    }
+
     /// The item with this number, for a station.
     pub fn message(&self, sequence: u16, to: Sender) -> Message {
-        let [x, y] = self.place.map(|degrees| (degrees * 1e7).round() as i32);
+        let [x, y] = self.place_e7();
         let message = Message::new(MISSION_ITEM_INT)
             .f32(self.param1)
             .f32s(0.0, 3)
@@ -76,11 +88,66 @@ pub fn items(outline: &Outline) -> Vec<FenceItem> {
 }
 
 /// See the module's documentation.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Fence {
     reader: OutlineReader,
     /// What stations read: each reads the fence that was in force when it began.
     downloads: Vec<(Sender, Arc<Vec<FenceItem>>)>,
+    pub transfer: Transfer,
+    pub upload: Option<Upload>,
+}
+
+impl Default for Fence {
+    fn default() -> Fence {
+        Fence {
+            reader: OutlineReader::default(),
+            downloads: Vec::new(),
+            transfer: Transfer::new(MAX_FENCE_ITEMS),
+            upload: None,
+        }
+    }
+}
+
+/// How far a station's fence is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// It goes into the bridge's configuration file.
+    Writing,
+    /// The bridge reads that file, by this order.
+    Reloading(u64),
+    /// The bridge has read it, and says what it has in force.
+    Watching,
+}
+
+/// A station's fence, from its last item until the bridge has it in force.
+#[derive(Clone, Debug)]
+pub struct Upload {
+    pub from: Sender,
+    /// Its items, as the bridge is to say them.
+    pub items: Vec<FenceItem>,
+    /// How many areas it has; and how many the file has with it.
+    pub areas: usize,
+    pub total: usize,
+    pub step: Step,
+    pub until: MonotonicNs,
+}
+
+impl Upload {
+    /// Whether the bridge has exactly this one in force, behind its own areas.
+    pub fn is_in(&self, outline: &Outline) -> bool {
+        let of_stations = outline
+            .areas
+            .iter()
+            .filter(|area| area.name.starts_with(PREFIX));
+        let counts = (of_stations.count(), outline.areas.len());
+        let in_force = items(outline);
+        let same = |(one, other): (&FenceItem, &FenceItem)| {
+            (one.command, one.param1, one.place_e7())
+                == (other.command, other.param1, other.place_e7())
+        };
+        let mut pairs = in_force.iter().rev().zip(self.items.iter().rev());
+        counts == (self.areas, self.total) && in_force.len() >= self.items.len() && pairs.all(same)
+    }
 }
 
 impl Fence {
@@ -113,6 +180,12 @@ impl Fence {
         let mut downloads = self.downloads.iter();
         let (_, items) = downloads.find(|(one, _)| *one == sender)?;
         items.get(usize::from(sequence)).copied()
+    }
+
+    /// When something is due.
+    pub fn deadline(&self) -> Option<MonotonicNs> {
+        let upload = self.upload.as_ref().map(|upload| upload.until);
+        upload.into_iter().chain(self.transfer.deadline()).min()
     }
 
     /// A station has read it, or is gone.

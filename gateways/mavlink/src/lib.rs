@@ -11,9 +11,10 @@
 //! * `stations`, `streams`, `texts`: to whom what is sent, and when;
 //! * `decide`: what a command asks for; `commands`: each at most once; `verdict`: how it is answered;
 //! * `parameters`: the DSP's ports and some values of our own, by name;
-//! * `fence`: the bridge's geofence in items;
+//! * `fence`: the bridge's geofence in items; `areas`: those of a station as areas;
 //! * `gateway`: all of it as one value.
 
+mod areas;
 mod commands;
 mod counts;
 mod decide;
@@ -38,6 +39,7 @@ mod vehicle;
 mod verdict;
 pub mod wire;
 
+pub use areas::FenceRefusal;
 pub use commands::MEMORY;
 pub use event::{Datagram, Event, Order, OrderKind, Task};
 pub use gateway::Gateway;

@@ -70,6 +70,8 @@ pub enum MissionResult {
     NoSpace = 4,
     /// Not so, as a whole.
     Invalid = 5,
+    /// Not this first parameter, which says how many corners an area has, or its radius.
+    InvalidParam1 = 6,
     /// Not this second parameter, which is the speed.
     InvalidParam2 = 7,
     /// Not this fifth parameter, or not this place.

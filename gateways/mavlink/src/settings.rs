@@ -38,6 +38,8 @@ pub struct Settings {
     pub station_lost: StationLost,
     /// A station is lost when nothing of it came for so long; at most [`SILENCE`](crate::SILENCE), after which it is gone.
     pub station_lost_after: Duration,
+    /// Whether a station's fence goes into the bridge's configuration.
+    pub accepts_fence: bool,
 }
 
 impl Default for Settings {
@@ -53,6 +55,7 @@ impl Default for Settings {
             answer_within: Duration::from_secs(1),
             station_lost: StationLost::Continue,
             station_lost_after: Duration::from_secs(10),
+            accepts_fence: false,
         }
     }
 }

@@ -172,6 +172,18 @@ impl Known<'_> {
         )
     }
 
+    /// Whether a take-off or a path has begun, also before it leaves the ground.
+    pub fn is_under_way(&self) -> bool {
+        matches!(
+            self.state.functionality(),
+            Some(
+                Functionality::ReceivingPath
+                    | Functionality::TakingOff
+                    | Functionality::FollowingPath
+            )
+        )
+    }
+
     pub fn is_landing(&self) -> bool {
         self.state.functionality() == Some(Functionality::Landing)
     }

@@ -60,6 +60,8 @@ pub struct World {
     pub telemetry: HeroTelemetry,
     /// What lies on the disk.
     pub disk: Option<Mission>,
+    /// The areas of a station in the bridge's configuration file.
+    pub put: Option<Vec<String>>,
 }
 
 /// Where the helicopter is, degrees and m with telemetry's zero.
@@ -90,6 +92,7 @@ impl World {
             state,
             telemetry,
             disk: None,
+            put: None,
         };
         world.tick(0);
         world
@@ -171,6 +174,16 @@ impl World {
                 Task::Rules => {
                     let rules = runtime::config::parse(rules, "bridge.toml").expect("rules");
                     self.gateway.rules(Some(&rules), self.now);
+                }
+                Task::PutFence(areas) => {
+                    // One area of the operator is there.
+                    let names = areas.iter().map(|area| area.name.clone()).collect();
+                    self.put = Some(names);
+                    self.gateway.fence_put(Ok(areas.len() + 1), self.now);
+                }
+                Task::RestoreFence => {
+                    self.put = None;
+                    self.gateway.fence_restored(Ok(()), self.now);
                 }
                 Task::Save(mission) => {
                     self.disk = Some(mission.clone());

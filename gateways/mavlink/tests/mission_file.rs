@@ -59,6 +59,7 @@ fn upload(mission: &Mission) {
     while let Some(task) = gateway.poll_task() {
         match task {
             Task::Rules => gateway.rules(None, now),
+            Task::PutFence(_) | Task::RestoreFence => panic!("no fence was sent"),
             Task::Save(kept) => {
                 assert_eq!(kept, *mission);
                 saved += 1;

@@ -267,6 +267,9 @@ fn a_refused_mission_leaves_the_one_of_before() {
     while let Some(task) = world.gateway.poll_task() {
         match task {
             mavlink_gateway::Task::Rules => world.gateway.rules(None, world.now),
+            mavlink_gateway::Task::PutFence(_) | mavlink_gateway::Task::RestoreFence => {
+                panic!("no fence was sent")
+            }
             mavlink_gateway::Task::Save(mission) => {
                 world
                     .gateway

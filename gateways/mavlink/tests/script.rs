@@ -136,6 +136,7 @@ impl Play {
             match task {
                 // The default ones.
                 Task::Rules => self.gateway.rules(None, self.now),
+                Task::PutFence(_) | Task::RestoreFence => panic!("no fence was sent"),
                 Task::Save(mission) => {
                     let kept = Mission::decode(&mission.encode()).expect("it is read again");
                     self.gateway.saved(kept, Ok(()), self.now);

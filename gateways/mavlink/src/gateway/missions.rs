@@ -43,7 +43,7 @@ impl Gateway {
     ) {
         if mission_type != MISSION && !(mission_type == ALL && *request == MissionRequest::Clear) {
             return match mission_type {
-                MISSION_TYPE_FENCE => self.fence(sender, request, now),
+                MISSION_TYPE_FENCE => self.fence(sender, is_station, request, now),
                 _ => self.other_type(sender, request, mission_type, now),
             };
         }
@@ -69,7 +69,7 @@ impl Gateway {
             }
             MissionRequest::Item(sequence, item) => {
                 let output = self.missions.transfer.item(sender, sequence, item, now);
-                self.transfer(output, now);
+                self.transfer(MISSION, output, now);
             }
             MissionRequest::SetCurrent(sequence) => {
                 if let Some((_, why)) = self.not_permitted(sender, is_station) {
@@ -99,7 +99,7 @@ impl Gateway {
                     Output::Ack(to, result) => self.acknowledge_mission(to, result, mission_type),
                     output => {
                         self.missions.asked_type = mission_type;
-                        self.transfer(Some(output), now);
+                        self.transfer(MISSION, Some(output), now);
                     }
                 }
             }
@@ -135,7 +135,12 @@ impl Gateway {
         }
     }
 
-    fn acknowledge_mission(&mut self, to: Sender, result: MissionResult, mission_type: u8) {
+    pub(super) fn acknowledge_mission(
+        &mut self,
+        to: Sender,
+        result: MissionResult,
+        mission_type: u8,
+    ) {
         let id = match result {
             MissionResult::Accepted if mission_type == MISSION => self.missions.mission.id(),
             _ => 0,
@@ -145,22 +150,30 @@ impl Gateway {
         self.send(to.address, &message.u32(id));
     }
 
-    /// Does what the transfer wants.
-    fn transfer(&mut self, output: Option<Output>, now: MonotonicNs) {
+    /// Does what the transfer of this type wants.
+    pub(super) fn transfer(&mut self, mission_type: u8, output: Option<Output>, now: MonotonicNs) {
+        let is_fence = mission_type == MISSION_TYPE_FENCE;
         match output {
             None => {}
             Some(Output::Request(to, sequence)) => {
                 let message = Message::new(MISSION_REQUEST_INT).u16(sequence);
                 let message = message.u8(to.system).u8(to.component);
-                self.send(to.address, &message.u8(MISSION));
+                self.send(to.address, &message.u8(mission_type));
             }
             Some(Output::Ack(to, result)) => {
-                self.acknowledge_mission(to, result, self.missions.asked_type);
+                let answered = match is_fence {
+                    true => MISSION_TYPE_FENCE,
+                    false => self.missions.asked_type,
+                };
+                self.acknowledge_mission(to, result, answered);
                 if result == MissionResult::Cancelled {
-                    let text = "the mission did not come whole, and the one of before is in force";
-                    self.say(&[to.address], Severity::Error, text, now);
+                    let what = if is_fence { "fence" } else { "mission" };
+                    let text =
+                        format!("the {what} did not come whole, and the one of before is in force");
+                    self.say(&[to.address], Severity::Error, &text, now);
                 }
             }
+            Some(Output::Check(from, items)) if is_fence => self.put_fence(from, &items, now),
             Some(Output::Check(from, items)) => {
                 let mission = Mission::new(items);
                 if mission.items().is_empty() {
@@ -180,7 +193,7 @@ impl Gateway {
         }
         if self.missions.is_saving || self.missions.is_in_use() {
             let output = self.missions.transfer.checked(MissionResult::Error);
-            return self.transfer(output, now);
+            return self.transfer(MISSION, output, now);
         }
         self.missions.is_saving = true;
         self.ask(Task::Save(mission));
@@ -207,7 +220,7 @@ impl Gateway {
             }
         };
         let output = self.missions.transfer.checked(result);
-        self.transfer(output, now);
+        self.transfer(MISSION, output, now);
     }
 
     /// The mission that was in force before a restart. Nothing of it is flown.
@@ -232,7 +245,7 @@ impl Gateway {
                     let text = format!("the mission was refused: {}", refusal.text);
                     self.say(&[from.address], Severity::Error, &text, now);
                     let output = self.missions.transfer.checked(refusal.result);
-                    self.transfer(output, now);
+                    self.transfer(MISSION, output, now);
                 }
             }
         }
@@ -705,7 +718,7 @@ impl Gateway {
     /// Does what is due about missions.
     pub(super) fn advance_missions(&mut self, now: MonotonicNs) {
         let output = self.missions.transfer.advance(now);
-        self.transfer(output, now);
+        self.transfer(MISSION, output, now);
         self.missions.primed = self.missions.primed.filter(|(_, until)| now < *until);
         let is_late = |starting: &mut Starting| now >= starting.until;
         if let Some(late) = self.missions.starting.take_if(is_late) {
@@ -716,8 +729,8 @@ impl Gateway {
         self.drive_mission(now);
     }
 
-    fn ask(&mut self, task: Task) {
-        // Two kinds, each at most once: a mission that waits for the rules and a start wait for the same.
+    pub(super) fn ask(&mut self, task: Task) {
+        // Few kinds, each at most once: a mission that waits for the rules and a start wait for the same.
         if !self.tasks.contains(&task) {
             self.tasks.push_back(task);
         }

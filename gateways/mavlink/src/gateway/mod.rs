@@ -318,6 +318,7 @@ impl Gateway {
         self.give_up(now);
         self.advance_parameters(now);
         self.advance_missions(now);
+        self.advance_fence(now);
         self.send_streams(now);
     }
 
@@ -340,6 +341,7 @@ impl Gateway {
             self.stations.deadline(),
             self.parameters.deadline(),
             self.missions.deadline(),
+            self.fence.deadline(),
         ]
         .into_iter()
         .flatten()

@@ -292,6 +292,9 @@ impl Gateway {
             return;
         };
         let reason = report.reason().unwrap_or(Reason::None);
+        if self.fence_report(number, (stage, reason), words, now) {
+            return;
+        }
         if self.parameter_report(number, (stage, reason), report.value(), words, now) {
             return;
         }

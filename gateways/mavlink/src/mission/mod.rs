@@ -21,7 +21,7 @@ use plans::executor::{Executor, Progress};
 use plans::flight::Flight;
 use plans::mavlink::command;
 
-use self::store::{Item, Mission};
+use self::store::{Item, MAX_ITEMS, Mission};
 use self::transfer::Transfer;
 use crate::commands::Key;
 use crate::number::MissionResult;
@@ -139,7 +139,7 @@ impl Missions {
     pub fn new() -> Missions {
         Missions {
             mission: Arc::default(),
-            transfer: Transfer::new(),
+            transfer: Transfer::new(MAX_ITEMS),
             asked_type: 0,
             spare: None,
             is_saving: false,

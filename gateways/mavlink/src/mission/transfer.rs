@@ -1,4 +1,4 @@
-//! [`Transfer`]: a mission comes from a station, item by item, whole or not at all.
+//! [`Transfer`]: a mission or a fence comes from a station, item by item, whole or not at all.
 //!
 //! | state | MISSION_COUNT | the awaited item | another item | no item for a while | the limit | the verdict of the check |
 //! |---|---|---|---|---|---|---|
@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use super::store::{Item, MAX_ITEMS};
+use super::store::Item;
 use crate::number::MissionResult;
 use crate::stations::Sender;
 
@@ -29,7 +29,7 @@ const ITEM_LIMIT: Duration = Duration::from_millis(1_500);
 const LIMIT: Duration = Duration::from_secs(5);
 const LIMIT_OF_ITEM: Duration = Duration::from_millis(250);
 
-/// How long the check may take: the bridge's rules are asked for, and the mission is written to disk.
+/// How long the check may take: the bridge's rules are asked for, and the mission is written to disk; or the bridge reads the fence.
 const CHECK_LIMIT: Duration = Duration::from_secs(5);
 
 /// What is to be done.
@@ -71,15 +71,17 @@ struct Receiving {
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct Transfer {
+    max_items: usize,
     state: State,
     /// The end of the last transfer: its station, the number of its last item, the answer.
     last: Option<(Sender, u16, MissionResult)>,
 }
 
 impl Transfer {
-    /// None is under way.
-    pub fn new() -> Transfer {
+    /// None is under way, and none has more items.
+    pub fn new(max_items: usize) -> Transfer {
         Transfer {
+            max_items,
             state: State::Idle,
             last: None,
         }
@@ -91,7 +93,7 @@ impl Transfer {
             return Output::Ack(from, MissionResult::Error);
         }
         self.last = None;
-        if usize::from(count) > MAX_ITEMS {
+        if usize::from(count) > self.max_items {
             self.state = State::Idle;
             return Output::Ack(from, MissionResult::NoSpace);
         }
@@ -170,7 +172,7 @@ impl Transfer {
         matches!(self.state, State::Checking { .. })
     }
 
-    /// All items were checked, and the mission is in force if the result says so.
+    /// All items were checked, and what they are is in force if the result says so.
     pub fn checked(&mut self, result: MissionResult) -> Option<Output> {
         let State::Checking { from, count, .. } = self.state else {
             return None;
@@ -255,7 +257,7 @@ mod tests {
 
     /// Two items of station 1: idle, after one of them, after both.
     fn states() -> [Transfer; 3] {
-        let idle = Transfer::new();
+        let idle = Transfer::new(2048);
         let mut receiving = idle.clone();
         receiving.begin(sender(1), 2, at(0));
         receiving.item(sender(1), 0, item(0), at(0));
@@ -421,7 +423,7 @@ mod tests {
     #[test]
     fn an_item_is_asked_for_again_as_quickly_as_the_station_answers() {
         for (answer_ms, expected_ms) in [(0, 20), (30, 120), (200, 250)] {
-            let mut transfer = Transfer::new();
+            let mut transfer = Transfer::new(2048);
             transfer.begin(sender(1), 9, at(0));
             assert_eq!(transfer.deadline(), Some(at(250)), "nothing is known yet");
             transfer.item(sender(1), 0, item(0), at(answer_ms));
@@ -436,7 +438,7 @@ mod tests {
 
     #[test]
     fn a_station_that_always_answers_late_is_cut_off_at_the_limit() {
-        let mut transfer = Transfer::new();
+        let mut transfer = Transfer::new(2048);
         transfer.begin(sender(1), 100, at(0));
         let mut now_ms = 0;
         let ended = (0..100).find_map(|number| {

@@ -4,6 +4,7 @@
 //! what it reads and orders of the robot; `store`: the file of the mission; `own_topic`: what it publishes of itself; `timestamp`: the one of
 //! signatures that is kept. `status` and `report` are `ril mavlink status`.
 
+mod fence;
 mod own_topic;
 mod ports;
 mod report;

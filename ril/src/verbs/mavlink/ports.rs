@@ -1,10 +1,11 @@
 //! [`Ports`]: what the gateway reads of the robot, and the requests that its orders become.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use bridge::BridgeConfig;
 use dsp_protocol::port;
-use ipc_types::code::{Reason, Stage};
+use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{
     BridgeJournal, BridgeOutline, HeroTelemetry, ModuleControl, ModuleState, MovementData,
     ParameterRequest, RequestReport, WaypointPosition,
@@ -12,13 +13,14 @@ use ipc_types::payload::{
 use ipc_types::{
     Client, Ipc, MonotonicNs, Request, SendError, Source, Subscriber, Topic, fresh_request_id,
 };
-use mavlink_gateway::{Gateway, Order, OrderKind};
+use mavlink_gateway::number::MissionResult;
+use mavlink_gateway::{FenceRefusal, Gateway, Order, OrderKind};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::render::messages::{self, FinalReport, Verb};
 use crate::request::order::{OrderRequest, RobotOrder};
 use crate::request::{Exchange, Next, Outcome, Until};
-use crate::robot::running::RunningBridge;
+use crate::robot::running::{RunningBridge, file_of};
 use crate::session::Topics;
 
 /// How long the bridge may need to say its configuration, which takes it milliseconds.
@@ -42,6 +44,8 @@ pub(super) struct Ports {
     rules: Option<(RunningBridge, MonotonicNs)>,
     /// Whether its configuration is asked for, and no bridge is there that could say it.
     has_no_rules: bool,
+    /// The bridge's configuration file, if the operator has named it.
+    bridge_file: Option<PathBuf>,
 }
 
 /// A request without a final report.
@@ -59,7 +63,7 @@ struct Path {
 }
 
 impl Ports {
-    pub fn open(ipc: Ipc) -> Result<Ports, Failure> {
+    pub fn open(ipc: Ipc, bridge_file: Option<PathBuf>) -> Result<Ports, Failure> {
         Ok(Ports {
             telemetry: ipc.subscriber().or_fail(ExitCode::Internal)?,
             state: ipc.subscriber().or_fail(ExitCode::Internal)?,
@@ -72,6 +76,20 @@ impl Ports {
             paths: Vec::new(),
             rules: None,
             has_no_rules: false,
+            bridge_file,
+        })
+    }
+
+    /// The bridge's configuration file: the one that the operator has named, else that which the live bridge was started with.
+    pub fn bridge_file(&self) -> Result<PathBuf, FenceRefusal> {
+        let of_process = || {
+            let provider = self.ipc.provider(ModuleState::KEY).ok()??;
+            file_of(&provider, "bridge", bridge::cli::DEFAULT_CONFIG_FILE)
+        };
+        let file = self.bridge_file.clone().or_else(of_process);
+        file.ok_or_else(|| FenceRefusal {
+            result: MissionResult::Error,
+            text: "the file of a bridge on this machine is not known: name it by `[fence] bridge` in mavlink.toml".to_owned(),
         })
     }
 
@@ -304,6 +322,16 @@ impl Ports {
                 let sent = send(&self.ipc, &mut self.parameters, &request)?;
                 (verb, request.request_id, sent)
             }
+            Wanted::ReloadFence => {
+                let id = fresh_request_id();
+                let request = ModuleControl {
+                    issued_ns,
+                    begin_by_ns,
+                    ..ModuleControl::new(id, ControlCommand::ReloadFence)
+                };
+                let sent = send(&self.ipc, &mut self.control, &request)?;
+                (Verb::ReloadFence, id, sent)
+            }
             Wanted::Robot(wanted) => match wanted.request(0) {
                 OrderRequest::Movement(request) => {
                     let preempt = u16::from(order.preempts);
@@ -345,6 +373,8 @@ enum Wanted {
     Parameter(Verb, ParameterRequest),
     /// Fly the path of the order.
     Path,
+    /// Read the geofence again.
+    ReloadFence,
 }
 
 fn wanted(kind: OrderKind) -> Wanted {
@@ -360,6 +390,7 @@ fn wanted(kind: OrderKind) -> Wanted {
         OrderKind::Land => RobotOrder::Land,
         OrderKind::GoTo(position) => RobotOrder::GoTo(position),
         OrderKind::Path => return Wanted::Path,
+        OrderKind::ReloadFence => return Wanted::ReloadFence,
         OrderKind::Speed(speed_mps) => return write(port::CRUISE_SPEED_MPS, speed_mps),
         OrderKind::WritePort(port, value) => return write(port, value),
         OrderKind::ReadPort(port) => {

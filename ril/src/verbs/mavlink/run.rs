@@ -66,7 +66,7 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
     let address = socket.local_addr().or_fail(ExitCode::Internal)?;
     let ipc = set_up.join(MavlinkStations::PROVIDER)?;
     let topic = OwnTopic::open(&ipc)?;
-    let ports = Ports::open(ipc)?;
+    let ports = Ports::open(ipc, set_up.config.fence.bridge.clone())?;
     let system = settings.system;
     let mut gateway = Gateway::new(settings, robot.get());
     let mut timestamp = None;

@@ -11,6 +11,7 @@ use mavlink_gateway::{Datagram, Event, Gateway, Task};
 use module_kit::process::{Process, Sources};
 use runtime::exit::Failure;
 
+use super::fence::FenceFile;
 use super::own_topic::OwnTopic;
 use super::ports::Ports;
 use super::store::MissionFile;
@@ -53,6 +54,7 @@ pub(super) struct MavlinkShell {
     timestamp: Option<TimestampFile>,
     gateway: Gateway,
     file: MissionFile,
+    fence: FenceFile,
     /// Answers that the socket did not take.
     waiting: VecDeque<Datagram>,
     retry_at: Option<MonotonicNs>,
@@ -74,6 +76,7 @@ impl MavlinkShell {
             timestamp,
             gateway,
             file,
+            fence: FenceFile::new(),
             waiting: VecDeque::new(),
             retry_at: None,
             deadline: None,
@@ -101,6 +104,15 @@ impl MavlinkShell {
             match self.gateway.poll_task() {
                 None => return Ok(()),
                 Some(Task::Rules) => self.ports.ask_rules(now)?,
+                Some(Task::PutFence(areas)) => {
+                    let file = self.ports.bridge_file();
+                    let put = file.and_then(|file| self.fence.put(&file, &areas));
+                    self.gateway.fence_put(put, now);
+                }
+                Some(Task::RestoreFence) => {
+                    let restored = self.fence.restore();
+                    self.gateway.fence_restored(restored, now);
+                }
                 Some(Task::Save(mission)) => {
                     let result = self.file.write(&mission);
                     self.gateway.saved(mission, result, now);

@@ -1,5 +1,6 @@
 //! `ril run mavlink` beside a real robot, as a ground station sees it.
 
+mod fences;
 mod missions;
 mod station;
 

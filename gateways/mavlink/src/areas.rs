@@ -1,0 +1,272 @@
+//! Items of a station's geofence as areas of the bridge.
+
+use plans::mavlink::{FRAMES_HOME, FRAMES_SEA};
+use plans::model::{FenceArea, FenceShape, Position};
+
+use crate::fence::{
+    FenceItem, INSIDE_CIRCLE, INSIDE_POLYGON, OUTSIDE_CIRCLE, OUTSIDE_POLYGON, RETURN_POINT,
+};
+use crate::mission::store::Item;
+use crate::number::MissionResult;
+
+/// Most areas: those of the bridge.
+const MAX_AREAS: usize = 64;
+
+/// Most corners of all areas together, which bounds the memory and the time of a transfer.
+const MAX_CORNERS: usize = 4096;
+
+/// Most items of a fence: corners, and for each area that has none a circle; and the return point.
+pub const MAX_FENCE_ITEMS: usize = MAX_CORNERS + MAX_AREAS + 1;
+
+/// A fence that is not taken.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FenceRefusal {
+    /// Which parameter is wrong, so that stations name it.
+    pub result: MissionResult,
+    /// The reason, as a clause.
+    pub text: String,
+}
+
+/// A station's fence.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct StationFence {
+    pub areas: Vec<FenceArea>,
+    /// The same as the bridge says it when it has it in force.
+    pub items: Vec<FenceItem>,
+    pub has_return_point: bool,
+}
+
+impl StationFence {
+    /// The fence of these items: the corners of a polygon follow each other, and each says how many there are.
+    ///
+    /// # Errors
+    ///
+    /// The first item that is wrong.
+    pub fn of(items: &[Item]) -> Result<StationFence, FenceRefusal> {
+        let mut fence = StationFence::default();
+        let mut corners: Vec<Position> = Vec::new();
+        for (number, item) in (1..).zip(items) {
+            let refused = |result, why: String| FenceRefusal {
+                result,
+                text: format!("item {number}: {why}"),
+            };
+            let command = item.command();
+            if command == RETURN_POINT {
+                fence.has_return_point = true;
+                continue;
+            }
+            let is_inclusion = matches!(command, INSIDE_POLYGON | INSIDE_CIRCLE);
+            let is_polygon = matches!(command, INSIDE_POLYGON | OUTSIDE_POLYGON);
+            if !is_inclusion && !matches!(command, OUTSIDE_POLYGON | OUTSIDE_CIRCLE) {
+                let why = format!("command {command} is none of a fence");
+                return Err(refused(MissionResult::Unsupported, why));
+            }
+            let frame = u16::from(item.frame());
+            if !FRAMES_SEA.contains(&frame) && !FRAMES_HOME.contains(&frame) {
+                let why = format!("frame {frame} has no latitude and longitude");
+                return Err(refused(MissionResult::UnsupportedFrame, why));
+            }
+            let [param1, _, _, _, latitude_deg, longitude_deg, _] = item.read().params;
+            if !(-90.0..=90.0).contains(&latitude_deg) {
+                let why = format!("the latitude {latitude_deg} is none");
+                return Err(refused(MissionResult::InvalidParam5, why));
+            }
+            if !(-180.0..=180.0).contains(&longitude_deg) {
+                let why = format!("the longitude {longitude_deg} is none");
+                return Err(refused(MissionResult::InvalidParam6, why));
+            }
+            if let Some(before) = fence.items.last().filter(|_| !corners.is_empty())
+                && (before.command, f64::from(before.param1)) != (command, param1)
+            {
+                let why = "the polygon before it is not complete".to_owned();
+                return Err(refused(MissionResult::InvalidSequence, why));
+            }
+            let place = Position {
+                latitude_deg,
+                longitude_deg,
+            };
+            fence.items.push(FenceItem {
+                command,
+                param1: param1 as f32,
+                place: [latitude_deg, longitude_deg],
+            });
+            let shape = if is_polygon {
+                if param1.fract() != 0.0 || !(3.0..=MAX_CORNERS as f64).contains(&param1) {
+                    let why = format!("a polygon has at least 3 corners, and not {param1}");
+                    return Err(refused(MissionResult::InvalidParam1, why));
+                }
+                corners.push(place);
+                if corners.len() < param1 as usize {
+                    continue;
+                }
+                FenceShape::Polygon(std::mem::take(&mut corners))
+            } else {
+                if !(param1.is_finite() && param1 > 0.0) {
+                    let why = format!("a circle cannot have a radius of {param1} m");
+                    return Err(refused(MissionResult::InvalidParam1, why));
+                }
+                FenceShape::Circle {
+                    centre: place,
+                    radius_m: param1,
+                }
+            };
+            if fence.areas.len() == MAX_AREAS {
+                let why = format!("a fence has at most {MAX_AREAS} areas");
+                return Err(refused(MissionResult::NoSpace, why));
+            }
+            let kind = match is_inclusion {
+                true => "inclusion",
+                false => "exclusion",
+            };
+            fence.areas.push(FenceArea {
+                name: format!("{kind} {}", fence.areas.len() + 1),
+                is_inclusion,
+                shape,
+            });
+        }
+        if !corners.is_empty() {
+            return Err(FenceRefusal {
+                result: MissionResult::InvalidSequence,
+                text: "the last polygon is not complete".to_owned(),
+            });
+        }
+        let corners = fence.areas.iter().map(|area| match &area.shape {
+            FenceShape::Polygon(corners) => corners.len(),
+            FenceShape::Circle { .. } => 0,
+        });
+        if corners.sum::<usize>() > MAX_CORNERS {
+            return Err(FenceRefusal {
+                result: MissionResult::NoSpace,
+                text: format!("a fence has at most {MAX_CORNERS} corners"),
+            });
+        }
+        Ok(fence)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::MISSION_ITEM_INT;
+    use crate::wire::Message;
+
+    fn item(command: u16, frame: u8, param1: f32, (x, y): (i32, i32)) -> Item {
+        let message = Message::new(MISSION_ITEM_INT).f32(param1).f32s(0.0, 3);
+        let message = message.i32(x).i32(y).f32(0.0).u16(0).u16(command);
+        let message = message.u8(1).u8(1).u8(frame).u8(0).u8(1).u8(1);
+        Item::of(message.payload())
+    }
+
+    const HERE: (i32, i32) = (374_112_000, -60_010_000);
+
+    fn polygon(command: u16, corners: usize, sent: usize) -> Vec<Item> {
+        vec![item(command, 0, corners as f32, HERE); sent]
+    }
+
+    #[test]
+    fn polygons_and_circles_become_areas_and_the_return_point_is_left_out() {
+        let mut items = polygon(5001, 3, 3);
+        items.push(item(5000, 3, 0.0, HERE));
+        items.extend(polygon(5002, 4, 4));
+        items.push(item(5003, 5, 20.5, HERE));
+        items.push(item(5004, 6, 5.3, HERE));
+        let fence = StationFence::of(&items).unwrap();
+        let shown: Vec<(&str, bool)> = fence
+            .areas
+            .iter()
+            .map(|area| (area.name.as_str(), area.is_inclusion))
+            .collect();
+        assert_eq!(
+            shown,
+            [
+                ("inclusion 1", true),
+                ("exclusion 2", false),
+                ("inclusion 3", true),
+                ("exclusion 4", false)
+            ]
+        );
+        assert!(fence.has_return_point && fence.items.len() == 9);
+        let FenceShape::Circle { centre, radius_m } = fence.areas[3].shape else {
+            panic!("a circle");
+        };
+        assert_eq!((centre.latitude_deg, radius_m), (37.4112, 5.3));
+        assert_eq!(StationFence::of(&[]), Ok(StationFence::default()));
+    }
+
+    #[test]
+    fn each_refusal_names_the_item_and_the_parameter() {
+        use MissionResult::{
+            InvalidParam1, InvalidParam5, InvalidParam6, InvalidSequence, NoSpace, Unsupported,
+            UnsupportedFrame,
+        };
+        let circle = |count| vec![item(5004, 0, 9.0, HERE); count];
+        let two = |first: Vec<Item>, second: Vec<Item>| [first, second].concat();
+        let table: Vec<(Vec<Item>, MissionResult, &str)> = vec![
+            (
+                vec![item(16, 0, 0.0, HERE)],
+                Unsupported,
+                "item 1: command 16",
+            ),
+            (
+                vec![item(5001, 2, 3.0, HERE)],
+                UnsupportedFrame,
+                "item 1: frame 2",
+            ),
+            (
+                two(circle(1), vec![item(5004, 0, 9.0, (999_999_999, 0))]),
+                InvalidParam5,
+                "item 2: the latitude 99.9999999",
+            ),
+            (
+                vec![item(5004, 0, 9.0, (i32::MAX, 0))],
+                InvalidParam5,
+                "NaN",
+            ),
+            (
+                vec![item(5004, 0, 9.0, (0, 1_999_999_999))],
+                InvalidParam6,
+                "the longitude 199.9999999",
+            ),
+            (polygon(5001, 2, 2), InvalidParam1, "at least 3 corners"),
+            (vec![item(5001, 0, 3.5, HERE)], InvalidParam1, "and not 3.5"),
+            (
+                vec![item(5003, 0, 0.0, HERE)],
+                InvalidParam1,
+                "a radius of 0 m",
+            ),
+            (
+                vec![item(5003, 0, f32::NAN, HERE)],
+                InvalidParam1,
+                "a radius of NaN m",
+            ),
+            (
+                two(polygon(5001, 4, 3), circle(1)),
+                InvalidSequence,
+                "item 4: the polygon before it is not complete",
+            ),
+            (
+                two(polygon(5001, 4, 3), polygon(5002, 4, 4)),
+                InvalidSequence,
+                "item 4: the polygon before it",
+            ),
+            (
+                two(polygon(5001, 4, 3), polygon(5001, 3, 3)),
+                InvalidSequence,
+                "item 4: the polygon before it",
+            ),
+            (polygon(5001, 4, 3), InvalidSequence, "the last polygon"),
+            (circle(65), NoSpace, "item 65: a fence has at most 64 areas"),
+            (
+                two(polygon(5001, 2048, 4096), polygon(5001, 3, 3)),
+                NoSpace,
+                "at most 4096 corners",
+            ),
+        ];
+        for (items, result, text) in table {
+            let refusal = StationFence::of(&items).unwrap_err();
+            assert_eq!(refusal.result, result, "{}", refusal.text);
+            assert!(refusal.text.contains(text), "{} / {text}", refusal.text);
+        }
+        assert_eq!(StationFence::of(&circle(64)).unwrap().areas.len(), 64);
+    }
+}
