@@ -1,7 +1,7 @@
 //! `ril conform`: plays the PC against a DSP and says which sentences of docs/protocol.md it keeps.
 //!
 //! What is sent and judged is the crate `conform`'s. Here are the serial port, the operator's confirmation and resets
-//! ([`shell`]), and how it is shown ([`report`]).
+//! (`shell`), and how it is shown (`report`).
 
 mod report;
 mod shell;
