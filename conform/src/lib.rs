@@ -6,7 +6,7 @@
 //! * [`table`]: the checks, each with its sentence, what is sent, what must come back; [`checks`] has them by topic;
 //! * [`permitted`]: what may be sent, and that nothing else is: without [`permitted::RotorDisconnected`] no type can express
 //!   a message that moves a rotor;
-//! * [`wire`]: the line as a value; [`bench`]: a check's end of it; [`monitor`]: what is judged of all messages;
+//! * [`wire`]: the line as a value; [`bench`](mod@bench): a check's end of it; [`monitor`]: what is judged of all messages;
 //! * [`run`]: the whole run as a value that is given time and bytes; [`report`]: what it found; [`replay`]: a dialogue that is
 //!   played again.
 //!

@@ -112,7 +112,7 @@ pub struct Mission {
 }
 
 impl Mission {
-    /// A mission of these items; at most [`MAX_ITEMS`].
+    /// A mission of these items; at most 2,048.
     pub fn new(items: Vec<Item>) -> Mission {
         Mission { items }
     }
