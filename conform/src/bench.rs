@@ -295,11 +295,11 @@ impl Bench {
     fn statuses_limit(&self, count: usize) -> Duration {
         let wire = self.0.borrow();
         let each = wire.period + wire.line_time(wire.status_and_error_len());
-        let patience = match wire.setup.is_lossy {
+        let attempts = match wire.setup.is_lossy {
             true => LOSSY_PATIENCE,
             false => 1,
         };
-        wire.now + each * (count as u32 + 2) * patience + wire.setup.slack
+        wire.now + each * (count as u32 + 2) * attempts + wire.setup.slack
     }
 
     /// Waits for `count` statuses that are new.

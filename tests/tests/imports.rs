@@ -6,28 +6,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-/// Folders of the crates.
-const CRATES: &[&str] = &[
-    "bindings/c",
-    "bridge",
-    "conform",
-    "dsp-protocol",
-    "dsp-sim",
-    "flight-record/recording",
-    "flight-record/replay",
-    "flight-record/ros-messages",
-    "gateways/relay",
-    "gateways/view",
-    "ipc-types",
-    "module-kit",
-    "plans",
-    "ril",
-    "runtime",
-    "status",
-    "tests",
-    "workbench/bench",
-    "workbench/endurance",
-];
+/// Folders of the crates: the members of the workspace, and the benchmarks, which are a workspace of their own.
+fn crates() -> Vec<String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml");
+    let manifest = fs::read_to_string(root).expect("the manifest of the workspace");
+    let members = manifest.split_once("\nmembers = [").expect("members").1;
+    let members = members.split_once(']').expect("an end of the members").0;
+    let folders = members.split('"').skip(1).step_by(2).map(str::to_owned);
+    folders.chain(["workbench/bench".to_owned()]).collect()
+}
 
 /// A file by the path of its module, such as `link::commands`.
 type Module = String;
@@ -224,8 +211,8 @@ fn on_circles(mut imports: Imports) -> Vec<String> {
 #[test]
 fn no_files_of_a_crate_import_in_circles() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    for name in CRATES {
-        let modules = modules(&root.join(name).join("src"), &[]);
+    for name in crates() {
+        let modules = modules(&root.join(&name).join("src"), &[]);
         assert!(!modules.is_empty(), "no sources in {name}");
         let found = on_circles(imports(&modules));
         assert!(
@@ -240,8 +227,8 @@ fn no_files_of_a_crate_import_in_circles() {
 #[test]
 fn no_folders_of_a_crate_import_in_circles() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    for name in CRATES {
-        let imports = imports(&modules(&root.join(name).join("src"), &[]));
+    for name in crates() {
+        let imports = imports(&modules(&root.join(&name).join("src"), &[]));
         for (folder, siblings) in siblings(&imports) {
             let found = on_circles(siblings);
             let found = found.join("\n");

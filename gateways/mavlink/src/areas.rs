@@ -4,19 +4,11 @@ use plans::mavlink::{FRAMES_HOME, FRAMES_SEA};
 use plans::model::{FenceArea, FenceShape, Position};
 
 use crate::fence::{
-    FenceItem, INSIDE_CIRCLE, INSIDE_POLYGON, OUTSIDE_CIRCLE, OUTSIDE_POLYGON, RETURN_POINT,
+    FenceItem, INSIDE_CIRCLE, INSIDE_POLYGON, MAX_AREAS, MAX_CORNERS, OUTSIDE_CIRCLE,
+    OUTSIDE_POLYGON, RETURN_POINT,
 };
 use crate::mission::store::Item;
 use crate::number::MissionResult;
-
-/// Most areas: those of the bridge.
-const MAX_AREAS: usize = 64;
-
-/// Most corners of all areas together, which bounds the memory and the time of a transfer.
-const MAX_CORNERS: usize = 4096;
-
-/// Most items of a fence: corners, and for each area that has none a circle; and the return point.
-pub const MAX_FENCE_ITEMS: usize = MAX_CORNERS + MAX_AREAS + 1;
 
 /// A fence that is not taken.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -8,7 +8,6 @@ use ipc_types::MonotonicNs;
 use ipc_types::outline::{Outline, OutlineReader, OutlineShape};
 use ipc_types::payload::{BridgeOutline, ModuleState};
 
-use crate::areas::MAX_FENCE_ITEMS;
 use crate::message::MISSION_ITEM_INT;
 use crate::mission::transfer::Transfer;
 use crate::number::MISSION_TYPE_FENCE;
@@ -22,6 +21,15 @@ pub const INSIDE_CIRCLE: u16 = 5003;
 pub const OUTSIDE_CIRCLE: u16 = 5004;
 /// MAV_CMD of a place to return to when the fence is broken. There is none here: the bridge stops in front of the fence.
 pub const RETURN_POINT: u16 = 5000;
+
+/// Most areas: those of the bridge.
+pub const MAX_AREAS: usize = 64;
+
+/// Most corners of all areas together, which bounds the memory and the time of a transfer.
+pub const MAX_CORNERS: usize = 4096;
+
+/// Most items of a fence: corners, and for each area that has none a circle; and the return point.
+pub const MAX_FENCE_ITEMS: usize = MAX_CORNERS + MAX_AREAS + 1;
 
 /// How the names of areas begin that came from a station or a plan; no others are ever changed.
 const PREFIX: &str = "plan: ";

@@ -13,9 +13,9 @@ use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::BridgeOutline;
 
 use super::Gateway;
-use crate::areas::{FenceRefusal, MAX_FENCE_ITEMS, StationFence};
+use crate::areas::{FenceRefusal, StationFence};
 use crate::event::{Event, Order, OrderKind, Task};
-use crate::fence::{Step, Upload};
+use crate::fence::{MAX_FENCE_ITEMS, Step, Upload};
 use crate::message::MISSION_COUNT;
 use crate::mission::store::Item;
 use crate::number::{MISSION_TYPE_FENCE, MissionResult, Severity};

@@ -323,13 +323,7 @@ impl Gateway {
         let total = self.missions.mission.count();
         let Some(known) = self.vehicle.now() else {
             let why = "the helicopter is not heard";
-            return self.refuse_mission(
-                &key,
-                MavResult::TemporarilyRejected,
-                Reason::LinkDown,
-                why,
-                now,
-            );
+            return self.refuse_for_now(&key, Reason::LinkDown, why, now);
         };
         if total == 0 || first.is_some_and(|first| first >= total) {
             let why = match total {
@@ -343,18 +337,11 @@ impl Gateway {
         }
         if self.missions.is_in_use() {
             let why = "it is flown: press Pause first";
-            return self.refuse_mission(
-                &key,
-                MavResult::TemporarilyRejected,
-                Reason::Busy,
-                why,
-                now,
-            );
+            return self.refuse_for_now(&key, Reason::Busy, why, now);
         }
         if !known.is_started() {
             if let Some(why) = known.not_ready() {
-                let result = MavResult::TemporarilyRejected;
-                return self.refuse_mission(&key, result, Reason::None, why, now);
+                return self.refuse_for_now(&key, Reason::None, why, now);
             }
             if !arms && !known.is_flying() {
                 self.missions.primed = Some((key.sender, now + PRIMED));
@@ -362,8 +349,7 @@ impl Gateway {
             }
             if known.is_flying() {
                 let why = "the module was aborted: press Pause first";
-                let result = MavResult::TemporarilyRejected;
-                return self.refuse_mission(&key, result, Reason::NotStarted, why, now);
+                return self.refuse_for_now(&key, Reason::NotStarted, why, now);
             }
         }
         let from = first.map_or(self.missions.next, |first| u32::from(first) + 1);
@@ -379,6 +365,11 @@ impl Gateway {
             until: now + self.settings.answer_within,
         });
         self.ask(Task::Rules);
+    }
+
+    /// What the helicopter is now stands against it; later it may be possible.
+    fn refuse_for_now(&mut self, key: &Key, reason: Reason, why: &str, now: MonotonicNs) {
+        self.refuse_mission(key, MavResult::TemporarilyRejected, reason, why, now);
     }
 
     fn refuse_mission(
@@ -449,23 +440,11 @@ impl Gateway {
         } = starting;
         let Some(known) = self.vehicle.now() else {
             let why = "the helicopter is not heard";
-            return self.refuse_mission(
-                &key,
-                MavResult::TemporarilyRejected,
-                Reason::LinkDown,
-                why,
-                now,
-            );
+            return self.refuse_for_now(&key, Reason::LinkDown, why, now);
         };
         let Some(here) = known.position() else {
             let why = "the position is not known";
-            return self.refuse_mission(
-                &key,
-                MavResult::TemporarilyRejected,
-                Reason::NoPosition,
-                why,
-                now,
-            );
+            return self.refuse_for_now(&key, Reason::NoPosition, why, now);
         };
         let (is_flying, is_started) = (known.is_flying(), known.is_started());
         let mission = self.missions.mission.clone();
@@ -499,13 +478,7 @@ impl Gateway {
             .is_some_and(|run| run.order.is_some() && run.executor.is_running());
         if follows && matches!(checked.flight.steps.first(), Some(Step::Wait { .. })) {
             let why = "that item hovers where the helicopter is: press Pause first";
-            return self.refuse_mission(
-                &key,
-                MavResult::TemporarilyRejected,
-                Reason::Busy,
-                why,
-                now,
-            );
+            return self.refuse_for_now(&key, Reason::Busy, why, now);
         }
         let log = format!(
             "mission from item {from} by {} at {}",
@@ -723,8 +696,7 @@ impl Gateway {
         let is_late = |starting: &mut Starting| now >= starting.until;
         if let Some(late) = self.missions.starting.take_if(is_late) {
             let why = "the rules of the bridge did not come in time";
-            let result = MavResult::TemporarilyRejected;
-            self.refuse_mission(&late.key, result, Reason::None, why, now);
+            self.refuse_for_now(&late.key, Reason::None, why, now);
         }
         self.drive_mission(now);
     }
