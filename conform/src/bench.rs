@@ -476,6 +476,37 @@ impl Reaction {
     }
 }
 
+/// What several checks judge: the first of them that runs observes it, for all. On a lossy line each observes by itself, since a
+/// check is tried again there.
+#[derive(Clone, Debug)]
+pub struct Observed<T>(Rc<RefCell<Option<Judged<T>>>>);
+
+impl<T> Default for Observed<T> {
+    /// Not observed yet.
+    fn default() -> Observed<T> {
+        Observed(Rc::default())
+    }
+}
+
+impl<T: Clone> Observed<T> {
+    /// What was observed; by `observe` if no check has done it.
+    ///
+    /// # Errors
+    ///
+    /// Why it could not be observed, for each check that asks.
+    pub async fn or(&self, bench: &Bench, observe: impl Future<Output = Judged<T>>) -> Judged<T> {
+        let known = self.0.borrow().clone();
+        if let Some(observed) = known {
+            return observed;
+        }
+        let observed = observe.await;
+        if !bench.is_lossy() {
+            self.0.replace(Some(observed.clone()));
+        }
+        observed
+    }
+}
+
 /// Whether an acknowledgement is that of the command.
 fn judge_ack(asked: Command, sent: Sent, arrival: &Arrival) -> Judged {
     let what = describe_command(&asked);

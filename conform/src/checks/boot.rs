@@ -1,16 +1,14 @@
 //! What holds after a boot: sections 6, 8.1 and 11. One reset of the DSP serves all of these checks.
 
-use std::cell::RefCell;
-use std::rc::Rc;
 use std::time::Duration;
 
 use dsp_protocol::port::{self, PORTS_16, PORTS_32};
 use dsp_protocol::{Command, FlowControl, Group, Profile, StatusMask};
 
 use crate::arrival::Arrival;
-use crate::bench::Bench;
+use crate::bench::{Bench, Observed};
 use crate::check::{Check, Place};
-use crate::outcome::{Judged, Stop, ensure};
+use crate::outcome::{Judged, ensure};
 use crate::permitted::{Harmless, QuietPort16};
 
 /// How long the line is watched after a reset, before the kit sends anything.
@@ -37,35 +35,20 @@ struct AfterBoot {
     flying: bool,
 }
 
-type Shared = Rc<RefCell<Option<Result<AfterBoot, Stop>>>>;
-
 /// The checks.
 pub fn checks() -> Vec<Check> {
-    let shared: Shared = Rc::default();
+    let observed = Observed::<AfterBoot>::default();
     let check = |id: &str,
                  section: &'static str,
                  sentence: &str,
                  expects: &str,
                  judge: fn(&Bench, &AfterBoot) -> Judged| {
-        let shared = Rc::clone(&shared);
+        let observed = observed.clone();
         let sends =
             "a reset; after 1.5 s of silence reads of all ports, and activate status transmission";
         Check::harmless(id, section, sentence, sends, expects, move |bench| {
-            let shared = Rc::clone(&shared);
-            async move {
-                let known = shared.borrow().clone();
-                let facts = match known {
-                    Some(facts) => facts,
-                    None => {
-                        let facts = observe(&bench).await;
-                        if !bench.is_lossy() {
-                            shared.replace(Some(facts.clone()));
-                        }
-                        facts
-                    }
-                };
-                judge(&bench, &facts?)
-            }
+            let observed = observed.clone();
+            async move { judge(&bench, &observed.or(&bench, observe(&bench)).await?) }
         })
         .with_reset()
     };

@@ -1,15 +1,13 @@
 //! Flow control on the ground, take-off and landing: sections 8.4 and 8.5.
 
-use std::cell::RefCell;
-use std::rc::Rc;
 use std::time::Duration;
 
 use dsp_protocol::{FlowControl, port};
 
 use crate::arrival::Arrival;
-use crate::bench::Bench;
+use crate::bench::{Bench, Observed};
 use crate::check::{Check, Place};
-use crate::outcome::{Judged, Stop, ensure, not_judged};
+use crate::outcome::{Judged, ensure, not_judged};
 use crate::permitted::{Harmless, QuietPort16, RotorDisconnected};
 use crate::pilot::{
     INVALID, ON, errors_of, far_from, fill, link_errors, position, reads, refused, set_height,
@@ -160,12 +158,10 @@ struct TakeOff {
     invalidate: Vec<u16>,
 }
 
-type Shared<T> = Rc<RefCell<Option<Result<T, Stop>>>>;
-
 fn of_a_take_off() -> Vec<Check> {
-    let shared: Shared<TakeOff> = Rc::default();
+    let observed = Observed::<TakeOff>::default();
     let check = |id: &str, sentence: &str, expects: &str, judge: fn(&TakeOff) -> Judged| {
-        let shared = Rc::clone(&shared);
+        let observed = observed.clone();
         let sends = "following on, a height of 3 m, 1 to 10121; during the take-off 10121 and 10122 again, a waypoint and invalidate path";
         Check::moving(
             Place::Ground,
@@ -175,21 +171,8 @@ fn of_a_take_off() -> Vec<Check> {
             sends,
             expects,
             move |bench, proof| {
-                let shared = Rc::clone(&shared);
-                async move {
-                    let known = shared.borrow().clone();
-                    let facts = match known {
-                        Some(facts) => facts,
-                        None => {
-                            let facts = observe_take_off(&bench, proof).await;
-                            if !bench.is_lossy() {
-                                shared.replace(Some(facts.clone()));
-                            }
-                            facts
-                        }
-                    };
-                    judge(&facts?)
-                }
+                let observed = observed.clone();
+                async move { judge(&observed.or(&bench, observe_take_off(&bench, proof)).await?) }
             },
         )
     };
@@ -301,9 +284,9 @@ struct Landing {
 }
 
 fn of_a_landing() -> Vec<Check> {
-    let shared: Shared<Landing> = Rc::default();
+    let observed = Observed::<Landing>::default();
     let check = |id: &str, sentence: &str, expects: &str, judge: fn(&Landing) -> Judged| {
-        let shared = Rc::clone(&shared);
+        let observed = observed.clone();
         let sends =
             "3 waypoints, 1 to 10122; during the landing 10122 and 10121 again and a waypoint";
         Check::moving(
@@ -314,21 +297,8 @@ fn of_a_landing() -> Vec<Check> {
             sends,
             expects,
             move |bench, proof| {
-                let shared = Rc::clone(&shared);
-                async move {
-                    let known = shared.borrow().clone();
-                    let facts = match known {
-                        Some(facts) => facts,
-                        None => {
-                            let facts = observe_landing(&bench, proof).await;
-                            if !bench.is_lossy() {
-                                shared.replace(Some(facts.clone()));
-                            }
-                            facts
-                        }
-                    };
-                    judge(&facts?)
-                }
+                let observed = observed.clone();
+                async move { judge(&observed.or(&bench, observe_landing(&bench, proof)).await?) }
             },
         )
     };
