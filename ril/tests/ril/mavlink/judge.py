@@ -1,40 +1,10 @@
-"""A flight by pymavlink, which has messages and checksums of its own: `judge.py PORT`."""
+"""A flight by pymavlink: `judge.py PORT`."""
 
-import os
 import struct
-import sys
-import time
 
-os.environ["MAVLINK20"] = "1"
-os.environ["MAVLINK_DIALECT"] = "development"
-from pymavlink import mavutil  # noqa: E402
+from pymavlink_station import mavutil, seen, until, vehicle
 
-LIMIT_S = 90
 NAN = float("nan")
-vehicle = mavutil.mavlink_connection(f"udpin:127.0.0.1:{sys.argv[1]}", source_system=255, source_component=190)
-last_beat = 0.0
-seen = {}
-
-
-def until(what, is_right):
-    """The first message that is right; the station stays there meanwhile."""
-    global last_beat
-    give_up = time.monotonic() + LIMIT_S
-    while time.monotonic() < give_up:
-        if vehicle.target_system and time.monotonic() >= last_beat + 0.5:
-            last_beat = time.monotonic()
-            vehicle.mav.heartbeat_send(6, 8, 0, 0, 4)
-        message = vehicle.recv_match(blocking=True, timeout=0.5)
-        if message is None:
-            continue
-        # pymavlink 2.4.50 has no FUEL_STATUS.
-        if message.get_type() == "UNKNOWN_371":
-            continue
-        assert message.get_type() != "BAD_DATA" and not message.get_type().startswith("UNKNOWN"), message
-        seen[message.get_type()] = message
-        if is_right(message):
-            return message
-    sys.exit(f"{what} did not come")
 
 
 def command(number, *params):

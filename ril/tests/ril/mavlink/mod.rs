@@ -162,7 +162,7 @@ fn judged(script: &str, package: &str, words: &[&str], config: &str, look: impl 
     let gateway = gateway_with(&rig, port, 60.0, config);
     let mut judge = std::process::Command::new(python);
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/ril/mavlink");
-    judge.arg("-u").arg(folder.join(script));
+    judge.args(["-u", "-B"]).arg(folder.join(script));
     judge.arg(port.to_string()).args(words);
     let mut judge = rig.spawn(rig.place(judge));
     // It waits for each step of the flight as long as every test does for one.

@@ -1,45 +1,22 @@
 """A mission by pymavlink in the order in which QGroundControl (its source of August 2026) sends, starts, pauses and reads it:
 `qgc_mission.py PORT`."""
 
-import os
 import struct
-import sys
 import time
 
-os.environ["MAVLINK20"] = "1"
-os.environ["MAVLINK_DIALECT"] = "development"
-from pymavlink import mavutil  # noqa: E402
+from pymavlink_station import LIMIT_S, looks, mavutil, seen, until, vehicle
 
-LIMIT_S = 90
 NAN = float("nan")
 ABOVE_HOME, NO_PLACE = 3, 2
-vehicle = mavutil.mavlink_connection(f"udpin:127.0.0.1:{sys.argv[1]}", source_system=255, source_component=190)
-last_beat = 0.0
-seen = {}
 reached = []
 
 
-def until(what, is_right, limit_s=LIMIT_S):
-    """The first message that is right; the station stays there meanwhile."""
-    global last_beat
-    give_up = time.monotonic() + limit_s
-    while time.monotonic() < give_up:
-        if vehicle.target_system and time.monotonic() >= last_beat + 0.5:
-            last_beat = time.monotonic()
-            vehicle.mav.heartbeat_send(6, 8, 0, 0, 4)
-        message = vehicle.recv_match(blocking=True, timeout=0.5)
-        if message is None:
-            continue
-        # pymavlink 2.4.50 has no FUEL_STATUS.
-        if message.get_type() == "UNKNOWN_371":
-            continue
-        assert message.get_type() != "BAD_DATA" and not message.get_type().startswith("UNKNOWN"), message
-        seen[message.get_type()] = message
-        if message.get_type() == "MISSION_ITEM_REACHED":
-            reached.append(message.seq)
-        if is_right(message):
-            return message
-    sys.exit(f"{what} did not come")
+def note_reached(message):
+    if message.get_type() == "MISSION_ITEM_REACHED":
+        reached.append(message.seq)
+
+
+looks.append(note_reached)
 
 
 def is_type(name):

@@ -1,42 +1,24 @@
 """Signatures by pymavlink, which has its own: `signed.py PORT PASSPHRASE`."""
 
+import functools
 import hashlib
-import os
 import sys
-import time
 
-os.environ["MAVLINK20"] = "1"
-os.environ["MAVLINK_DIALECT"] = "development"
-from pymavlink import mavutil  # noqa: E402
+import pymavlink_station
+from pymavlink_station import looks, vehicle
 
-LIMIT_S = 80
+until = functools.partial(pymavlink_station.until, limit_s=80)
 # As QGroundControl and MAVProxy make it of a passphrase.
 key = hashlib.sha256(sys.argv[2].encode()).digest()
-vehicle = mavutil.mavlink_connection(f"udpin:127.0.0.1:{sys.argv[1]}", source_system=255, source_component=190)
 # Nothing without a right signature gets through here.
 vehicle.setup_signing(key, sign_outgoing=True, allow_unsigned_callback=lambda *_: False)
-last_beat = 0.0
 
 
-def until(what, is_right):
-    """The first message that is right; the station stays there meanwhile."""
-    global last_beat
-    give_up = time.monotonic() + LIMIT_S
-    while time.monotonic() < give_up:
-        if vehicle.target_system and time.monotonic() >= last_beat + 0.5:
-            last_beat = time.monotonic()
-            vehicle.mav.heartbeat_send(6, 8, 0, 0, 4)
-        message = vehicle.recv_match(blocking=True, timeout=0.5)
-        if message is None:
-            continue
-        # pymavlink 2.4.50 has no FUEL_STATUS, and does not say of it whether it is signed.
-        if message.get_type() == "UNKNOWN_371":
-            continue
-        assert message.get_type() != "BAD_DATA", message
-        assert message.get_signed(), message
-        if is_right(message):
-            return message
-    sys.exit(f"{what} did not come")
+def is_signed(message):
+    assert message.get_signed(), message
+
+
+looks.append(is_signed)
 
 
 def answered(number):
