@@ -11,7 +11,7 @@ use dsp_protocol::Waypoint;
 use ipc_types::code::LinkState;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{Descriptor, Domain, Ipc, MonotonicNs, RobotId, Source, Subscriber, Waiter};
-use runtime::duration::Shown;
+use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 
@@ -304,7 +304,10 @@ impl<'a> Stage<'a> {
             if Instant::now() >= self.deadline {
                 return Err(Failure::new(
                     ExitCode::Timeout,
-                    format!("the demonstration took more than {}", Shown(TIME_LIMIT)),
+                    format!(
+                        "the demonstration took more than {}",
+                        DurationText(TIME_LIMIT)
+                    ),
                 ));
             }
             self.sleep()?;
