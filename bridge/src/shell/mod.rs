@@ -18,7 +18,7 @@ use std::time::Duration;
 use ipc_types::code::{ControlCommand, LinkState, Reason};
 use ipc_types::payload::BridgeJournal;
 use ipc_types::{Ipc, MonotonicNs, OpenError, WaitError, Wake};
-use module_kit::journal::Port as JournalPort;
+use module_kit::journal::JournalPort;
 use module_kit::process::{self, Process, Sources};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
