@@ -10,7 +10,7 @@ use module_kit::journal::JournalWriter;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
-use crate::core::{Event, Input, Kept, Output, Status, Summary};
+use crate::core::{CoreSnapshot, Event, Input, Output, Status, Summary};
 use crate::estimator::Estimator;
 use crate::log::Logs;
 
@@ -119,7 +119,7 @@ pub struct Snapshot {
 struct Saved {
     version: u32,
     config: String,
-    kept: Kept,
+    kept: CoreSnapshot,
 }
 
 impl Snapshot {

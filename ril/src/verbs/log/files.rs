@@ -15,7 +15,7 @@ use status::log::read::{LogReader, MAX_LINE_BYTES};
 
 use super::options::LogPlaceArgs;
 use super::recording::McapReader;
-use super::recording::{Entry, Format, ReadError, Recording};
+use super::recording::{Format, LogEntry, LogReadError, Recording};
 use crate::render::words::count;
 
 /// Most damaged lines that are named: the first ones show what happened, the number of all how bad it is.
@@ -71,11 +71,11 @@ impl Found {
 }
 
 /// When the next row was received, ns; damaged lines are passed over.
-fn next_row(recording: &mut dyn Recording) -> Result<Option<u64>, ReadError> {
+fn next_row(recording: &mut dyn Recording) -> Result<Option<u64>, LogReadError> {
     loop {
         match recording.next()? {
-            Some(Entry::Row(row)) => return Ok(Some(row.received_ns)),
-            Some(Entry::Damaged(_)) => {}
+            Some(LogEntry::Row(row)) => return Ok(Some(row.received_ns)),
+            Some(LogEntry::Damaged(_)) => {}
             None => return Ok(None),
         }
     }
@@ -315,7 +315,7 @@ fn from_a_line(
 }
 
 /// The failure that the file `name` cannot be read.
-pub(super) fn unreadable(name: &str, error: ReadError) -> Failure {
+pub(super) fn unreadable(name: &str, error: LogReadError) -> Failure {
     Failure::usage(error).context(name.to_owned())
 }
 
@@ -372,7 +372,7 @@ fn has_flown(path: &Path) -> bool {
     }
     loop {
         match file.recording.next() {
-            Ok(Some(Entry::Row(row))) if row.flying => return true,
+            Ok(Some(LogEntry::Row(row))) if row.flying => return true,
             Ok(Some(_)) => {}
             Ok(None) | Err(_) => return false,
         }
@@ -408,7 +408,7 @@ fn of_robot(place: &LogPlaceArgs, kind: Option<FileKind>) -> Result<Vec<PathBuf>
 /// How a command ends that has read the file `name` as far as it could.
 pub(super) fn ending(
     name: &str,
-    trouble: Option<ReadError>,
+    trouble: Option<LogReadError>,
     damaged: u64,
     unfinished_bytes: usize,
 ) -> Result<(), Failure> {

@@ -11,7 +11,7 @@ use ipc_types::schema::CDR_HEADER;
 use recording::read::{self, Messages, RecordFile, RecordedMessage, Source};
 use status::log::clock::ClockAnchor;
 use status::log::groups::LogGroups;
-pub use status::log::read::{Damage, Entry, ReadError, Row};
+pub use status::log::read::{Damage, LogEntry, LogReadError, Row};
 use status::log::read::{DamageReason, LogReader};
 use status::log::tsv::Table;
 
@@ -22,7 +22,7 @@ pub trait Recording {
     /// # Errors
     ///
     /// The file cannot be read, or is none of this format.
-    fn begin(&mut self) -> Result<bool, ReadError>;
+    fn begin(&mut self) -> Result<bool, LogReadError>;
 
     /// The names of the columns; empty before [`Recording::begin`].
     fn columns(&self) -> &[String];
@@ -32,14 +32,14 @@ pub trait Recording {
     /// # Errors
     ///
     /// As [`Recording::begin`].
-    fn next(&mut self) -> Result<Option<Entry<'_>>, ReadError>;
+    fn next(&mut self) -> Result<Option<LogEntry<'_>>, LogReadError>;
 
     /// Looks for what was written since the last look, where [`Recording::next`] does not see it by itself.
     ///
     /// # Errors
     ///
     /// As [`Recording::begin`].
-    fn refresh(&mut self) -> Result<(), ReadError> {
+    fn refresh(&mut self) -> Result<(), LogReadError> {
         Ok(())
     }
 
@@ -48,7 +48,7 @@ pub trait Recording {
 }
 
 impl<R: BufRead> Recording for LogReader<R> {
-    fn begin(&mut self) -> Result<bool, ReadError> {
+    fn begin(&mut self) -> Result<bool, LogReadError> {
         LogReader::begin(self)
     }
 
@@ -56,7 +56,7 @@ impl<R: BufRead> Recording for LogReader<R> {
         LogReader::columns(self)
     }
 
-    fn next(&mut self) -> Result<Option<Entry<'_>>, ReadError> {
+    fn next(&mut self) -> Result<Option<LogEntry<'_>>, LogReadError> {
         LogReader::next(self)
     }
 
@@ -144,7 +144,7 @@ impl McapReader {
     /// # Errors
     ///
     /// As [`Recording::begin`].
-    pub fn last(mut self, rows: usize) -> Result<McapReader, ReadError> {
+    pub fn last(mut self, rows: usize) -> Result<McapReader, LogReadError> {
         let (mut ahead, mut samples) = (VecDeque::new(), 0);
         while let Some(found) = self.found()? {
             samples += usize::from(matches!(found, Found::Sample(..)));
@@ -159,7 +159,7 @@ impl McapReader {
     }
 
     /// The next sample, or what is damaged in its place; `None` at the end.
-    fn found(&mut self) -> Result<Option<Found>, ReadError> {
+    fn found(&mut self) -> Result<Option<Found>, LogReadError> {
         if let Some(found) = self.ahead.pop_front() {
             return Ok(Some(found));
         }
@@ -174,7 +174,7 @@ impl McapReader {
                     }
                 }
                 Err(read::ReadError::NotMcap) => {
-                    return Err(ReadError::NoLog(read::ReadError::NotMcap.to_string()));
+                    return Err(LogReadError::NoLog(read::ReadError::NotMcap.to_string()));
                 }
                 // What follows is counted at the end.
                 Err(read::ReadError::Truncated { .. }) => {}
@@ -194,7 +194,7 @@ fn sample(message: &RecordedMessage) -> Option<DspTelemetry> {
 }
 
 impl Recording for McapReader {
-    fn begin(&mut self) -> Result<bool, ReadError> {
+    fn begin(&mut self) -> Result<bool, LogReadError> {
         if self.entries == 0 && self.ahead.is_empty() {
             let first = self.found()?;
             self.ahead.extend(first);
@@ -206,7 +206,7 @@ impl Recording for McapReader {
         &self.columns
     }
 
-    fn next(&mut self) -> Result<Option<Entry<'_>>, ReadError> {
+    fn next(&mut self) -> Result<Option<LogEntry<'_>>, LogReadError> {
         let Some(found) = self.found()? else {
             return Ok(None);
         };
@@ -214,7 +214,7 @@ impl Recording for McapReader {
         let (unix_ns, sample) = match found {
             Found::Sample(unix_ns, sample) => (unix_ns, sample),
             Found::Damaged(reason) => {
-                return Ok(Some(Entry::Damaged(Damage {
+                return Ok(Some(LogEntry::Damaged(Damage {
                     line: self.entries,
                     reason: DamageReason::Bytes(reason),
                 })));
@@ -231,11 +231,11 @@ impl Recording for McapReader {
         line.pop();
         self.line = String::from_utf8(line).unwrap_or_default();
         let row = Row::of_sample(&sample, Some(unix_ns), &self.line);
-        Ok(Some(Entry::Row(row)))
+        Ok(Some(LogEntry::Row(row)))
     }
 
-    fn refresh(&mut self) -> Result<(), ReadError> {
-        self.messages.refresh().map_err(ReadError::Unreadable)
+    fn refresh(&mut self) -> Result<(), LogReadError> {
+        self.messages.refresh().map_err(LogReadError::Unreadable)
     }
 
     fn unfinished_bytes(&self) -> usize {

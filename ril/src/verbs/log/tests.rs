@@ -4,7 +4,7 @@ use std::path::Path;
 
 use status::log::read::LogReader;
 
-use super::recording::{Entry, Format};
+use super::recording::{Format, LogEntry};
 use super::row::{Chosen, JsonRow, UtcSource, UtcTimes};
 use super::summary::{Summarizer, Summary};
 
@@ -20,8 +20,8 @@ fn summary(text: &str) -> Summary {
     let mut summarizer = Summarizer::new("x.tsv".to_owned(), Some(1), log.columns(), source);
     while let Some(entry) = log.next().unwrap() {
         match entry {
-            Entry::Row(row) => summarizer.row(&row),
-            Entry::Damaged(damage) => summarizer.damage(&damage),
+            LogEntry::Row(row) => summarizer.row(&row),
+            LogEntry::Damaged(damage) => summarizer.damage(&damage),
         }
     }
     summarizer.finish(log.unfinished_bytes())
@@ -186,7 +186,7 @@ fn rows_are_shown_by_chosen_columns() {
     assert!(log.begin().unwrap());
     let columns = log.columns().to_vec();
     let mut times = UtcTimes::new(UtcSource::of(&columns, None));
-    let Some(Entry::Row(row)) = log.next().unwrap() else {
+    let Some(LogEntry::Row(row)) = log.next().unwrap() else {
         panic!()
     };
     let time = times.of(&row);

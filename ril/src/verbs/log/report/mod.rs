@@ -28,7 +28,7 @@ use self::row::SampleReader;
 use super::files::ending;
 use super::files::{LogFile, MAX_NAMED, chosen_file, of_flight};
 use super::options::LogReportArgs;
-use super::recording::{Entry, Format, ReadError};
+use super::recording::{Format, LogEntry, LogReadError};
 use super::row::UtcSource;
 use super::summary::{Summarizer, Summary};
 use crate::render::json_line;
@@ -59,7 +59,7 @@ struct ReportObject {
 struct Read {
     flight: Flight,
     summary: Summary,
-    trouble: Option<ReadError>,
+    trouble: Option<LogReadError>,
 }
 
 /// `ril log report`
@@ -176,12 +176,12 @@ fn read(mut file: LogFile, record: Option<&Record>, chart: &Chart) -> Result<Rea
     let mut damaged = 0;
     let trouble = loop {
         match file.recording.next() {
-            Ok(Some(Entry::Row(row))) => {
+            Ok(Some(LogEntry::Row(row))) => {
                 start_unix_ns = start_unix_ns.or(row.unix_ns);
                 summarizer.row(&row);
                 collector.sample(&reader.sample(&row));
             }
-            Ok(Some(Entry::Damaged(damage))) => {
+            Ok(Some(LogEntry::Damaged(damage))) => {
                 damaged += 1;
                 summarizer.damage(&damage);
                 if damaged <= MAX_NAMED {

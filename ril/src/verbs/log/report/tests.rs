@@ -9,7 +9,7 @@ use super::collector::Collector;
 use super::row::SampleReader;
 use super::words;
 use crate::robot::chart::Chart;
-use crate::verbs::log::recording::Entry;
+use crate::verbs::log::recording::LogEntry;
 use crate::verbs::log::row::UtcSource;
 use crate::verbs::log::summary::Summarizer;
 
@@ -25,11 +25,11 @@ fn flight(text: &str) -> (Flight, Vec<String>) {
     let mut collector = Collector::default();
     while let Some(entry) = log.next().unwrap() {
         match entry {
-            Entry::Row(row) => {
+            LogEntry::Row(row) => {
                 summarizer.row(&row);
                 collector.sample(&reader.sample(&row));
             }
-            Entry::Damaged(damage) => {
+            LogEntry::Damaged(damage) => {
                 summarizer.damage(&damage);
                 collector.damage(&damage.to_string());
             }
