@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use recording::EventKind;
-use recording::read::{Check, RecordedEvent};
+use recording::read::{RecordCheck, RecordedEvent};
 use serde::Serialize;
 use status::log::clock::IsoTime;
 
@@ -85,7 +85,7 @@ pub struct Event {
 
 impl FileCheck {
     /// Of the file called `file`.
-    pub fn new(file: String, check: Check) -> FileCheck {
+    pub fn new(file: String, check: RecordCheck) -> FileCheck {
         let explained = explained(&check.events);
         let topics: BTreeMap<String, Topic> = check
             .topics
@@ -220,7 +220,7 @@ impl FileCheck {
     }
 }
 
-/// A text of the file for a terminal, which would obey control characters. JSON has it as it is.
+/// A text of the file for a terminal, which would obey control characters. JSON has it is.
 fn plain(text: &str) -> String {
     let mut plain = String::new();
     for letter in text.chars() {
@@ -272,13 +272,13 @@ mod tests {
             restarts: 0,
             dropped: 0,
         };
-        let check = Check {
+        let check = RecordCheck {
             is_complete: true,
             topics: [("/robot1/a".to_owned(), topic)].into(),
             first_ns: Some(1_156_797_566_000_000_000),
             last_ns: Some(1_156_797_570_000_000_000),
             events,
-            ..Check::default()
+            ..RecordCheck::default()
         };
         FileCheck::new("x.mcap".to_owned(), check)
     }

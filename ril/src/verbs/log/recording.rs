@@ -8,7 +8,7 @@ use std::path::Path;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
-use recording::read::{self, Messages, RecordFile, RecordedMessage, Source};
+use recording::read::{self, Messages, RecordFile, RecordSource, RecordedMessage};
 use status::log::clock::ClockAnchor;
 use status::log::groups::LogGroups;
 pub use status::log::read::{Damage, LogEntry, LogReadError, Row};
@@ -129,7 +129,7 @@ impl McapReader {
         let names = String::from_utf8_lossy(&names);
         let columns = names.trim_end().split('\t').map(str::to_owned).collect();
         Ok(McapReader {
-            messages: read::messages(Source::File(RecordFile::open(path)?)),
+            messages: read::messages(RecordSource::File(RecordFile::open(path)?)),
             table,
             columns,
             ahead: VecDeque::new(),

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use ipc_types::{MonotonicNs, SchedulingRole, WaitError, Wake};
 use module_kit::process::{Process, Sources};
-use recording::{Action, Anchor, Recorder, Totals};
+use recording::{Anchor, FileAction, Recorder, Totals};
 use status::log::store::{FileStore, Store};
 
 use super::disk::{ActionResult, Disk, DiskGone, Note};
@@ -153,7 +153,7 @@ impl RecorderShell {
         if !self.disk.is_busy()
             && let Some(action) = self.recorder.next()
         {
-            self.is_writing = matches!(action, Action::Write { .. });
+            self.is_writing = matches!(action, FileAction::Write { .. });
             self.disk.perform(action)?;
         }
         Ok(())

@@ -17,7 +17,7 @@ use std::io::{self, Read as _, Write};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-use recording::read::{RecordFile, Summary as RecordSummary, summary_of};
+use recording::read::{RecordFile, RecordSummary, summary_of};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
 use view::report::Flight;

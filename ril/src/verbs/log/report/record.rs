@@ -92,7 +92,7 @@ fn request(message: &RecordedMessage) -> Option<RequestEvent<'_>> {
 }
 
 /// What the file says of itself.
-pub fn tables(summary: &read::Summary) -> Vec<Table> {
+pub fn tables(summary: &read::RecordSummary) -> Vec<Table> {
     let text = |text: &str| text.to_owned();
     let mut tables = Vec::new();
     let topics = summary.topics.iter();
