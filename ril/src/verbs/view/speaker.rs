@@ -34,7 +34,7 @@ struct Said {
     number: u64,
     values_at: MonotonicNs,
     /// Without what counts on by itself.
-    words: Option<page::Robot>,
+    words: Option<page::RobotStatus>,
     words_at: MonotonicNs,
     chart: Option<page::Chart>,
     /// Lines of its journal.

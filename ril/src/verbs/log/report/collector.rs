@@ -3,7 +3,7 @@
 use ipc_types::TelemetryGroup;
 use ipc_types::code::PilotSwitch;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use view::report::Flight;
+use view::report::FlightReport;
 use view::report::flight::{Ink, Lane, Limit, Map, Weight};
 
 use super::clock::{Clock, RelativeDelay};
@@ -336,9 +336,9 @@ impl Collector {
     }
 
     /// The flight, with what files say of fence and plan. Its words are not there yet.
-    pub fn finish(self, title: String, chart: &Chart) -> Flight {
+    pub fn finish(self, title: String, chart: &Chart) -> FlightReport {
         let duration_s = self.clock.end_s();
-        let mut flight = Flight::new(title, duration_s);
+        let mut flight = FlightReport::new(title, duration_s);
         let lane = |name: &str, states: States| Lane {
             name: name.to_owned(),
             spans: states.finish(duration_s),

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use recording::read::{RecordFile, RecordSummary, summary_of};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
-use view::report::Flight;
+use view::report::FlightReport;
 use view::report::flight::{Table, Weight};
 
 use self::collector::Collector;
@@ -57,7 +57,7 @@ struct ReportObject {
 
 /// A log that was read to its end.
 struct Read {
-    flight: Flight,
+    flight: FlightReport,
     summary: Summary,
     trouble: Option<LogReadError>,
 }

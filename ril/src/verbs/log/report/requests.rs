@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use ipc_types::code::Stage;
-use view::report::flight::{Outcome, Request};
+use view::report::flight::{Outcome, RequestRow};
 
 use crate::recorded::RequestEvent;
 use crate::robot::geo::Place;
@@ -125,8 +125,8 @@ impl Requests {
     }
 
     /// The requests, with times that `at_s` makes of monotonic ones.
-    pub fn finish(&self, at_s: impl Fn(u64) -> f64) -> Vec<Request> {
-        let request = |open: &Open| Request {
+    pub fn finish(&self, at_s: impl Fn(u64) -> f64) -> Vec<RequestRow> {
+        let request = |open: &Open| RequestRow {
             from_s: at_s(open.at_ns),
             to_s: open.ended_ns.map(&at_s),
             name: match open.waypoints {

@@ -8,7 +8,7 @@ use ipc_types::MonotonicNs;
 use recording::play::Playhead;
 use recording::read::RecordedMessage;
 use runtime::exit::Failure;
-use view::page::{Replay, ReplayAction, ReplayInfo, ReplayRequest};
+use view::page::{ReplayAction, ReplayInfo, ReplayRequest, ReplayStatus};
 use view::{ChannelId, Server, ViewerId};
 
 use super::super::messages;
@@ -200,7 +200,7 @@ impl Playback {
 
     /// Says where it is.
     fn say(&mut self, server: &mut Server, now: MonotonicNs) {
-        let replay = Replay {
+        let replay = ReplayStatus {
             position_s: self.head.position(now).as_secs_f64(),
             playing: self.head.is_playing(now),
             speed: self.head.speed(),
