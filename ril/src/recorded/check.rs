@@ -41,7 +41,7 @@ pub struct FileCheck {
     /// Missing messages of which no event of the record says anything.
     pub unexplained: u64,
     /// By topic.
-    pub topics: BTreeMap<String, Topic>,
+    pub topics: BTreeMap<String, TopicCheck>,
     /// What happened to the recording.
     pub events: Vec<Event>,
     /// Records of metadata, by name.
@@ -52,7 +52,7 @@ pub struct FileCheck {
 
 /// What a record has of a topic.
 #[derive(Debug, Serialize)]
-pub struct Topic {
+pub struct TopicCheck {
     /// Type of the messages.
     #[serde(rename = "type")]
     pub type_name: String,
@@ -87,12 +87,12 @@ impl FileCheck {
     /// Of the file called `file`.
     pub fn new(file: String, check: RecordCheck) -> FileCheck {
         let explained = explained(&check.events);
-        let topics: BTreeMap<String, Topic> = check
+        let topics: BTreeMap<String, TopicCheck> = check
             .topics
             .into_iter()
             .map(|(name, topic)| {
                 let explained = explained.get(&name).copied().unwrap_or_default();
-                let topic = Topic {
+                let topic = TopicCheck {
                     type_name: topic.schema_name,
                     messages: topic.messages,
                     missing: topic.missing,

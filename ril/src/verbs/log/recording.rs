@@ -1,4 +1,4 @@
-//! The formats of log files, and what all of them can do: [`Format`] is the one place to add another. The rows of status are read by
+//! The formats of log files, and what all of them can do: [`LogFormat`] is the one place to add another. The rows of status are read by
 //! the crate `status`, the records of `ril record` here.
 
 use std::collections::VecDeque;
@@ -67,7 +67,7 @@ impl<R: BufRead> Recording for LogReader<R> {
 
 /// A format of log files: the one place to add another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum LogFormat {
     /// The tab-separated values that status writes.
     Tsv,
     /// The flight records of `ril record`.
@@ -77,17 +77,17 @@ pub enum Format {
 /// How an MCAP file begins.
 const MCAP: &[u8] = b"\x89MCAP";
 
-impl Format {
+impl LogFormat {
     /// The format of the file at `path` that begins with `beginning`. A record whose beginning is damaged is one by its name.
-    pub fn of(path: &Path, beginning: &[u8]) -> Format {
+    pub fn of(path: &Path, beginning: &[u8]) -> LogFormat {
         let is_named = || {
             path.extension()
                 .is_some_and(|extension| extension == "mcap")
         };
         match beginning.starts_with(MCAP) || (!beginning.is_empty() && is_named()) {
-            true => Format::Mcap,
+            true => LogFormat::Mcap,
             // The first line says more; an empty file may be a log to which nothing was written yet.
-            false => Format::Tsv,
+            false => LogFormat::Tsv,
         }
     }
 }
@@ -101,7 +101,7 @@ pub struct McapReader {
     table: Table,
     columns: Vec<String>,
     /// Rows that were read ahead, and what is damaged among them.
-    ahead: VecDeque<Found>,
+    ahead: VecDeque<ReadItem>,
     entries: u64,
     unfinished_bytes: usize,
     /// The row that was given last.
@@ -109,7 +109,7 @@ pub struct McapReader {
 }
 
 /// What was found in the file, in its order.
-enum Found {
+enum ReadItem {
     /// A sample, and its time in UTC.
     Sample(u64, Box<DspTelemetry>),
     /// Something that cannot be read.
@@ -147,11 +147,11 @@ impl McapReader {
     pub fn last(mut self, rows: usize) -> Result<McapReader, LogReadError> {
         let (mut ahead, mut samples) = (VecDeque::new(), 0);
         while let Some(found) = self.found()? {
-            samples += usize::from(matches!(found, Found::Sample(..)));
+            samples += usize::from(matches!(found, ReadItem::Sample(..)));
             ahead.push_back(found);
             while samples > rows {
                 let gone = ahead.pop_front();
-                samples -= usize::from(matches!(gone, Some(Found::Sample(..))));
+                samples -= usize::from(matches!(gone, Some(ReadItem::Sample(..))));
             }
         }
         self.ahead = ahead;
@@ -159,7 +159,7 @@ impl McapReader {
     }
 
     /// The next sample, or what is damaged in its place; `None` at the end.
-    fn found(&mut self) -> Result<Option<Found>, LogReadError> {
+    fn found(&mut self) -> Result<Option<ReadItem>, LogReadError> {
         if let Some(found) = self.ahead.pop_front() {
             return Ok(Some(found));
         }
@@ -167,7 +167,7 @@ impl McapReader {
             match message {
                 Ok(message) => {
                     if let Some(sample) = sample(&message) {
-                        return Ok(Some(Found::Sample(
+                        return Ok(Some(ReadItem::Sample(
                             message.publish_time_ns,
                             Box::new(sample),
                         )));
@@ -178,7 +178,7 @@ impl McapReader {
                 }
                 // What follows is counted at the end.
                 Err(read::ReadError::Truncated { .. }) => {}
-                Err(error) => return Ok(Some(Found::Damaged(error.to_string()))),
+                Err(error) => return Ok(Some(ReadItem::Damaged(error.to_string()))),
             }
         }
         let behind = self.messages.bytes_behind();
@@ -212,8 +212,8 @@ impl Recording for McapReader {
         };
         self.entries += 1;
         let (unix_ns, sample) = match found {
-            Found::Sample(unix_ns, sample) => (unix_ns, sample),
-            Found::Damaged(reason) => {
+            ReadItem::Sample(unix_ns, sample) => (unix_ns, sample),
+            ReadItem::Damaged(reason) => {
                 return Ok(Some(LogEntry::Damaged(Damage {
                     line: self.entries,
                     reason: DamageReason::Bytes(reason),

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use status::log::read::LogReader;
 
-use super::recording::{Format, LogEntry};
+use super::recording::{LogEntry, LogFormat};
 use super::row::{Chosen, JsonRow, UtcSource, UtcTimes};
 use super::summary::{Summarizer, Summary};
 
@@ -13,7 +13,10 @@ const CREATED_UNIX_S: u64 = 1_156_797_566;
 
 /// The summary of a log's text.
 fn summary(text: &str) -> Summary {
-    assert_eq!(Format::of(Path::new("a.tsv"), text.as_bytes()), Format::Tsv);
+    assert_eq!(
+        LogFormat::of(Path::new("a.tsv"), text.as_bytes()),
+        LogFormat::Tsv
+    );
     let mut log = LogReader::new(text.as_bytes());
     assert!(log.begin().unwrap());
     let source = UtcSource::of(log.columns(), Some(CREATED_UNIX_S));
@@ -216,10 +219,10 @@ fn rows_are_shown_by_chosen_columns() {
 
 #[test]
 fn a_file_of_another_format_is_named() {
-    let of = |name: &str, beginning: &[u8]| Format::of(Path::new(name), beginning);
-    assert_eq!(of("a", b"\x89MCAP0\r\n"), Format::Mcap);
-    assert_eq!(of("a.mcap", b"\x88MCAP0\r\n"), Format::Mcap);
-    assert_eq!(of("a.tsv", b""), Format::Tsv);
+    let of = |name: &str, beginning: &[u8]| LogFormat::of(Path::new(name), beginning);
+    assert_eq!(of("a", b"\x89MCAP0\r\n"), LogFormat::Mcap);
+    assert_eq!(of("a.mcap", b"\x88MCAP0\r\n"), LogFormat::Mcap);
+    assert_eq!(of("a.tsv", b""), LogFormat::Tsv);
 }
 
 #[test]

@@ -15,7 +15,7 @@ use rustix::event::{EventfdFlags, eventfd};
 use status::log::store::FileStore;
 
 use worker::Worker;
-pub(super) use worker::{ActionResult, ClosedFile, Layout, Note, RecordFolder};
+pub(super) use worker::{ActionResult, ClosedFile, Note, RecordFolder, ViewerLayout};
 
 /// The thread, as the rest of the process sees it.
 pub(super) struct Disk {

@@ -88,7 +88,7 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
         PlayedServices::open(&flight, &ipc).map_err(|error| not_provided(error, robot))?;
     request_slice(SchedulingRole::Provider);
     say_begin(&args.common, &flight, &services, &domain, robot);
-    let mut replay = Replay {
+    let mut replay = ReplayLoop {
         // The flight begins now that consumers can find it.
         player: Player::new(Arc::clone(player.flight()), section, MonotonicNs::now())
             .or_fail(ExitCode::Usage)?,
@@ -122,7 +122,7 @@ fn player(flight: &Arc<PlayableFlight>, section: Section) -> Result<Player, Fail
 }
 
 /// Everything that the loop has.
-struct Replay {
+struct ReplayLoop {
     player: Player,
     services: PlayedServices,
     termination: Termination,
@@ -132,7 +132,7 @@ struct Replay {
     summary: ReplaySummary,
 }
 
-impl Replay {
+impl ReplayLoop {
     /// Until the end, a key or a signal.
     fn run(&mut self) -> Result<(), Failure> {
         let mut has_keys = false;

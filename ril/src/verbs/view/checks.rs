@@ -6,7 +6,7 @@ use ipc_types::MonotonicNs;
 use runtime::finding::Severity;
 use view::{ViewerId, page};
 
-use super::fleet::Shown;
+use super::fleet::ShownRobot;
 use super::messages;
 use super::orders::{check_go_to, target};
 use super::preflight::{Preflight, PreflightCheck};
@@ -15,7 +15,7 @@ use super::preflight::{Preflight, PreflightCheck};
 pub(super) const MAX_PREFLIGHTS: usize = 2;
 
 /// A preflight that a page waits for.
-struct Asked {
+struct PendingPreflight {
     viewer: ViewerId,
     order: String,
     robot: u32,
@@ -25,7 +25,7 @@ struct Asked {
 /// See the module's documentation.
 #[derive(Default)]
 pub(super) struct Checks {
-    asked: Vec<Asked>,
+    asked: Vec<PendingPreflight>,
 }
 
 impl Checks {
@@ -34,7 +34,7 @@ impl Checks {
         &mut self,
         viewer: ViewerId,
         check: &page::CheckRequest,
-        shown: &Shown,
+        shown: &ShownRobot,
         now: MonotonicNs,
     ) -> Option<page::CheckResult> {
         match check.kind {
@@ -47,7 +47,7 @@ impl Checks {
         &mut self,
         viewer: ViewerId,
         check: &page::CheckRequest,
-        shown: &Shown,
+        shown: &ShownRobot,
         now: MonotonicNs,
     ) -> Option<page::CheckResult> {
         // Of the same page only the newest question is worth an answer.
@@ -58,7 +58,7 @@ impl Checks {
         }
         match Preflight::start(shown.robot.id, now) {
             Ok(preflight) => {
-                self.asked.push(Asked {
+                self.asked.push(PendingPreflight {
                     viewer,
                     order: check.order.clone(),
                     robot: check.robot,
@@ -102,7 +102,7 @@ impl Checks {
     }
 }
 
-fn go_to(check: &page::CheckRequest, shown: &Shown, now: MonotonicNs) -> page::CheckResult {
+fn go_to(check: &page::CheckRequest, shown: &ShownRobot, now: MonotonicNs) -> page::CheckResult {
     let target = match target(check.position, check.altitude_m) {
         Ok(target) => target,
         Err(why) => return failed(&check.order, check.robot, &why),

@@ -23,7 +23,7 @@ fn place(folder: &TempDir) -> RecordFolder {
             max_total_bytes: 8192,
             min_free_bytes: 0,
         },
-        layout: Layout {
+        layout: ViewerLayout {
             name: "layout.json".to_owned(),
             text: "{}".to_owned(),
         },

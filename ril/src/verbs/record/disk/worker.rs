@@ -237,7 +237,7 @@ impl<F: RecordFile> CurrentFile<F> {
 }
 
 /// Writes the layout of viewers if there is none. A recording without it is as good, so that an error is no failure.
-fn write_layout(folder: &Path, layout: &Layout) {
+fn write_layout(folder: &Path, layout: &ViewerLayout) {
     let mut options = File::options();
     let options = options.write(true).create_new(true).mode(MODE);
     let written = options
@@ -308,12 +308,12 @@ pub(in super::super) struct RecordFolder {
     /// How much they may take.
     pub limits: LogLimits,
     /// What viewers show the files with.
-    pub layout: Layout,
+    pub layout: ViewerLayout,
 }
 
 /// A file beside the recordings that Foxglove and Lichtblick import.
 #[derive(Clone, Debug)]
-pub(in super::super) struct Layout {
+pub(in super::super) struct ViewerLayout {
     /// Its name.
     pub name: String,
     /// What it has.
