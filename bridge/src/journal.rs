@@ -3,7 +3,7 @@
 //!
 //! * [`Journaled`]: a wrapper around the core that writes the journal while a program records it;
 //! * [`Snapshot`]: the configuration and the whole core as bytes, bit for bit;
-//! * [`Record`]: what a [`Reader`](module_kit::journal::JournalReader) finds in the pieces of the topic `bridge/journal`.
+//! * [`Record`]: what a [`JournalReader`](module_kit::journal::JournalReader) finds in the pieces of the topic `bridge/journal`.
 
 use std::ops::Deref;
 

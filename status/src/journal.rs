@@ -3,7 +3,7 @@
 //!
 //! * [`Journaled`]: a wrapper around the core that writes the journal while somebody records it;
 //! * [`Snapshot`]: the configuration and the core as bytes, bit for bit;
-//! * [`Record`]: what a [`Reader`](module_kit::journal::JournalReader) finds in the pieces of the topic `status/journal`.
+//! * [`Record`]: what a [`JournalReader`](module_kit::journal::JournalReader) finds in the pieces of the topic `status/journal`.
 
 use ipc_types::MonotonicNs;
 use module_kit::journal::JournalWriter;

@@ -19,7 +19,7 @@ use super::script::{
 /// Faults that a file may hold: each byte is checked against each of them, and no person writes more by hand.
 pub const MAX_FAULTS: usize = 256;
 
-/// Defines [`FaultKind`]; each row is `FaultKind = "name in a file";`.
+/// Defines [`FaultKind`]; each row is `Kind = "name in a file";`.
 macro_rules! kinds {
     ($( $(#[$doc:meta])* $kind:ident = $name:literal; )+) => {
         /// The values of `kind` in a `[[fault]]` table.

@@ -25,7 +25,7 @@ const MAX_ERRORS: usize = 1000;
 pub struct Recovered {
     /// Messages in the new file.
     pub messages: u64,
-    /// What was wrong with the old one, as in [`Check::errors`](super::RecordCheck::errors).
+    /// What was wrong with the old one, as in [`RecordCheck::errors`](super::RecordCheck::errors).
     pub errors: Vec<ReadError>,
 }
 
