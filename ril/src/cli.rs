@@ -17,13 +17,12 @@ use clap::{ArgAction, Args, CommandFactory, FromArgMatches, Parser, Subcommand, 
 use runtime::args::SettingsArgs;
 use runtime::manual::ManualArgs;
 
-use crate::options::{EXIT_CODES, duration};
+use crate::options::{EXIT_CODES, SampleArgs, duration};
 use crate::verbs::check::options::{DoctorArgs, PreflightArgs};
 use crate::verbs::conform::ConformArgs;
 use crate::verbs::demo;
 use crate::verbs::log::options::LogArgs;
 use crate::verbs::mavlink::run::MavlinkArgs;
-use crate::verbs::mavlink::status::MavlinkStatusArgs;
 use crate::verbs::order::{
     ControlArgs, FenceArgs, GotoArgs, HoldArgs, HolderArgs, LandArgs, RtlArgs, TakeoffArgs,
 };
@@ -294,7 +293,7 @@ pub struct MavlinkVerb {
 #[derive(Clone, Debug, Subcommand)]
 pub enum MavlinkCommand {
     /// Show the stations of the gateway that runs here, what it did not take of them, and why it sends nothing
-    Status(MavlinkStatusArgs),
+    Status(SampleArgs),
 }
 
 /// `ril run …`

@@ -31,6 +31,23 @@ Exit codes:
    8  something is not in order; the findings are printed
   78  the configuration is wrong";
 
+/// What every command takes that shows the newest samples of a robot.
+#[derive(Args, Clone, Debug)]
+#[command(after_help = EXIT_CODES)]
+pub struct SampleArgs {
+    /// What every process takes.
+    #[command(flatten)]
+    pub common: CommonArgs,
+
+    /// How long to wait for a sample, such as 5s or 200ms [default: 2s, or ril.toml]
+    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
+    pub timeout: Option<Duration>,
+
+    /// Print one JSON object
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// What every command takes that asks the bridge for something.
 #[derive(Args, Clone, Debug)]
 #[command(after_help = EXIT_CODES)]

@@ -28,7 +28,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 
 use crate::config::{Config, DEFAULT_FILE};
-use crate::options::wants_json;
+use crate::options::{SampleArgs, wants_json};
 use crate::render::json_line;
 
 /// Most users that are named who have a domain.
@@ -95,6 +95,15 @@ impl Session {
         let termination = Termination::install().or_fail(ExitCode::Internal)?;
         request_slice(SchedulingRole::Consumer);
         Session::of(common.robot().into(), Rc::new(termination))
+    }
+
+    /// Takes part to show samples, for which it waits this long; `None` if only the configuration was to be checked.
+    pub(crate) fn for_samples(args: &SampleArgs) -> Result<Option<(Session, Duration)>, Failure> {
+        let Some(config) = configuration(&args.common)? else {
+            return Ok(None);
+        };
+        let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
+        Ok(Some((Session::join(&args.common)?, timeout)))
     }
 
     /// Takes part in the shared memory of another robot as well.

@@ -8,7 +8,7 @@ use ipc_types::{
     Ticket,
 };
 
-use super::audit::{self, Audit, RelayStationNames};
+use super::audit::{Audit, AuditedSender, RelayStationNames};
 use super::controller::sender_of;
 use crate::core::Input;
 use crate::flight::control::Sender;
@@ -66,20 +66,17 @@ impl BridgeServices {
     pub fn drain(&mut self, inbox: &mut Vec<Input<'static>>) {
         self.stations.drain();
         let (log, stations) = (&self.audit, &self.stations);
+        let audited = |sender: &Sender, origin| AuditedSender {
+            pid: sender.process,
+            station: stations.name_of(origin),
+        };
         drain(
             &mut self.control,
             inbox,
             log,
             RequestKey::Control,
             |key, sender, request| {
-                let station = stations.name_of(request.origin);
-                log.control(
-                    &audit::AuditedSender {
-                        pid: sender.process,
-                        station,
-                    },
-                    &request,
-                );
+                log.control(&audited(&sender, request.origin), &request);
                 Input::Control {
                     key,
                     sender,
@@ -93,14 +90,7 @@ impl BridgeServices {
             log,
             RequestKey::Movement,
             |key, sender, request| {
-                let station = stations.name_of(request.origin);
-                log.movement(
-                    &audit::AuditedSender {
-                        pid: sender.process,
-                        station,
-                    },
-                    &request,
-                );
+                log.movement(&audited(&sender, request.origin), &request);
                 Input::Movement {
                     key,
                     sender,
@@ -114,14 +104,7 @@ impl BridgeServices {
             log,
             RequestKey::Parameter,
             |key, sender, request| {
-                let station = stations.name_of(request.origin);
-                log.parameter(
-                    &audit::AuditedSender {
-                        pid: sender.process,
-                        station,
-                    },
-                    &request,
-                );
+                log.parameter(&audited(&sender, request.origin), &request);
                 Input::Parameter {
                     key,
                     sender,

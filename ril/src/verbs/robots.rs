@@ -15,12 +15,11 @@ use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{
     Descriptor, Domain, Ipc, Module, MonotonicNs, RelayModule, RobotId, Source, Topic, Waiter,
 };
-use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 use serde::Serialize;
 
-use crate::options::{EXIT_CODES, duration};
+use crate::options::SampleArgs;
 use crate::render::json_line;
 use crate::render::words::module_words;
 use crate::robot::domain::{DomainFacts, Provided};
@@ -32,19 +31,11 @@ use crate::session::{Latest, Topics, as_user, configuration, other_domains};
 ///
 /// A robot is live when a process of it lives. It lists all robots, whatever --robot says.
 #[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
+#[command(mut_arg("json", |json| json.help("Print each robot as a JSON object on a line")))]
 pub struct RobotsArgs {
-    /// What every process takes.
+    /// What every command takes that shows samples.
     #[command(flatten)]
-    pub common: CommonArgs,
-
-    /// How long to wait for the state of each robot, such as 5s or 200ms [default: 2s, or ril.toml]
-    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
-    pub timeout: Option<Duration>,
-
-    /// Print each robot as a JSON object on a line
-    #[arg(long)]
-    pub json: bool,
+    pub samples: SampleArgs,
 }
 
 /// `ril robots`
@@ -52,7 +43,7 @@ pub struct RobotsArgs {
 /// # Errors
 ///
 /// Code 1 when the shared memory cannot be read, that of another user included.
-pub fn robots(args: &RobotsArgs) -> Result<(), Failure> {
+pub fn robots(RobotsArgs { samples: args }: &RobotsArgs) -> Result<(), Failure> {
     let Some(config) = configuration(&args.common)? else {
         return Ok(());
     };

@@ -1,50 +1,26 @@
 //! `ril mavlink status`: which stations there are, what was not taken of them, and why nothing is sent.
 
 use std::io::{self, Write};
-use std::time::Duration;
 
-use clap::Args;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::MavlinkStations;
-use runtime::args::CommonArgs;
 use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure};
 
 use super::report::MavlinkReport;
-use crate::options::{EXIT_CODES, duration};
+use crate::options::SampleArgs;
 use crate::render::json_line;
-use crate::session::{Latest, Session, configuration, other_domains, others_alive};
-
-/// `ril mavlink status`
-///
-/// It ends with exit code 0 when the helicopter is heard, so that telemetry is sent, and with 6 when not.
-#[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
-pub struct MavlinkStatusArgs {
-    /// What every process takes.
-    #[command(flatten)]
-    pub common: CommonArgs,
-
-    /// How long to wait for a sample, such as 5s or 200ms [default: 2s, or ril.toml]
-    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
-    pub timeout: Option<Duration>,
-
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
-}
+use crate::session::{Latest, Session, other_domains, others_alive};
 
 /// `ril mavlink status`
 ///
 /// # Errors
 ///
 /// Code 3 when there is no gateway, 4 when it publishes nothing, 6 when the helicopter is not heard.
-pub fn status(args: &MavlinkStatusArgs) -> Result<(), Failure> {
-    let Some(config) = configuration(&args.common)? else {
+pub fn status(args: &SampleArgs) -> Result<(), Failure> {
+    let Some((session, timeout)) = Session::for_samples(args)? else {
         return Ok(());
     };
-    let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
-    let session = Session::join(&args.common)?;
     let robot = session.ipc.robot();
     let Some(mut topic) = Latest::<MavlinkStations>::open_if_provided(&session)? else {
         let text = format!(

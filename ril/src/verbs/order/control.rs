@@ -1,24 +1,22 @@
 //! `ril control …`: who commands the bridge, and taking, releasing and passing that on.
 
 use std::io::{self, Write};
-use std::time::Duration;
 
 use clap::{Args, Subcommand};
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, ModuleState, RelayStations};
 use ipc_types::{MonotonicNs, Request, Source, Topic};
-use runtime::args::CommonArgs;
 use runtime::exit::Failure;
 
 use super::asked::run;
-use crate::options::{EXIT_CODES, RequestArgs, duration};
+use crate::options::{RequestArgs, SampleArgs};
 use crate::render::fields::{JsonLine, Tree};
 use crate::render::json_line;
 use crate::render::messages::Verb;
 use crate::request::control_request;
 use crate::robot::absence::{absent, nothing_came};
 use crate::robot::controller::{Senders, own_session};
-use crate::session::{Latest, Session, Topics, configuration, is_relayed};
+use crate::session::{Latest, Session, Topics, is_relayed};
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.Control.v1";
@@ -35,30 +33,13 @@ pub struct HolderArgs {
 #[derive(Clone, Debug, Subcommand)]
 pub enum HolderCommand {
     /// Show who commands the bridge, and who asks for it
-    Show(HolderShowArgs),
+    Show(SampleArgs),
     /// Take control for this terminal; while another has exclusive control, ask its holder for it
     Take(RequestArgs),
     /// Give control back, or do not ask for it any more
     Release(RequestArgs),
     /// Hand control over to who asks for it
     Pass(RequestArgs),
-}
-
-/// `ril control show`
-#[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
-pub struct HolderShowArgs {
-    /// What every process takes.
-    #[command(flatten)]
-    pub common: CommonArgs,
-
-    /// How long to wait for the bridge's state, such as 5s or 200ms [default: 2s, or ril.toml]
-    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
-    pub timeout: Option<Duration>,
-
-    /// Print it as a JSON object
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// `ril control …`
@@ -99,12 +80,10 @@ impl Topics for NewestControl {
     }
 }
 
-fn show(args: &HolderShowArgs) -> Result<(), Failure> {
-    let Some(config) = configuration(&args.common)? else {
+fn show(args: &SampleArgs) -> Result<(), Failure> {
+    let Some((session, timeout)) = Session::for_samples(args)? else {
         return Ok(());
     };
-    let session = Session::join(&args.common)?;
-    let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
     let Some(provider) = session.provider(ModuleState::KEY)? else {
         return Err(absent(&session, ModuleState::KEY));
     };

@@ -105,30 +105,18 @@ mod tests {
     use super::*;
     use crate::cli::{Cli, Command};
 
-    fn point(item: u32) -> PathPoint {
-        PathPoint {
+    /// A take-off, and a path of the items 2, 3 and 5.
+    fn executor() -> Executor {
+        let point = |item| PathPoint {
             item,
             waypoint: Waypoint::default(),
-        }
-    }
-
-    fn steps() -> Vec<Step> {
-        vec![
-            Step::TakeOff {
-                item: None,
-                height_m: 12.5,
-            },
-            Step::Speed {
-                item: 1,
-                speed_mps: 3.0,
-            },
-            Step::Path(vec![point(2), point(3), point(5)]),
-            Step::Wait {
-                item: 5,
-                duration_s: 9.0,
-            },
-            Step::Land { item: 6 },
-        ]
+        };
+        let take_off = Step::TakeOff {
+            item: None,
+            height_m: 12.5,
+        };
+        let path = Step::Path([2, 3, 5].map(point).to_vec());
+        Executor::new(vec![take_off, path], 1)
     }
 
     fn arguments(line: &[&str]) -> PlanFlyArgs {
@@ -161,7 +149,7 @@ mod tests {
             longitude_deg: -6.001,
             altitude_m: 10.25,
         };
-        let mut executor = Executor::new(steps(), 1);
+        let mut executor = executor();
         executor.begin();
         let command = resume(&executor, &args, &home).unwrap();
         assert_eq!(
@@ -169,10 +157,8 @@ mod tests {
             "ril plan fly 'my plan.gpx' --from 1 --home -37.4110000,-6.0010000,10.25 --takeoff 12.5m --altitude-is sea --altitude 30m \
              --robot 7"
         );
-        for _ in 0..2 {
-            executor.poll(MonotonicNs(0));
-            executor.step_done();
-        }
+        executor.poll(MonotonicNs(0));
+        executor.step_done();
         executor.reached(1);
         assert_eq!(
             StepEvent::of(&executor, "reached").waypoints_reached,

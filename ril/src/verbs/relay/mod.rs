@@ -11,19 +11,17 @@ use std::io::{self, Write};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process;
-use std::time::Duration;
 
 use clap::{ArgAction, Args, Subcommand};
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{RelayLink, RelayStations};
-use runtime::args::CommonArgs;
 use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure};
 
 use self::report::RelayReport;
-use crate::options::{EXIT_CODES, duration};
+use crate::options::SampleArgs;
 use crate::render::json_line;
-use crate::session::{Latest, Session, configuration, other_domains, others_alive};
+use crate::session::{Latest, Session, other_domains, others_alive};
 
 /// `ril relay`
 ///
@@ -60,19 +58,10 @@ pub enum RelayCommand {
 /// On a station's machine it shows the link to the robot, and the stations that the robot's relay knows; on a robot's machine these alone. It ends with exit code 0 when
 /// the link is up, or at least one station is, and with 6 when not.
 #[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
 pub struct RelayStatusArgs {
-    /// What every process takes.
+    /// What every command takes that shows samples.
     #[command(flatten)]
-    pub common: CommonArgs,
-
-    /// How long to wait for a sample, such as 5s or 200ms [default: 2s, or ril.toml]
-    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
-    pub timeout: Option<Duration>,
-
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
+    pub samples: SampleArgs,
 
     /// Print help
     // That of `ril relay` is off, because it is the program's own, and with it those of all verbs below.
@@ -126,11 +115,9 @@ fn not_started(program: &Path, error: &io::Error) -> String {
 /// Code 3 when there is no relay, 4 when it publishes nothing, 6 when the link to the robot is not up, or on a robot's machine
 /// no station is.
 pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
-    let Some(config) = configuration(&args.common)? else {
+    let Some((session, timeout)) = Session::for_samples(&args.samples)? else {
         return Ok(());
     };
-    let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
-    let session = Session::join(&args.common)?;
     let mut topics = open(&session)?;
     let give_up = MonotonicNs::now() + timeout;
     let is_complete = |(link, stations): &mut Provided, _| {
@@ -154,7 +141,7 @@ pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
     }
     let report = RelayReport::new(session.ipc.robot(), link, stations, MonotonicNs::now());
     let mut out = io::stdout().lock();
-    if args.json {
+    if args.samples.json {
         json_line(&mut out, &report)?;
     } else {
         write!(out, "{report}").map_err(Failure::output)?;

@@ -8,11 +8,10 @@ use std::time::{Duration, SystemTime};
 use clap::Args;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayStations};
 use ipc_types::{MonotonicNs, Source, StateOf, StatusModule, Topic};
-use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure};
 
 use self::report::{Samples, StateReport};
-use crate::options::{EXIT_CODES, duration};
+use crate::options::SampleArgs;
 use crate::render::json_line;
 use crate::render::terminal::{Block, Size};
 use crate::render::words::time_of_day;
@@ -21,23 +20,14 @@ use crate::robot::controller::own_session;
 use crate::robot::pilot::PilotView;
 use crate::robot::relay_link::{LinkReport, LinkWatch};
 use crate::robot::sample_age::is_present;
-use crate::session::{Latest, Session, Topics, configuration};
+use crate::session::{Latest, Session, Topics};
 
 /// `ril status`
 #[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
 pub struct StatusArgs {
-    /// What every process takes.
+    /// What every command takes that shows samples.
     #[command(flatten)]
-    pub common: CommonArgs,
-
-    /// How long to wait for a sample, such as 5s or 200ms [default: 2s, or ril.toml]
-    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
-    pub timeout: Option<Duration>,
-
-    /// Print one JSON object
-    #[arg(long)]
-    pub json: bool,
+    pub samples: SampleArgs,
 
     /// Go on until a signal: on a terminal show all anew in its place, elsewhere print a line at every change
     #[arg(long)]
@@ -57,11 +47,9 @@ const IDLE_PERIOD: Duration = Duration::from_secs(1);
 /// Code 3 when there is no bridge, 4 when it says nothing or what it says is old, 6 when the link to the DSP, or the relay's to the
 /// robot, is not up. What there is has been shown then.
 pub fn status(args: &StatusArgs) -> Result<(), Failure> {
-    let Some(config) = configuration(&args.common)? else {
+    let Some((session, timeout)) = Session::for_samples(&args.samples)? else {
         return Ok(());
     };
-    let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
-    let session = Session::join(&args.common)?;
     let mut newest = Newest::open(&session)?;
     if args.watch {
         return watch(args, &session, &mut newest);
@@ -76,7 +64,7 @@ pub fn status(args: &StatusArgs) -> Result<(), Failure> {
     }
     let report = newest.report(&session)?;
     let mut out = io::stdout().lock();
-    if args.json {
+    if args.samples.json {
         json_line(&mut out, &report)?;
     } else {
         write!(out, "{report}").map_err(Failure::output)?;
@@ -92,7 +80,7 @@ pub fn status(args: &StatusArgs) -> Result<(), Failure> {
 /// Shows the report again and again until a signal: on a terminal in its place, elsewhere a line whenever the situation is another.
 fn watch(args: &StatusArgs, session: &Session, newest: &mut Newest) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    let is_live = !args.json && out.is_terminal();
+    let is_live = !args.samples.json && out.is_terminal();
     let mut block = Block::default();
     let mut before = None;
     while !session.termination.requested() {
@@ -107,7 +95,7 @@ fn watch(args: &StatusArgs, session: &Session, newest: &mut Newest) -> Result<()
                 .show(&mut out, size, text.lines())
                 .map_err(Failure::output)?;
         } else if before.as_ref() != Some(&situation) {
-            if args.json {
+            if args.samples.json {
                 json_line(&mut out, &report)?;
             } else {
                 let since_1970 = SystemTime::UNIX_EPOCH.elapsed().unwrap_or_default();
