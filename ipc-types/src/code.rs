@@ -458,14 +458,6 @@ impl ImiCode {
     pub const fn is_none(self) -> bool {
         self.0 == ImiError::None.code()
     }
-
-    /// The IMI code of a DSP error, 201 … 500; `None` for a code that has no place in that interval (0, or over 300).
-    pub const fn of_dsp(code: u32) -> Option<ImiCode> {
-        match code {
-            1..=300 => Some(ImiCode(code + IMI_DSP_OFFSET)),
-            _ => None,
-        }
-    }
 }
 
 impl From<ImiError> for ImiCode {

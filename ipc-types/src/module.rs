@@ -28,9 +28,6 @@ use crate::{Request, Topic};
 /// distinguishes modules in shared memory; the id is for consumers that know modules by number.
 pub const OUTSIDE_IDS: RangeInclusive<u32> = 1000..=9999;
 
-/// Errors of modules outside the RIL, in [`State::error`] and in reports. Below are those of the Inter Modular Interface.
-pub const OUTSIDE_ERRORS: RangeInclusive<u32> = 1000..=9999;
-
 /// Bytes of [`State::doing`].
 pub const DOING_LEN: usize = 48;
 

@@ -59,11 +59,6 @@ impl Bins {
     pub fn total(&self) -> f64 {
         self.counts.iter().sum()
     }
-
-    /// The greatest rate, 1/s.
-    pub fn greatest_rate(&self, span_s: f64) -> f64 {
-        self.rates(span_s).map(|(_, rate)| rate).fold(0.0, f64::max)
-    }
 }
 
 #[cfg(test)]
@@ -91,7 +86,7 @@ mod tests {
         bins.add(-1.0, 1.0);
         bins.add(f64::NAN, 1.0);
         bins.add(1.0, -5.0);
-        assert_eq!((bins.total(), bins.greatest_rate(9.0)), (0.0, 0.0));
+        assert_eq!(bins.total(), 0.0);
         bins.add(1e12, 3.0);
         assert!(bins.counts.len() <= MAX_BINS && bins.total() == 3.0);
     }
