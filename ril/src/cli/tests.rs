@@ -146,7 +146,7 @@ fn everything_of_the_relay_but_status_goes_to_its_own_program() {
     let Some(RelayCommand::Status(status)) = args.command else {
         panic!("{args:?}");
     };
-    assert!(status.json && status.common.robot().get() == 7);
+    assert!(status.samples.json && status.samples.common.robot().get() == 7);
     let error = parse(&["relay", "status", "--count", "3"]).unwrap_err();
     assert_eq!(error.exit_code(), 2);
 }

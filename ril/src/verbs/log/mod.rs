@@ -16,7 +16,7 @@ mod tail;
 mod tests;
 mod whole;
 
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 
 use runtime::exit::Failure;
 use status::log::groups::LogGroups;
@@ -27,7 +27,7 @@ use self::options::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs};
 use self::recording::{Damage, LogEntry};
 use self::row::{Chosen, UTC, UtcSource, UtcTimes};
 use self::summary::Summarizer;
-use crate::render::json_line;
+use crate::render::print;
 use crate::session::configuration;
 
 /// `ril log …`
@@ -73,12 +73,7 @@ fn summary(args: &LogFileArgs) -> Result<(), Failure> {
     let Some(summary) = summarizer.map(|summarizer| summarizer.finish(unfinished)) else {
         return Ok(());
     };
-    let mut out = io::stdout().lock();
-    if args.json {
-        json_line(&mut out, &summary)?;
-    } else {
-        write!(out, "{summary}").map_err(Failure::output)?;
-    }
+    print(&summary, args.json)?;
     let lines = (summary.damaged_lines, summary.unfinished_bytes);
     ending(&name, trouble, lines.0, lines.1)
 }

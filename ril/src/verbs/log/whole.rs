@@ -14,8 +14,8 @@ use super::files::{OrFailUsage, last_flight, open};
 use super::options::{LogExportArgs, LogFileArgs, LogRecoverArgs};
 use crate::recorded::check::FileCheck;
 use crate::recorded::{key_of, name_of, new_file};
-use crate::render::json_line;
 use crate::render::words::{count, shell_word};
+use crate::render::{json_line, print};
 use crate::session::configuration;
 
 /// How a file of a record that was made whole ends, behind the name of the damaged one. No log and no recording gives such a
@@ -40,11 +40,7 @@ pub(super) fn check(args: &LogFileArgs) -> Result<(), Failure> {
     };
     let name = path.display().to_string();
     let check = FileCheck::new(name.clone(), read::check(&record(&path)?));
-    let mut out = io::stdout().lock();
-    match args.json {
-        true => json_line(&mut out, &check)?,
-        false => write!(out, "{check}").map_err(Failure::output)?,
-    }
+    print(&check, args.json)?;
     if check.is_in_order() {
         return Ok(());
     }

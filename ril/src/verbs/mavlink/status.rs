@@ -1,7 +1,5 @@
 //! `ril mavlink status`: which stations there are, what was not taken of them, and why nothing is sent.
 
-use std::io::{self, Write};
-
 use ipc_types::MonotonicNs;
 use ipc_types::payload::MavlinkStations;
 use runtime::duration::DurationText;
@@ -9,7 +7,7 @@ use runtime::exit::{ExitCode, Failure};
 
 use super::report::MavlinkReport;
 use crate::options::SampleArgs;
-use crate::render::json_line;
+use crate::render::print;
 use crate::session::{Latest, Session, other_domains, others_alive};
 
 /// `ril mavlink status`
@@ -46,12 +44,7 @@ pub fn status(args: &SampleArgs) -> Result<(), Failure> {
         ));
     };
     let report = MavlinkReport::new(robot, sample, MonotonicNs::now());
-    let mut out = io::stdout().lock();
-    if args.json {
-        json_line(&mut out, &report)?;
-    } else {
-        write!(out, "{report}").map_err(Failure::output)?;
-    }
+    print(&report, args.json)?;
     match report.trouble() {
         None => Ok(()),
         Some((text, next_step)) => {

@@ -7,7 +7,7 @@ mod report;
 mod tests;
 
 use std::ffi::OsString;
-use std::io::{self, Write};
+use std::io;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process;
@@ -20,7 +20,7 @@ use runtime::exit::{ExitCode, Failure};
 
 use self::report::RelayReport;
 use crate::options::SampleArgs;
-use crate::render::json_line;
+use crate::render::print;
 use crate::session::{Latest, Session, other_domains, others_alive};
 
 /// `ril relay`
@@ -140,12 +140,7 @@ pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
         ));
     }
     let report = RelayReport::new(session.ipc.robot(), link, stations, MonotonicNs::now());
-    let mut out = io::stdout().lock();
-    if args.samples.json {
-        json_line(&mut out, &report)?;
-    } else {
-        write!(out, "{report}").map_err(Failure::output)?;
-    }
+    print(&report, args.samples.json)?;
     match report.trouble() {
         None => Ok(()),
         Some((text, next_step)) => {

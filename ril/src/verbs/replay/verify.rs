@@ -4,7 +4,6 @@
 mod tests;
 
 use std::fmt;
-use std::io::{self, Write};
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
@@ -18,7 +17,7 @@ use serde::Serialize;
 use super::journals::{first_robot, first_samples, kept_flight, open, piece, refuse_kept};
 use super::options::ReplayArgs;
 use crate::render::fields::Meaning;
-use crate::render::json_line;
+use crate::render::print;
 use crate::render::words::count;
 
 /// `ril replay FILE --verify`
@@ -61,12 +60,7 @@ pub(super) fn verify(args: &ReplayArgs) -> Result<(), Failure> {
         took: MonotonicNs::now().since(began),
     };
     let verification = Verification::new(&verdict, &of);
-    let mut out = io::stdout().lock();
-    match args.json {
-        true => json_line(&mut out, &verification)?,
-        false => write!(out, "{verification}").map_err(Failure::output)?,
-    }
-    out.flush().map_err(Failure::output)?;
+    print(&verification, args.json)?;
     match verification.trouble() {
         None => Ok(()),
         Some(text) => Err(Failure::new(verification.exit_code(), text).with_next_step(

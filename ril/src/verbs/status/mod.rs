@@ -12,9 +12,9 @@ use runtime::exit::{ExitCode, Failure};
 
 use self::report::{Samples, StateReport};
 use crate::options::SampleArgs;
-use crate::render::json_line;
 use crate::render::terminal::{Block, Size};
 use crate::render::words::time_of_day;
+use crate::render::{json_line, print};
 use crate::robot::absence::{absent, nothing_came};
 use crate::robot::controller::own_session;
 use crate::robot::pilot::PilotView;
@@ -63,12 +63,7 @@ pub fn status(args: &StatusArgs) -> Result<(), Failure> {
         return Err(nothing_came(&session, ModuleState::KEY, timeout)?);
     }
     let report = newest.report(&session)?;
-    let mut out = io::stdout().lock();
-    if args.samples.json {
-        json_line(&mut out, &report)?;
-    } else {
-        write!(out, "{report}").map_err(Failure::output)?;
-    }
+    print(&report, args.samples.json)?;
     match report.trouble() {
         None => Ok(()),
         // It names other robots that may be meant.
