@@ -1,11 +1,13 @@
 //! Which field of a sample depends on what, and which numbers are codes: the one place that knows.
 
+use std::sync::LazyLock;
+
 use ipc_types::code::{
     DspPathState, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind,
     OutlineKind, PilotSwitch, PortKind, Reason, SafetyAction, SafetyRule, Stage,
 };
 use ipc_types::payload::{BridgeOutline, DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
-use ipc_types::{TelemetryGroup, Topic};
+use ipc_types::{Schema, TelemetryGroup, Topic};
 
 /// A field, plain or nested, and whether it means something in a sample.
 pub type Condition<T> = (&'static str, fn(&T) -> bool);
@@ -20,6 +22,19 @@ pub trait Shown: Topic {
 
     /// The fields that are codes.
     const CODES: &'static [Naming];
+
+    /// Where its fields lie, read from its text once in a process.
+    fn schema() -> &'static Schema;
+}
+
+/// The schema of a [`Shown`].
+macro_rules! schema_once {
+    ($type:ty) => {
+        fn schema() -> &'static Schema {
+            static SCHEMA: LazyLock<Schema> = LazyLock::new(Schema::of::<$type>);
+            &SCHEMA
+        }
+    };
 }
 
 /// What is known of a struct beyond its schema.
@@ -134,6 +149,8 @@ impl Shown for DspTelemetry {
     };
 
     const CODES: &'static [Naming] = &[("last_dsp_error_code", dsp_error_name)];
+
+    schema_once!(DspTelemetry);
 }
 
 impl Shown for HeroTelemetry {
@@ -159,6 +176,8 @@ impl Shown for HeroTelemetry {
     };
 
     const CODES: &'static [Naming] = &[("last_dsp_error_code", dsp_error_name)];
+
+    schema_once!(HeroTelemetry);
 }
 
 impl Shown for ModuleState {
@@ -200,6 +219,8 @@ impl Shown for ModuleState {
         "imi_error" as |code| Some(ImiCode(code).to_string()),
         "dsp_errors.last_code" as dsp_error_name,
     };
+
+    schema_once!(ModuleState);
 }
 
 impl Shown for BridgeOutline {
@@ -214,6 +235,8 @@ impl Shown for BridgeOutline {
     ];
 
     const CODES: &'static [Naming] = codes! { "kind" => OutlineKind; };
+
+    schema_once!(BridgeOutline);
 }
 
 /// The codes of a [`RequestReport`](ipc_types::payload::RequestReport).
@@ -235,7 +258,6 @@ fn dsp_error_name(code: u32) -> Option<String> {
 mod tests {
     use super::*;
     use crate::render::fields::{Selection, Tree, field_names};
-    use ipc_types::Schema;
 
     /// Fields of telemetry that mean something whatever was transmitted.
     const ALWAYS: [&str; 11] = [
@@ -316,7 +338,7 @@ mod tests {
     #[test]
     fn the_tables_name_fields_that_exist() {
         fn check<T: Shown>() {
-            let known = field_names(Schema::of::<T>().root());
+            let known = field_names(T::schema().root());
             let named = T::CONDITIONS.iter().map(|(name, _)| name);
             for name in named.chain(T::CODES.iter().map(|(name, _)| name)) {
                 assert!(

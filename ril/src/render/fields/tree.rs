@@ -97,8 +97,7 @@ impl Tree {
 impl Tree {
     /// The chosen fields of `sample`.
     pub fn of<T: Shown>(sample: &T, selection: &Selection) -> Tree {
-        let schema = Schema::of::<T>();
-        Tree::read(&schema, Meaning::of::<T>(), sample.bytes(), selection)
+        Tree::read(T::schema(), Meaning::of::<T>(), sample.bytes(), selection)
     }
 
     /// The chosen fields of a sample, of which `payload` are the bytes, `schema` says where they lie and `meaning` what
