@@ -1,6 +1,8 @@
 //! Packages of others for tests alone, from PyPI and npm, in folders of their own within the target folder, where they stay for the next
 //! time. Why they cannot be had is said in words, and then a test is to be skipped visibly.
 
+use std::env;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -20,20 +22,64 @@ pub fn python(name: &str, packages: &[&str], imports: &str) -> Result<PathBuf, S
     let python = folder.join("bin/python");
     let has_packages = || run(Command::new(&python).args(["-B", "-c", imports]));
     if has_packages().is_err() {
-        run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
-        let mut pip = Command::new(&python);
-        pip.args([
-            "-m",
-            "pip",
-            "install",
-            "--quiet",
-            "--disable-pip-version-check",
-            "--retries=1",
-        ]);
-        run(pip.args(packages))?;
+        make_environment(&folder, packages)?;
         has_packages()?;
     }
     Ok(python)
+}
+
+/// An interpreter of Python with what `requirement` names, such as `pymavlink==2.4.50`, and nothing else. A user who may not write in
+/// the target folder gets one in the folder for temporary files.
+///
+/// Making one takes ten seconds of a processor, so tests share it; a second one waits until it is made.
+///
+/// # Errors
+///
+/// Why there is none.
+pub fn python_alone(requirement: &str) -> Result<PathBuf, String> {
+    let name = requirement.replace(|letter: char| !letter.is_ascii_alphanumeric(), "-");
+    let made = |folder: &Path| {
+        let environment = folder.join(format!("{name}-venv"));
+        let is_complete = environment.join("complete").is_file();
+        is_complete.then(|| environment.join("bin/python"))
+    };
+    let shared = folder();
+    if let Some(python) = made(&shared) {
+        return Ok(python);
+    }
+    let lock_in = |folder: &Path| File::create(folder.join(format!("{name}.lock")));
+    let (folder, lock) = match fs::create_dir_all(&shared).and_then(|()| lock_in(&shared)) {
+        Ok(lock) => (shared, lock),
+        Err(_) => {
+            let own = env::temp_dir();
+            let lock = lock_in(&own).map_err(|error| format!("{}: {error}", own.display()))?;
+            (own, lock)
+        }
+    };
+    lock.lock().map_err(|error| error.to_string())?;
+    if let Some(python) = made(&folder) {
+        return Ok(python);
+    }
+    let environment = folder.join(format!("{name}-venv"));
+    make_environment(&environment, &[requirement])?;
+    let complete = File::create(environment.join("complete"));
+    complete.map_err(|error| error.to_string())?;
+    Ok(environment.join("bin/python"))
+}
+
+/// Makes a virtual environment with these packages, or adds them to one.
+fn make_environment(folder: &Path, packages: &[&str]) -> Result<(), String> {
+    run(Command::new("python3").args(["-m", "venv"]).arg(folder))?;
+    let mut pip = Command::new(folder.join("bin/python"));
+    pip.args([
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--retries=1",
+    ]);
+    run(pip.args(packages))
 }
 
 /// A folder with `node_modules` in which these packages are, each written as `name@version`. `name` is for the folder.
@@ -57,8 +103,8 @@ pub fn node(name: &str, packages: &[&str]) -> Result<PathBuf, String> {
         })
     };
     if !has_packages(&folder) {
-        let write = |name: &str, text| std::fs::write(folder.join(name), text);
-        let made = std::fs::create_dir_all(&folder)
+        let write = |name: &str, text| fs::write(folder.join(name), text);
+        let made = fs::create_dir_all(&folder)
             .and_then(|()| write("package.json", "{\"private\": true}\n"));
         made.map_err(|error| format!("{}: {error}", folder.display()))?;
         let mut npm = Command::new("npm");

@@ -1,6 +1,6 @@
 //! The programs of docs/consumers.md, which use iceoryx2's own binding for Python, as they stand there.
 //!
-//! The binding comes from PyPI into an environment that is thrown away. Without network the programs are not run, and that is
+//! The binding comes from PyPI into an environment in the target folder. Without network the programs are not run, and that is
 //! told; `RIL_TEST_ICEORYX2_PYTHON` names an interpreter that has the binding.
 
 use std::fs;
@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use ipc_types::code::MovementKind;
-use ril_tests::languages::{python_with, root, skip};
+use ril_tests::languages::{root, skip};
+use ril_tests::packages::python_alone;
 use ril_tests::process::Signal;
 use ril_tests::{
     Answer, Process, PtyFolder, Received, Script, StandInBridge, StandInStatus, TestDomain,
@@ -114,10 +115,9 @@ impl Consumers {
 fn the_programs_of_the_page_do_what_it_says() {
     let page = page();
     let folder = PtyFolder::new();
-    let environment = folder.link("environment");
     let python = match std::env::var_os("RIL_TEST_ICEORYX2_PYTHON") {
         Some(python) => python.into(),
-        None => match python_with(requirement(&page), &environment) {
+        None => match python_alone(requirement(&page)) {
             Ok(python) => python,
             Err(why) => return skip("the programs of docs/consumers.md", &why),
         },

@@ -10,7 +10,8 @@ use std::time::{Duration, Instant};
 
 use ipc_types::code::{Reason, Stage};
 use ipc_types::{Ipc, Publisher, Source, Waiter, fresh_request_id};
-use ril_tests::languages::{Compiler, built, python, python_example, python_with, root, skip};
+use ril_tests::languages::{Compiler, built, python, python_example, root, skip};
+use ril_tests::packages::python_alone;
 use ril_tests::process::{Finished, Line, Signal, WAIT_LIMIT};
 use ril_tests::sandbox::records_in;
 use ril_tests::{Process, PtyFolder, Sandbox, TestDomain};
@@ -726,7 +727,7 @@ fn one_command_makes_the_same_struct_for_every_language() {
 #[test]
 fn mypy_finds_a_field_that_is_misspelt() {
     let folder = PtyFolder::new();
-    let found = python_with("mypy", &folder.link("environment"));
+    let found = python_alone("mypy");
     let Some(python) = or_skip("Python, by mypy", found) else {
         return;
     };

@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use ipc_types::payload::MavlinkStations;
 use ril_tests::process::{Signal, WAIT_LIMIT};
-use ril_tests::{Process, Sandbox, languages};
+use ril_tests::{Process, Sandbox, languages, packages};
 
 use crate::common::{end, sandbox};
 use station::Station;
@@ -151,7 +151,7 @@ fn mavsdk_flies_a_mission_and_all_its_actions() {
 fn judged(script: &str, package: &str, words: &[&str], config: &str, look: impl FnOnce(&Sandbox)) {
     let rig = sandbox();
     let what = format!("{package} flies the helicopter");
-    let python = match languages::python_with(package, &rig.path("venv")) {
+    let python = match packages::python_alone(package) {
         Ok(python) => python,
         Err(why) => return languages::skip(&what, &why),
     };
