@@ -13,7 +13,7 @@ use ipc_types::payload::{
 use module_kit::journal::raw;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{BridgeConfig, MovementLimits, Parameters};
+use crate::config::{BridgeConfig, MovementLimits, ParametersConfig};
 use crate::flight::control::{Sender, Who};
 use crate::flight::request::{
     Parsed, Request, RequestKey, parse_control, parse_movement, parse_parameter,
@@ -196,7 +196,7 @@ impl Bridge {
     }
 
     /// The parameters `new` in the place of `old`, unless others were set at run time.
-    pub(crate) fn replace_parameters(&mut self, old: &Parameters, new: &Parameters) {
+    pub(crate) fn replace_parameters(&mut self, old: &ParametersConfig, new: &ParametersConfig) {
         if self.link.parameters() == old {
             *self.link.parameters_mut() = new.clone();
         }

@@ -3,13 +3,13 @@
 //!
 //! * [`Journaled`]: a wrapper around the core that writes the journal while a program records it;
 //! * [`Snapshot`]: the configuration and the whole core as bytes, bit for bit;
-//! * [`Record`]: what a [`Reader`](module_kit::journal::Reader) finds in the pieces of the topic `bridge/journal`.
+//! * [`Record`]: what a [`JournalReader`](module_kit::journal::JournalReader) finds in the pieces of the topic `bridge/journal`.
 
 use std::ops::Deref;
 
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport};
-use module_kit::journal::Writer;
+use module_kit::journal::JournalWriter;
 use serde::{Deserialize, Serialize};
 
 use crate::config::BridgeConfig;
@@ -19,7 +19,7 @@ use crate::outputs::{AsValues, Notice, Output, Outputs, RequestKey};
 use crate::safety::fence::Fence;
 
 /// An entry of the bridge's journal.
-pub type Record<'a> = module_kit::journal::Record<'a, Input<'a>, Output<'a>>;
+pub type Record<'a> = module_kit::journal::JournalRecord<'a, Input<'a>, Output<'a>>;
 
 /// A [`Bridge`] whose inputs and outputs are recorded, while its writer is started. What only looks at the bridge is there as its own.
 #[derive(Debug)]
@@ -28,7 +28,7 @@ pub struct Journaled {
     config: BridgeConfig,
     /// The configuration as a text, once for all snapshots.
     text: String,
-    writer: Writer,
+    writer: JournalWriter,
 }
 
 impl Deref for Journaled {
@@ -41,7 +41,7 @@ impl Deref for Journaled {
 
 impl Journaled {
     /// A new bridge. Nothing is recorded until `writer` is started.
-    pub fn new(config: &BridgeConfig, writer: Writer) -> Journaled {
+    pub fn new(config: &BridgeConfig, writer: JournalWriter) -> Journaled {
         Journaled {
             bridge: Bridge::new(config),
             config: config.clone(),
@@ -51,12 +51,12 @@ impl Journaled {
     }
 
     /// The writer: to start and stop it, and to take its pieces.
-    pub fn writer(&mut self) -> &mut Writer {
+    pub fn writer(&mut self) -> &mut JournalWriter {
         &mut self.writer
     }
 
     /// The writer, to ask when it has something.
-    pub fn journal(&self) -> &Writer {
+    pub fn journal(&self) -> &JournalWriter {
         &self.writer
     }
 

@@ -13,16 +13,16 @@ use ipc_types::payload::{
     DspPanTilt, DspReferences, DspServoPulses, DspSupply, DspTelemetry, DspXy,
 };
 
-use crate::link::Sample;
+use crate::link::StatusSample;
 
 /// Writes `sample` into `out`: everything but `sequence` and `epoch_ns`, which belong to the publisher.
 pub fn dsp_telemetry(
-    sample: &Sample,
+    sample: &StatusSample,
     dsp_boots: u32,
     errors: &DspErrorCounters,
     out: &mut DspTelemetry,
 ) {
-    let Sample { status, received } = sample;
+    let StatusSample { status, received } = sample;
     let Status {
         flying,
         time_ms,
@@ -205,7 +205,7 @@ mod tests {
             sonar_adc: 999,
             ..DspTelemetry::default()
         };
-        let sample = Sample {
+        let sample = StatusSample {
             status,
             received: MonotonicNs(52),
         };

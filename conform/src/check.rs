@@ -14,7 +14,7 @@ pub type Running = Pin<Box<dyn Future<Output = Judged>>>;
 
 /// Where the helicopter must be when a check begins. The runner brings it there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum StartPlace {
     /// On the ground, following off.
     Ground,
     /// In a hover, with an empty path buffer and following on.
@@ -26,7 +26,7 @@ pub enum How {
     /// By sending what moves no rotor.
     Harmless(Box<dyn Fn(Bench) -> Running>),
     /// By sending what can move a rotor.
-    Moving(Place, Box<dyn Fn(Bench, RotorDisconnected) -> Running>),
+    Moving(StartPlace, Box<dyn Fn(Bench, RotorDisconnected) -> Running>),
     /// By the messages of all other checks.
     Watched(Rule),
 }
@@ -70,7 +70,7 @@ impl Check {
 
     /// A check that can move a rotor.
     pub fn moving<F>(
-        place: Place,
+        place: StartPlace,
         id: &str,
         section: &'static str,
         sentence: &str,

@@ -10,7 +10,7 @@ use dsp_protocol::{Downlink, Group, StatusMask, port};
 
 use crate::arrival::Arrival;
 use crate::bench::Bench;
-use crate::check::{Check, How, Place};
+use crate::check::{Check, How, StartPlace};
 use crate::outcome::{Judged, Stop};
 use crate::permitted::{Harmless, QuietPort16, QuietPort32, RotorDisconnected};
 use crate::pilot;
@@ -44,7 +44,7 @@ pub struct Settings {
 
 /// How far a run is.
 #[derive(Debug, Default)]
-struct Progress {
+struct RunProgress {
     reports: Vec<CheckReport>,
     ended_early: Option<Ended>,
     is_finished: bool,
@@ -69,7 +69,7 @@ pub trait Player {
 pub struct Conformance {
     settings: Settings,
     wire: Rc<RefCell<Wire>>,
-    progress: Rc<RefCell<Progress>>,
+    progress: Rc<RefCell<RunProgress>>,
     run: Option<Pin<Box<dyn Future<Output = ()>>>>,
 }
 
@@ -80,7 +80,7 @@ impl Conformance {
             settings.setup,
             settings.proof.is_some(),
         )));
-        let progress = Rc::new(RefCell::new(Progress::default()));
+        let progress = Rc::new(RefCell::new(RunProgress::default()));
         let run = run(
             Bench::new(Rc::clone(&wire)),
             Rc::clone(&wire),
@@ -179,13 +179,13 @@ async fn run(
     bench: Bench,
     wire: Rc<RefCell<Wire>>,
     settings: Settings,
-    progress: Rc<RefCell<Progress>>,
+    progress: Rc<RefCell<RunProgress>>,
 ) {
     if let Err(ended) = begin(&bench).await {
         progress.borrow_mut().ended_early = Some(ended);
         return;
     }
-    let found = Found::read(&bench).await;
+    let found = OriginalPorts::read(&bench).await;
     for check in chosen(settings.setup.profile, &settings.only) {
         let (verdict, dialogue) = match (left_out(&check, &settings), &check.how) {
             (Some(why), _) => (Verdict::NotJudged { why }, Vec::new()),
@@ -277,8 +277,8 @@ async fn attempt(
         }
         (How::Moving(place, run), Some(proof)) => {
             let prepared = match place {
-                Place::Ground => pilot::to_ground(bench, proof).await,
-                Place::Hover => pilot::to_hover(bench, proof).await,
+                StartPlace::Ground => pilot::to_ground(bench, proof).await,
+                StartPlace::Hover => pilot::to_hover(bench, proof).await,
             };
             match prepared {
                 Ok(()) => {
@@ -391,14 +391,14 @@ fn flies_or_moves(seen: &[Arrival]) -> bool {
 }
 
 /// The ports that the kit writes, as it found them.
-struct Found {
+struct OriginalPorts {
     words: Vec<(QuietPort16, u16)>,
     floats: Vec<(QuietPort32, f32)>,
 }
 
-impl Found {
-    async fn read(bench: &Bench) -> Found {
-        let mut found = Found {
+impl OriginalPorts {
+    async fn read(bench: &Bench) -> OriginalPorts {
+        let mut found = OriginalPorts {
             words: Vec::new(),
             floats: Vec::new(),
         };

@@ -34,7 +34,7 @@ impl FieldSpec {
 pub(crate) type Limits = RangeInclusive<f64>;
 
 /// A type of section 3 that carries values of type `T`.
-pub(crate) trait Wire<T> {
+pub(crate) trait WireType<T> {
     /// The type's name.
     const NAME: &'static str;
     /// Bytes on the wire.
@@ -56,7 +56,7 @@ pub(crate) struct Steps<I, const PER_UNIT: u32>(std::marker::PhantomData<I>);
 
 macro_rules! integers {
     ($($wire:ty: $type:ty, $method:ident, $len:literal;)*) => {$(
-        impl Wire<$type> for $wire {
+        impl WireType<$type> for $wire {
             const NAME: &'static str = stringify!($method);
             const LEN: usize = $len;
             const STEPS_PER_UNIT: u32 = 1;
@@ -74,7 +74,7 @@ macro_rules! integers {
 
 macro_rules! scaled {
     ($($integer:ty: $type:ty, $method:ident, $len:literal;)*) => {$(
-        impl<const PER_UNIT: u32> Wire<$type> for Steps<$integer, PER_UNIT> {
+        impl<const PER_UNIT: u32> WireType<$type> for Steps<$integer, PER_UNIT> {
             const NAME: &'static str = stringify!($integer);
             const LEN: usize = $len;
             const STEPS_PER_UNIT: u32 = PER_UNIT;
@@ -130,8 +130,8 @@ macro_rules! field_spec {
         $crate::field::FieldSpec {
             name: stringify!($name),
             unit: $unit,
-            wire: <$wire as $crate::field::Wire<$type>>::NAME,
-            steps_per_unit: <$wire as $crate::field::Wire<$type>>::STEPS_PER_UNIT,
+            wire: <$wire as $crate::field::WireType<$type>>::NAME,
+            steps_per_unit: <$wire as $crate::field::WireType<$type>>::STEPS_PER_UNIT,
             min: *$limits.start(),
             max: *$limits.end(),
         }
@@ -161,16 +161,16 @@ macro_rules! record {
             const FIELDS: &'static [$crate::field::FieldSpec] =
                 &[$($crate::field::field_spec!($field, $type, $wire, $unit, $limits)),+];
 
-            const LEN: usize = 0 $(+ <$wire as $crate::field::Wire<$type>>::LEN)+;
+            const LEN: usize = 0 $(+ <$wire as $crate::field::WireType<$type>>::LEN)+;
 
             fn write(value: &$record, writer: &mut $crate::frame::Writer) {
-                $(<$wire as $crate::field::Wire<$type>>::write(value.$field, writer);)+
+                $(<$wire as $crate::field::WireType<$type>>::write(value.$field, writer);)+
             }
 
             fn read(reader: &mut $crate::frame::Reader<'_>) -> $record {
                 // The fields of a struct expression are evaluated in the order in which they are written.
                 $record {
-                    $($field: <$wire as $crate::field::Wire<$type>>::read(reader),)+
+                    $($field: <$wire as $crate::field::WireType<$type>>::read(reader),)+
                 }
             }
 

@@ -218,14 +218,14 @@ macro_rules! layout_of {
             const FIELDS: &'static [FieldSpec] =
                 &[field_spec!($field, $type, $wire, $unit, $limits)];
 
-            const LEN: usize = <$wire as Wire<$type>>::LEN;
+            const LEN: usize = <$wire as WireType<$type>>::LEN;
 
             fn write(value: &$type, writer: &mut Writer) {
-                <$wire as Wire<$type>>::write(*value, writer);
+                <$wire as WireType<$type>>::write(*value, writer);
             }
 
             fn read(reader: &mut Reader<'_>) -> $type {
-                <$wire as Wire<$type>>::read(reader)
+                <$wire as WireType<$type>>::read(reader)
             }
 
             fn is_plausible(value: &$type) -> bool {
@@ -278,7 +278,7 @@ macro_rules! groups {
         /// How each group is laid out, by the group's name.
         pub(crate) mod layout {
             use super::*;
-            use crate::field::Wire;
+            use crate::field::WireType;
 
             $(layout_of!($group, $field, $type $(, $wire, $unit, $limits)?);)+
         }

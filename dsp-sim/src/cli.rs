@@ -14,7 +14,7 @@ use runtime::{config, logging};
 
 use crate::config::{Config, DEFAULT_FILE, parse_profile};
 use crate::faults::Script;
-use crate::port::Port;
+use crate::port::VirtualPort;
 use crate::pty::{PtyError, PtyPort};
 use crate::serial_port::SerialPort;
 use crate::shell;
@@ -193,7 +193,7 @@ fn load_faults(file: &Path) -> Result<Script, Failure> {
 }
 
 /// Opens the serial port or the pseudo-terminal, and returns the path by which the operator knows it.
-fn open_port(args: &SimArgs, baud_rate: u32) -> Result<(PathBuf, Box<dyn Port>), Failure> {
+fn open_port(args: &SimArgs, baud_rate: u32) -> Result<(PathBuf, Box<dyn VirtualPort>), Failure> {
     if let Some(path) = &args.port {
         if baud_rate == 0 {
             return Err(Failure::usage(
@@ -251,10 +251,10 @@ mod tests {
 
     #[test]
     fn the_help_names_every_kind_of_fault() {
-        use crate::faults::Kind;
+        use crate::faults::FaultKind;
         use clap::CommandFactory;
         let help = SimArgs::command().render_long_help().to_string();
-        for &kind in Kind::ALL {
+        for &kind in FaultKind::ALL {
             assert!(
                 help.contains(kind.name()),
                 "{} is not in {help}",

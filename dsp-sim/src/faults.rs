@@ -71,7 +71,7 @@ pub use script::{
     Act, AfterStall, Damage, Direction, Directions, DspEvent, Fault, Happening, HelicopterEvent,
     MIN_PERIOD, MessageKind, Script, Times, Window,
 };
-pub use table::{Kind, MAX_FAULTS};
+pub use table::{FaultKind, MAX_FAULTS};
 
 use bytes::ByteStage;
 use messages::{MessageFault, MessageStage};

@@ -9,7 +9,7 @@ use rustix::io::Errno;
 use crate::faults::PortState;
 
 /// What the loop of the process serves.
-pub trait Port {
+pub trait VirtualPort {
     /// Brings the port up to date: it does what happened to it in the simulation, and opens again what was lost.
     ///
     /// # Errors

@@ -21,7 +21,7 @@ use rustix::pty::OpenptFlags;
 use rustix::termios::{self, OptionalActions, QueueSelector};
 
 use crate::faults::PortState;
-use crate::port::{Port, Terminal};
+use crate::port::{Terminal, VirtualPort};
 
 /// Room for a few hundred events of the watch, bytes; more are read at the next wake.
 const EVENTS_LEN: usize = 4_096;
@@ -290,7 +290,7 @@ impl PtyPort {
     }
 }
 
-impl Port for PtyPort {
+impl VirtualPort for PtyPort {
     fn follow(&mut self, state: PortState) -> io::Result<()> {
         if state == self.seen {
             return Ok(());

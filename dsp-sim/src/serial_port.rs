@@ -19,7 +19,7 @@ use rustix::termios::{
 };
 
 use crate::faults::PortState;
-use crate::port::{Port, Terminal};
+use crate::port::{Terminal, VirtualPort};
 
 /// How long to wait before a port that is gone is tried again: the bridge waits no longer.
 const RETRY_PAUSE: Duration = Duration::from_millis(100);
@@ -69,7 +69,7 @@ impl SerialPort {
     }
 }
 
-impl Port for SerialPort {
+impl VirtualPort for SerialPort {
     /// A script of faults cannot unplug a real port: while it should be gone, it is silent.
     fn follow(&mut self, _state: PortState) -> io::Result<()> {
         if self.open.is_some() || Instant::now() < self.retry_at {

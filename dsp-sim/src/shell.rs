@@ -15,7 +15,7 @@ use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
-use crate::port::{Port, Terminal};
+use crate::port::{Terminal, VirtualPort};
 use crate::simulator::{INPUT_PLACES, Simulator};
 
 /// How late a wake may be, in real time, before the simulated clock is held back: a process that was stopped, or a
@@ -24,7 +24,7 @@ const MAX_LATE: Duration = Duration::from_secs(1);
 
 /// What the loop did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Summary {
+pub struct LoopCounts {
     /// How often it woke.
     pub wakes: u64,
     /// Bytes that came from the PC.
@@ -40,14 +40,14 @@ pub struct Summary {
 /// The port is gone and cannot come back, or waiting failed.
 pub fn run(
     simulator: &mut Simulator,
-    port: &mut dyn Port,
+    port: &mut dyn VirtualPort,
     speed: f64,
     termination: &Termination,
     supervisor: &Notifier,
-) -> io::Result<Summary> {
-    let mut clock = Clock::new(simulator.now(), speed);
+) -> io::Result<LoopCounts> {
+    let mut clock = SimClock::new(simulator.now(), speed);
     simulator.set_speed(speed);
-    let mut summary = Summary::default();
+    let mut summary = LoopCounts::default();
     let mut watchdog = Watchdog::new(supervisor);
     let mut buffer = [0; INPUT_PLACES];
     while !termination.requested() {
@@ -82,7 +82,7 @@ fn ferry(
     terminal: &mut dyn Terminal,
     now: Duration,
     buffer: &mut [u8; INPUT_PLACES],
-    summary: &mut Summary,
+    summary: &mut LoopCounts,
 ) -> io::Result<()> {
     if terminal.check_peer()? {
         simulator.discard_output();
@@ -144,15 +144,15 @@ fn sleep(
 }
 
 /// The simulated clock over the real one.
-struct Clock {
+struct SimClock {
     real_start: Instant,
     simulated_start: Duration,
     speed: f64,
 }
 
-impl Clock {
-    fn new(simulated_start: Duration, speed: f64) -> Clock {
-        Clock {
+impl SimClock {
+    fn new(simulated_start: Duration, speed: f64) -> SimClock {
+        SimClock {
             real_start: Instant::now(),
             simulated_start,
             speed,
@@ -219,7 +219,7 @@ mod tests {
     use crate::simulator::Setup;
 
     /// Runs the loop in a thread while `pc` uses the port that it opens.
-    fn with_loop(speed: f64, pc: impl FnOnce(&dyn Fn() -> File)) -> (Simulator, Summary) {
+    fn with_loop(speed: f64, pc: impl FnOnce(&dyn Fn() -> File)) -> (Simulator, LoopCounts) {
         let (termination, request) = Termination::by_hand().unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("dsp");
@@ -314,7 +314,7 @@ mod tests {
 
     #[test]
     fn a_clock_that_is_far_too_late_stood_still() {
-        let mut clock = Clock::new(Duration::from_secs(5), 10.0);
+        let mut clock = SimClock::new(Duration::from_secs(5), 10.0);
         let near = clock.now(Some(Duration::from_secs(5)));
         assert!(near >= Duration::from_secs(5));
         // As if a minute had passed unseen.

@@ -12,7 +12,7 @@ use std::time::Duration;
 pub use crate::client_port::SendError;
 use crate::client_port::{ClientPort, LIVENESS_PERIOD, Outstanding};
 use crate::code::Reason;
-use crate::doorbell::Channel;
+use crate::doorbell::ServiceEvent;
 use crate::follow::{Follower, until_room};
 use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
@@ -365,7 +365,7 @@ impl sealed::Source for BytesClient {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: self.offer.slot.bits(Channel::Responses),
+            bits: self.offer.slot.bits(ServiceEvent::Responses),
             receiver: self.port.as_ref().map(|port| &port.responses),
             by_descriptor: false,
             // Without a request there is no server to look for.

@@ -10,7 +10,7 @@ use iceoryx2::prelude::BackpressureStrategy;
 use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use crate::code::{Reason, Stage};
-use crate::doorbell::Channel;
+use crate::doorbell::ServiceEvent;
 use crate::generation::{self, Generation};
 use crate::iox::{AnyRequest, Svc};
 use crate::open::{self, Offer, OpenError};
@@ -99,8 +99,8 @@ impl ClientPort {
         let (robot, key) = (session.robot(), offer.key.as_str());
         let service = open::open_request(&generation, offer, robot)?;
         let event = |channel| Event::open(&generation, robot, key, channel);
-        let responses = WakeReceiver::new(event(Channel::Responses)?);
-        let requests = event(Channel::Requests)?;
+        let responses = WakeReceiver::new(event(ServiceEvent::Responses)?);
+        let requests = event(ServiceEvent::Requests)?;
         let port = open::port(
             &service_name(robot, key),
             ("clients", MAX_CLIENTS),

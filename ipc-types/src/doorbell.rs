@@ -38,14 +38,14 @@ use crate::service::{SERVICES, own};
 use crate::time::MonotonicNs;
 
 /// Length of the page, bytes.
-const LEN: usize = size_of::<Page>();
+const LEN: usize = size_of::<DoorbellPage>();
 
 /// Services that the page tells apart. Those beyond share a slot, which wakes a process without need now and then.
 const SLOTS: usize = 15;
 
 /// What lies in the file. `docs/ipc.md` has it as a table; another layout needs another name for the file.
 #[repr(C, align(64))]
-struct Page {
+struct DoorbellPage {
     /// Counts the rings; the word to sleep on.
     rings: AtomicU32,
     /// The bits that a process sleeps for.
@@ -58,11 +58,11 @@ struct Page {
     also_reserved: [u32; 140],
 }
 
-const _: () = assert!(offset_of!(Page, joined) == 16 && LEN == 640);
+const _: () = assert!(offset_of!(DoorbellPage, joined) == 16 && LEN == 640);
 
 /// Which of a service's events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Channel {
+pub(crate) enum ServiceEvent {
     /// From publisher to subscribers: the service's own name.
     Samples,
     /// From subscribers to the publisher: `<service>/subscribers`.
@@ -96,10 +96,10 @@ pub struct DoorbellSlot(usize);
 
 impl DoorbellSlot {
     /// The bit of one of the service's events.
-    pub(crate) fn bits(self, channel: Channel) -> Bits {
+    pub(crate) fn bits(self, channel: ServiceEvent) -> Bits {
         let direction = match channel {
-            Channel::Samples | Channel::Responses => 0,
-            Channel::Subscribers | Channel::Requests => 1,
+            ServiceEvent::Samples | ServiceEvent::Responses => 0,
+            ServiceEvent::Subscribers | ServiceEvent::Requests => 1,
         };
         const TWO: Bits = Bits::new(2).unwrap();
         TWO.saturating_pow(2 * self.0 as u32 + direction)
@@ -121,12 +121,12 @@ pub(crate) enum Slept {
 
 /// The number of rings that a sleeper has seen.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Seen(u32);
+pub(crate) struct SeenRings(u32);
 
 /// The doorbell of a robot.
 #[derive(Debug)]
 pub struct Doorbell {
-    page: NonNull<Page>,
+    page: NonNull<DoorbellPage>,
     maker: Maker,
 }
 
@@ -159,7 +159,7 @@ impl Doorbell {
         })
     }
 
-    fn page(&self) -> &Page {
+    fn page(&self) -> &DoorbellPage {
         // SAFETY: mapped until the doorbell is dropped, aligned to a page, and nothing but atomics and an unused word, for
         // which every pattern of bits is a value. Only this user can cut the file short, whom the contract trusts not to.
         #[allow(unsafe_code)]
@@ -190,13 +190,13 @@ impl Doorbell {
     }
 
     /// Announces a sleeper. Look for data afterwards, then [`sleep`](Doorbell::sleep).
-    pub(crate) fn listen(&self, bits: Bits) -> Seen {
+    pub(crate) fn listen(&self, bits: Bits) -> SeenRings {
         let page = self.page();
         let seen = page.rings.load(Ordering::SeqCst);
         page.sleepers
             .fetch_or((bits | GENERATION).get(), Ordering::SeqCst);
         fence(Ordering::SeqCst);
-        Seen(seen)
+        SeenRings(seen)
     }
 
     /// Sleeps until one of `bits` is rung, or a service has another generation, unless that was since `seen`.
@@ -204,7 +204,12 @@ impl Doorbell {
     /// # Errors
     ///
     /// When the kernel cannot do that.
-    pub(crate) fn sleep(&self, seen: Seen, bits: Bits, until: MonotonicNs) -> Result<Slept, Errno> {
+    pub(crate) fn sleep(
+        &self,
+        seen: SeenRings,
+        bits: Bits,
+        until: MonotonicNs,
+    ) -> Result<Slept, Errno> {
         let rings = &self.page().rings;
         let (until, bits) = (until.timespec(), bits | GENERATION);
         match futex::wait_bitset(rings, futex::Flags::empty(), seen.0, Some(&until), bits) {
@@ -224,7 +229,7 @@ impl Doorbell {
     /// Counts a new subscriber of the service at `slot` and wakes its publisher.
     pub(crate) fn join(&self, slot: DoorbellSlot) {
         self.page().joined[slot.0].fetch_add(1, Ordering::SeqCst);
-        self.ring(slot.bits(Channel::Subscribers));
+        self.ring(slot.bits(ServiceEvent::Subscribers));
     }
 
     /// How many subscribers of the service at `slot` have joined so far, wrapping around.
@@ -264,7 +269,7 @@ mod tests {
     const DATA: &str = "hero_telemetry";
 
     fn samples() -> Bits {
-        doorbell_slot(DATA).bits(Channel::Samples)
+        doorbell_slot(DATA).bits(ServiceEvent::Samples)
     }
 
     /// Two processes' views of one doorbell.
@@ -284,10 +289,10 @@ mod tests {
     #[test]
     fn every_event_has_a_bit_of_its_own() {
         let channels = [
-            Channel::Samples,
-            Channel::Subscribers,
-            Channel::Requests,
-            Channel::Responses,
+            ServiceEvent::Samples,
+            ServiceEvent::Subscribers,
+            ServiceEvent::Requests,
+            ServiceEvent::Responses,
         ];
         let mut all = vec![GENERATION.get()];
         for spec in &SERVICES {
@@ -324,8 +329,8 @@ mod tests {
     fn a_process_is_not_woken_by_what_it_does_not_sleep_for() {
         let [sleeper, ringer] = doorbells();
         let seen = sleeper.listen(samples());
-        ringer.ring(doorbell_slot(DATA).bits(Channel::Subscribers));
-        ringer.ring(doorbell_slot("dsp_telemetry").bits(Channel::Samples));
+        ringer.ring(doorbell_slot(DATA).bits(ServiceEvent::Subscribers));
+        ringer.ring(doorbell_slot("dsp_telemetry").bits(ServiceEvent::Samples));
         let slept = sleeper.sleep(seen, samples(), soon());
         assert_eq!(slept, Ok(Slept::TimedOut));
         // A bit that was left, as by a process that was killed, does no harm.
@@ -342,7 +347,10 @@ mod tests {
         const ROUNDS: u32 = 20_000;
         let doorbells = doorbells();
         let data = [const { AtomicU32::new(0) }; 2];
-        let sides = [samples(), doorbell_slot(DATA).bits(Channel::Subscribers)];
+        let sides = [
+            samples(),
+            doorbell_slot(DATA).bits(ServiceEvent::Subscribers),
+        ];
         let play = |me: usize| {
             let doorbell = &doorbells[me];
             for round in 1..=ROUNDS {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::doorbell::{Bits, Channel, Doorbell, Seen, doorbell_slot};
+use crate::doorbell::{Bits, Doorbell, SeenRings, ServiceEvent, doorbell_slot};
 use crate::generation::{self, Generation};
 use crate::inspect;
 use crate::open::OpenError;
@@ -35,7 +35,7 @@ pub(crate) fn until_room(
     let deadline = MonotonicNs::now() + ROOM_LIMIT;
     let doorbell = session.doorbell();
     // A new generation wakes every sleeper.
-    let bits = slot.bits(Channel::Samples);
+    let bits = slot.bits(ServiceEvent::Samples);
     let mut tries = 0;
     loop {
         let seen = doorbell.listen(bits);
@@ -59,7 +59,7 @@ pub(crate) fn until_room(
 fn sleep_for_generation(
     doorbell: &Doorbell,
     bits: Bits,
-    mut seen: Seen,
+    mut seen: SeenRings,
     until: MonotonicNs,
 ) -> bool {
     let generations = doorbell.generations();

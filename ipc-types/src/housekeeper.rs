@@ -85,7 +85,7 @@ pub(crate) struct Maintained {
     /// Whether its clients may need the reserve.
     keeps_reserve: bool,
     passes: AtomicU32,
-    orders: Orders,
+    orders: TaskSender,
     /// When the thread was last asked to judge who has the places, host monotonic ns.
     asked_ns: AtomicU64,
     deaths: AtomicU32,
@@ -152,7 +152,8 @@ impl Maintained {
             is_full: taken >= places,
         };
         // Without the thread the places stay as they are.
-        self.orders.give(Order::Judge(Arc::downgrade(self), crowd));
+        self.orders
+            .give(HousekeeperTask::Judge(Arc::downgrade(self), crowd));
     }
 
     /// Says once when a partner was not connected for want of descriptors.
@@ -345,7 +346,7 @@ fn remove_dead(config: &Config) -> Pass {
 
 /// The messages to the thread.
 #[derive(Debug)]
-enum Order {
+enum HousekeeperTask {
     Tend(Weak<Maintained>),
     /// To look now who has the places.
     Judge(Weak<Maintained>, Crowd),
@@ -380,13 +381,13 @@ impl ThreadWaker {
 
 /// Where orders to the thread are given.
 #[derive(Clone, Debug)]
-struct Orders {
-    sender: Sender<Order>,
+struct TaskSender {
+    sender: Sender<HousekeeperTask>,
     waker: Arc<ThreadWaker>,
 }
 
-impl Orders {
-    fn give(&self, order: Order) {
+impl TaskSender {
+    fn give(&self, order: HousekeeperTask) {
         // Without the thread the order is dropped here, and with it what it holds.
         let _ = self.sender.send(order);
         self.waker.signal();
@@ -396,7 +397,7 @@ impl Orders {
 /// The thread; it ends when this is dropped.
 #[derive(Debug)]
 pub(crate) struct Housekeeper {
-    orders: Orders,
+    orders: TaskSender,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -419,7 +420,7 @@ impl Housekeeper {
             )
             .ok();
         Housekeeper {
-            orders: Orders { sender, waker },
+            orders: TaskSender { sender, waker },
             thread,
         }
     }
@@ -429,19 +430,20 @@ impl Housekeeper {
         if self.orders.waker.0.get().is_none() {
             self.orders.waker.open();
         }
-        self.orders.give(Order::Tend(Arc::downgrade(maintained)));
+        self.orders
+            .give(HousekeeperTask::Tend(Arc::downgrade(maintained)));
     }
 
     /// Drops something on the thread.
     pub(crate) fn drop_later(&self, thing: impl Any + Send) {
-        self.orders.give(Order::Drop(Box::new(thing)));
+        self.orders.give(HousekeeperTask::Drop(Box::new(thing)));
     }
 }
 
 impl Drop for Housekeeper {
     fn drop(&mut self) {
         let (sender, ended) = mpsc::channel();
-        self.orders.give(Order::End(sender));
+        self.orders.give(HousekeeperTask::End(sender));
         if let Some(thread) = self.thread.take() {
             if ended.recv_timeout(END_LIMIT) == Err(RecvTimeoutError::Timeout) {
                 return tracing::warn!("what dead processes left cannot be removed in time");
@@ -493,7 +495,7 @@ impl Deaths {
 /// What the thread looks after.
 struct House {
     domain: Domain,
-    orders: Receiver<Order>,
+    orders: Receiver<HousekeeperTask>,
     waker: Arc<ThreadWaker>,
     deaths: Deaths,
     rooms: Vec<Room>,
@@ -528,10 +530,10 @@ impl House {
             let mut order = self.sleep(rested);
             loop {
                 match order {
-                    Ok(Order::Tend(one)) => self.move_in(one),
-                    Ok(Order::Judge(one, crowd)) => self.judge(&one, crowd),
-                    Ok(Order::Drop(thing)) => drop(thing),
-                    Ok(Order::End(ended)) => return drop(ended),
+                    Ok(HousekeeperTask::Tend(one)) => self.move_in(one),
+                    Ok(HousekeeperTask::Judge(one, crowd)) => self.judge(&one, crowd),
+                    Ok(HousekeeperTask::Drop(thing)) => drop(thing),
+                    Ok(HousekeeperTask::End(ended)) => return drop(ended),
                     Err(TryRecvError::Empty) => break,
                     Err(TryRecvError::Disconnected) => return,
                 }
@@ -613,7 +615,7 @@ impl House {
 
     /// Sleeps until there is an order, which it returns, a process has left a generation, or a look is due; not for that before
     /// `rested`.
-    fn sleep(&self, rested: MonotonicNs) -> Result<Order, TryRecvError> {
+    fn sleep(&self, rested: MonotonicNs) -> Result<HousekeeperTask, TryRecvError> {
         let now = MonotonicNs::now();
         let due = self.rooms.iter().map(|room| room.due.min(room.tidy)).min();
         // A process that provides nothing has nothing to look after.

@@ -14,7 +14,7 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::{BackpressureStrategy, PortFactory};
 use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 
-use crate::doorbell::Channel;
+use crate::doorbell::ServiceEvent;
 use crate::generation::{self, Generation};
 use crate::housekeeper::Maintained;
 use crate::iox::{Members, Svc, TopicService};
@@ -212,11 +212,11 @@ impl PublisherPort {
             let key = offer.key.as_str();
             let service = open::create_topic(&generation, offer, robot)?;
             let event = |channel| Event::create(&generation, robot, key, channel);
-            let subscribers = WakeReceiver::new(event(Channel::Subscribers)?);
+            let subscribers = WakeReceiver::new(event(ServiceEvent::Subscribers)?);
             // Consumers in other languages announce themselves by this alone.
             subscribers.listener()?;
             subscribers.leave_to_waiters();
-            let samples = event(Channel::Samples)?;
+            let samples = event(ServiceEvent::Samples)?;
             let failing = Arc::clone(&maintained);
             let port = open::port(
                 &service_name(robot, key),
@@ -497,7 +497,7 @@ impl sealed::Source for BytesPublisher {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: self.offer.slot.bits(Channel::Subscribers),
+            bits: self.offer.slot.bits(ServiceEvent::Subscribers),
             receiver: Some(&self.port.subscribers),
             by_descriptor: false,
             bound: sealed::Bound::LONG,

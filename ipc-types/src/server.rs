@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::code::Stage;
-use crate::doorbell::Channel;
+use crate::doorbell::ServiceEvent;
 use crate::generation;
 use crate::open::{Offer, OpenError};
 use crate::payload::RequestReport;
@@ -384,7 +384,7 @@ impl sealed::Source for BytesServer {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: self.offer.slot.bits(Channel::Requests),
+            bits: self.offer.slot.bits(ServiceEvent::Requests),
             receiver: Some(&self.port.requests),
             by_descriptor: true,
             bound: match self.former.is_empty() {

@@ -19,7 +19,7 @@ use iceoryx2_bb_posix::unique_system_id::UniqueSystemId;
 use slotmap::{KeyData, SlotMap};
 
 use crate::code::{Reason, Stage};
-use crate::doorbell::Channel;
+use crate::doorbell::ServiceEvent;
 use crate::generation::Generation;
 use crate::housekeeper::Maintained;
 use crate::iox::{AnyRequest, Members, RequestService, Svc};
@@ -201,10 +201,10 @@ impl Ticket {
 }
 
 /// The requests that have a ticket.
-pub(crate) type Tickets = SlotMap<Ticket, Entry>;
+pub(crate) type Tickets = SlotMap<Ticket, OpenRequest>;
 
 /// A request that has a ticket.
-pub(crate) struct Entry {
+pub(crate) struct OpenRequest {
     /// The port that got it.
     port: PortNumber,
     /// `None` if the client has given it up or is gone; the owner of the ticket has then still to be told.
@@ -214,7 +214,7 @@ pub(crate) struct Entry {
     pub(crate) unsent: Option<RequestReport>,
 }
 
-impl Entry {
+impl OpenRequest {
     pub(crate) fn is_open(&self) -> bool {
         self.active.as_ref().is_some_and(Active::is_connected)
     }
@@ -276,7 +276,7 @@ impl ServingPort {
             let robot = session.robot();
             let service = open::create_request(&generation, offer, robot)?;
             let event = |channel| Event::create(&generation, robot, key, channel);
-            let requests = WakeReceiver::new(event(Channel::Requests)?);
+            let requests = WakeReceiver::new(event(ServiceEvent::Requests)?);
             requests.listener()?;
             let failures = Arc::new(AtomicU32::new(0));
             let counter = || {
@@ -288,7 +288,7 @@ impl ServingPort {
                     DegradationAction::Ignore
                 }
             };
-            let responses = event(Channel::Responses)?;
+            let responses = event(ServiceEvent::Responses)?;
             let port = open::port(
                 &service_name(robot, key),
                 ("servers", MAX_PROVIDERS),
@@ -425,7 +425,7 @@ impl ServingPort {
         self.round
             .payloads
             .extend_from_slice(self.layout.bytes(&active));
-        let entry = Entry {
+        let entry = OpenRequest {
             port: self.number,
             active: Some(active),
             request_id: word(&self.round.payloads[from..], REQUEST_ID_OFFSET),
@@ -443,7 +443,7 @@ impl ServingPort {
     }
 
     /// `from` is where its bytes begin in the round.
-    fn refuse_full(&mut self, entry: Entry, from: usize) {
+    fn refuse_full(&mut self, entry: OpenRequest, from: usize) {
         self.refused_full += 1;
         let request = &self.round.payloads[from..];
         let path_id = self.layout.path_offset.map(|offset| word(request, offset));
@@ -526,7 +526,7 @@ impl ServingPort {
     fn entries<'t>(
         &self,
         tickets: &'t mut Tickets,
-    ) -> impl Iterator<Item = &'t mut Entry> + use<'t> {
+    ) -> impl Iterator<Item = &'t mut OpenRequest> + use<'t> {
         let number = self.number;
         tickets
             .values_mut()

@@ -10,7 +10,7 @@ use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::prelude::PortFactory;
 use iceoryx2::service::marker::CustomPayloadMarker;
 
-use crate::doorbell::Channel;
+use crate::doorbell::ServiceEvent;
 use crate::follow::{Follower, until_room};
 use crate::forked::Owned;
 use crate::generation::Generation;
@@ -258,8 +258,8 @@ impl SubscriberPort {
         let (robot, key) = (session.robot(), offer.key.as_str());
         let service = open::open_topic(&generation, offer, robot)?;
         let event = |channel| Event::open(&generation, robot, key, channel);
-        let samples = WakeReceiver::new(event(Channel::Samples)?);
-        let subscribers = event(Channel::Subscribers)?;
+        let samples = WakeReceiver::new(event(ServiceEvent::Samples)?);
+        let subscribers = event(ServiceEvent::Subscribers)?;
         let port = open::port(
             &service_name(robot, key),
             ("subscribers", service.static_config().max_subscribers()),
@@ -490,7 +490,7 @@ impl sealed::Source for BytesSubscriber {
     fn sense(&self) -> sealed::Sense<'_> {
         sealed::Sense::Port {
             doorbell: self.session.doorbell(),
-            bits: self.offer.slot.bits(Channel::Samples),
+            bits: self.offer.slot.bits(ServiceEvent::Samples),
             receiver: self.port.as_ref().map(|port| &port.samples),
             by_descriptor: false,
             bound: match self.follower.is_retrying() {

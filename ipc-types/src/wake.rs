@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use iceoryx2::prelude::{EventId, PortFactory};
 
-use crate::doorbell::{Bits, Channel, doorbell_slot};
+use crate::doorbell::{Bits, ServiceEvent, doorbell_slot};
 use crate::files;
 use crate::generation::Generation;
 use crate::housekeeper::Maintained;
@@ -26,16 +26,16 @@ use crate::service::{self, EventCode, service_name};
 use crate::session::Session;
 
 /// End of the name, listeners and notifiers of an event service.
-fn limits(channel: Channel) -> (&'static str, usize, usize) {
+fn limits(channel: ServiceEvent) -> (&'static str, usize, usize) {
     match channel {
-        Channel::Samples => ("", service::MAX_SUBSCRIBERS, service::MAX_PROVIDERS),
-        Channel::Subscribers => (
+        ServiceEvent::Samples => ("", service::MAX_SUBSCRIBERS, service::MAX_PROVIDERS),
+        ServiceEvent::Subscribers => (
             "/subscribers",
             service::MAX_PROVIDERS,
             service::MAX_SUBSCRIBERS,
         ),
-        Channel::Requests => ("/requests", service::MAX_PROVIDERS, service::MAX_CLIENTS),
-        Channel::Responses => ("/responses", service::MAX_CLIENTS, service::MAX_PROVIDERS),
+        ServiceEvent::Requests => ("/requests", service::MAX_PROVIDERS, service::MAX_CLIENTS),
+        ServiceEvent::Responses => ("/responses", service::MAX_CLIENTS, service::MAX_PROVIDERS),
     }
 }
 
@@ -46,7 +46,7 @@ pub(crate) struct Event {
     name: String,
     service: EventService,
     limits: (usize, usize),
-    channel: Channel,
+    channel: ServiceEvent,
     /// What the doorbell is rung by.
     bits: Bits,
 }
@@ -57,7 +57,7 @@ impl Event {
         generation: &Generation,
         robot: RobotId,
         key: &str,
-        channel: Channel,
+        channel: ServiceEvent,
     ) -> Result<Event, OpenError> {
         Event::make(generation, robot, key, channel, |builder, limits| {
             builder
@@ -79,7 +79,7 @@ impl Event {
         generation: &Generation,
         robot: RobotId,
         key: &str,
-        channel: Channel,
+        channel: ServiceEvent,
     ) -> Result<Event, OpenError> {
         Event::make(generation, robot, key, channel, |builder, _| {
             builder
@@ -92,7 +92,7 @@ impl Event {
         generation: &Generation,
         robot: RobotId,
         key: &str,
-        channel: Channel,
+        channel: ServiceEvent,
         make: impl FnOnce(EventBuilder, (usize, usize)) -> Result<EventService, Box<dyn Debug>>,
     ) -> Result<Event, OpenError> {
         let (suffix, listeners, notifiers) = limits(channel);
@@ -187,7 +187,7 @@ impl WakeSender {
     pub(crate) fn make(session: &Arc<Session>, event: Event) -> Result<WakeSender, OpenError> {
         Ok(WakeSender {
             notifier: event.notifier()?,
-            known: (event.channel == Channel::Samples).then(Cell::default),
+            known: (event.channel == ServiceEvent::Samples).then(Cell::default),
             event,
             membership: Arc::clone(session.membership()),
         })

@@ -71,11 +71,11 @@ pub trait Process {
 
 /// What a process waits for.
 pub struct Sources<'a, K = ()> {
-    list: ArrayVec<Entry<'a, K>, MAX_SOURCES>,
+    list: ArrayVec<SourceEntry<'a, K>, MAX_SOURCES>,
 }
 
 /// A source; the signals, which are not the process's own, have no key.
-struct Entry<'a, K> {
+struct SourceEntry<'a, K> {
     key: Option<K>,
     source: AnySource<'a>,
 }
@@ -107,18 +107,18 @@ impl<'a, K: Copy> Sources<'a, K> {
     }
 
     fn add(&mut self, key: Option<K>, source: AnySource<'a>) {
-        self.list.push(Entry { key, source });
+        self.list.push(SourceEntry { key, source });
     }
 
     fn wait(&mut self, waiter: &Waiter, timeout: Duration) -> Result<Wake<K>, WaitError> {
         let mut sources: ArrayVec<_, MAX_SOURCES> =
-            self.list.iter_mut().map(Entry::keyed).collect();
+            self.list.iter_mut().map(SourceEntry::keyed).collect();
         let wake = waiter.wait(&mut sources, Some(timeout))?;
         Ok(wake.rename(|key| key))
     }
 }
 
-impl<K: Copy> Entry<'_, K> {
+impl<K: Copy> SourceEntry<'_, K> {
     fn keyed(&mut self) -> (Option<K>, &mut dyn Source) {
         let source: &mut dyn Source = match &mut self.source {
             AnySource::Port(port) => *port,

@@ -1,4 +1,4 @@
-//! [`Work`]: what the author of a module writes, and [`Running`], the process around it.
+//! [`Work`]: what the author of a module writes, and [`RunningModule`], the process around it.
 
 use std::ffi::OsString;
 use std::fmt::Debug;
@@ -127,7 +127,7 @@ pub fn run_with<W: Work>(
     supervisor: &Notifier,
 ) -> Result<(), Failure> {
     check_name(W::NAME)?;
-    let mut running = Running::<W>::open(config, ipc)
+    let mut running = RunningModule::<W>::open(config, ipc)
         .or_fail_with(ExitCode::Internal, format!("{} cannot start", W::NAME))?;
     tracing::info!(module = W::NAME, robot = %ipc.robot(), "ready");
     process::run(&mut running, termination, supervisor).or_fail(ExitCode::Internal)?;
@@ -146,7 +146,7 @@ fn check_name(name: &str) -> Result<(), Failure> {
 }
 
 /// A module with its state, its control and its manager.
-struct Running<W: Work> {
+struct RunningModule<W: Work> {
     work: W,
     manager: Manager,
     state: Publisher<StateOf<W>>,
@@ -154,12 +154,12 @@ struct Running<W: Work> {
     schedule: StateSchedule,
 }
 
-impl<W: Work> Running<W> {
-    fn open(config: W::Config, ipc: &Ipc) -> Result<Running<W>, OpenError> {
+impl<W: Work> RunningModule<W> {
+    fn open(config: W::Config, ipc: &Ipc) -> Result<RunningModule<W>, OpenError> {
         // The control first: of two processes of one module the second gets no further.
         let control = Requests::open(ipc)?;
         let now = MonotonicNs::now();
-        Ok(Running {
+        Ok(RunningModule {
             control,
             state: ipc.publisher()?,
             work: W::open(config, ipc)?,
@@ -178,7 +178,7 @@ impl<W: Work> Running<W> {
     }
 }
 
-impl<W: Work> Process for Running<W> {
+impl<W: Work> Process for RunningModule<W> {
     type Error = WaitError;
     type Key = ();
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 /// A format that can be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum PlanFormat {
     /// QGroundControl's `.plan`, also its older `.mission`.
     QgcPlan,
     /// `QGC WPL 110`, the text file of MAVProxy, Mission Planner and older QGroundControl.
@@ -18,30 +18,30 @@ pub enum Format {
     Gpx,
 }
 
-impl Format {
+impl PlanFormat {
     /// The format's name for people.
     pub fn name(self) -> &'static str {
         match self {
-            Format::QgcPlan => "QGroundControl plan",
-            Format::WaypointList => "QGC WPL 110",
-            Format::GeoJson => "GeoJSON",
-            Format::Kml => "KML",
-            Format::Gpx => "GPX",
+            PlanFormat::QgcPlan => "QGroundControl plan",
+            PlanFormat::WaypointList => "QGC WPL 110",
+            PlanFormat::GeoJson => "GeoJSON",
+            PlanFormat::Kml => "KML",
+            PlanFormat::Gpx => "GPX",
         }
     }
 
     /// The format of `text`, or else that of the extension of `name`.
-    pub fn of(text: &str, name: &Path) -> Option<Format> {
-        Format::of_content(text).or_else(|| Format::of_extension(name))
+    pub fn of(text: &str, name: &Path) -> Option<PlanFormat> {
+        PlanFormat::of_content(text).or_else(|| PlanFormat::of_extension(name))
     }
 
-    fn of_content(text: &str) -> Option<Format> {
+    fn of_content(text: &str) -> Option<PlanFormat> {
         let text = text.trim_start_matches('\u{feff}').trim_start();
         if text.starts_with("QGC WPL") {
-            return Some(Format::WaypointList);
+            return Some(PlanFormat::WaypointList);
         }
         if text.starts_with('{') {
-            return Format::of_json(text);
+            return PlanFormat::of_json(text);
         }
         if text.starts_with('<') {
             return root_element(text);
@@ -50,38 +50,38 @@ impl Format {
     }
 
     /// By the members that each format must have. The text need not be valid JSON: its reader says where it is not.
-    fn of_json(text: &str) -> Option<Format> {
+    fn of_json(text: &str) -> Option<PlanFormat> {
         let has = |name: &str| text.contains(&format!("\"{name}\""));
         if has("fileType") || has("plannedHomePosition") || has("MAV_AUTOPILOT") {
-            Some(Format::QgcPlan)
+            Some(PlanFormat::QgcPlan)
         } else if has("coordinates") || has("FeatureCollection") || has("Feature") {
-            Some(Format::GeoJson)
+            Some(PlanFormat::GeoJson)
         } else {
             None
         }
     }
 
-    fn of_extension(name: &Path) -> Option<Format> {
+    fn of_extension(name: &Path) -> Option<PlanFormat> {
         let extension = name.extension()?.to_str()?.to_ascii_lowercase();
         match extension.as_str() {
-            "plan" | "mission" => Some(Format::QgcPlan),
-            "waypoints" | "wpl" | "txt" => Some(Format::WaypointList),
-            "geojson" | "json" => Some(Format::GeoJson),
-            "kml" => Some(Format::Kml),
-            "gpx" => Some(Format::Gpx),
+            "plan" | "mission" => Some(PlanFormat::QgcPlan),
+            "waypoints" | "wpl" | "txt" => Some(PlanFormat::WaypointList),
+            "geojson" | "json" => Some(PlanFormat::GeoJson),
+            "kml" => Some(PlanFormat::Kml),
+            "gpx" => Some(PlanFormat::Gpx),
             _ => None,
         }
     }
 }
 
-impl fmt::Display for Format {
+impl fmt::Display for PlanFormat {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
 }
 
 /// The format of an XML file by its first element, whose name may have a prefix.
-fn root_element(text: &str) -> Option<Format> {
+fn root_element(text: &str) -> Option<PlanFormat> {
     let mut rest = text;
     let name = loop {
         let (_, tag) = rest.split_once('<')?;
@@ -96,8 +96,8 @@ fn root_element(text: &str) -> Option<Format> {
         }
     };
     match name.rsplit(':').next()? {
-        "kml" => Some(Format::Kml),
-        "gpx" => Some(Format::Gpx),
+        "kml" => Some(PlanFormat::Kml),
+        "gpx" => Some(PlanFormat::Gpx),
         _ => None,
     }
 }
@@ -112,28 +112,28 @@ mod tests {
             (
                 "{\"fileType\": \"Plan\"}",
                 "a.geojson",
-                Some(Format::QgcPlan),
+                Some(PlanFormat::QgcPlan),
             ),
             (
                 "\u{feff} {\"type\": \"Feature\"}",
                 "a.plan",
-                Some(Format::GeoJson),
+                Some(PlanFormat::GeoJson),
             ),
-            ("QGC WPL 110\n", "a", Some(Format::WaypointList)),
+            ("QGC WPL 110\n", "a", Some(PlanFormat::WaypointList)),
             (
                 "<?xml version='1.0'?>\n<!-- <gpx> -->\n<kml xmlns='x'>",
                 "a.xml",
-                Some(Format::Kml),
+                Some(PlanFormat::Kml),
             ),
-            ("<gpx:gpx version='1.1'>", "a.kml", Some(Format::Gpx)),
-            ("<html>", "a.kml", Some(Format::Kml)),
-            ("{}", "a.JSON", Some(Format::GeoJson)),
-            ("0\t1\t0\t16", "a.waypoints", Some(Format::WaypointList)),
+            ("<gpx:gpx version='1.1'>", "a.kml", Some(PlanFormat::Gpx)),
+            ("<html>", "a.kml", Some(PlanFormat::Kml)),
+            ("{}", "a.JSON", Some(PlanFormat::GeoJson)),
+            ("0\t1\t0\t16", "a.waypoints", Some(PlanFormat::WaypointList)),
             ("hello", "a.md", None),
             ("", "plan", None),
         ] {
             assert_eq!(
-                Format::of(text, Path::new(name)),
+                PlanFormat::of(text, Path::new(name)),
                 expected,
                 "{name}: {text}"
             );

@@ -60,6 +60,6 @@ pub mod timeline;
 pub mod write;
 
 pub use error::ReadError;
-pub use format::Format;
+pub use format::PlanFormat;
 pub use model::Plan;
 pub use read::read;

@@ -4,14 +4,14 @@
 
 use std::fmt;
 
-use crate::format::Format;
+use crate::format::PlanFormat;
 use crate::mavlink::MissionItem;
 
 /// A plan as its file has it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     /// What kind of file it was.
-    pub format: Format,
+    pub format: PlanFormat,
     /// Where the author expected the helicopter to take off. It is not flown to.
     pub planned_home: Option<PlannedHome>,
     /// What is to be done, in order.
@@ -26,7 +26,7 @@ pub struct Plan {
 
 impl Plan {
     /// A plan with nothing in it.
-    pub fn empty(format: Format) -> Plan {
+    pub fn empty(format: PlanFormat) -> Plan {
         Plan {
             format,
             planned_home: None,

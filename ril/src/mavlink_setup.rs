@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use ipc_types::RobotId;
-use mavlink_gateway::{Key, SILENCE, Settings, StationLost};
+use mavlink_gateway::{SILENCE, Settings, SigningKey, StationLost};
 use runtime::config::{Fault, Loaded, in_range, load as load_file};
 use runtime::exit::{ExitCode, Failure};
 use serde::de::Error as _;
@@ -186,7 +186,7 @@ pub(crate) fn load(explicit: Option<&Path>) -> Result<Loaded<MavlinkConfig>, Fai
 /// # Errors
 ///
 /// Exit code 78 when there is none, others may read it, or it is too short.
-pub(crate) fn read_key(path: &Path) -> Result<Key, Failure> {
+pub(crate) fn read_key(path: &Path) -> Result<SigningKey, Failure> {
     let unusable = |why: &str| {
         let path = path.display();
         wrong(format!(
@@ -206,7 +206,7 @@ pub(crate) fn read_key(path: &Path) -> Result<Key, Failure> {
             let why = format!("it has fewer than {MIN_PASSPHRASE} characters");
             Err(unusable(&why))
         }
-        false => Ok(Key::of(text)),
+        false => Ok(SigningKey::of(text)),
     }
 }
 
@@ -386,7 +386,7 @@ mod tests {
         let passphrase = "correct horse battery";
         assert_eq!(
             write(&format!("{passphrase}\n"), 0o600).ok(),
-            Some(Key::of(passphrase))
+            Some(SigningKey::of(passphrase))
         );
         assert!(write("too short\n", 0o600).is_err());
         let refused = write(passphrase, 0o644).unwrap_err();

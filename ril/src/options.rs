@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use clap::Args;
 use runtime::args::CommonArgs;
-use runtime::duration::{self, Shown};
+use runtime::duration::{self, DurationText};
 use runtime::exit::Failure;
 
 use crate::config::{MAX_DEADLINE_MS, MAX_TIMEOUT_S, MIN_TIMEOUT_S};
@@ -132,9 +132,9 @@ fn within(duration: Duration, [least, most]: [Duration; 2]) -> Result<Duration, 
         true => Ok(duration),
         false => Err(format!(
             "{} is out of range: it must be from {} to {}",
-            Shown(duration),
-            Shown(least),
-            Shown(most)
+            DurationText(duration),
+            DurationText(least),
+            DurationText(most)
         )),
     }
 }

@@ -58,9 +58,9 @@ pub fn parse(text: &str) -> Result<Duration, String> {
 /// A duration as [`parse`] reads it: exact to a thousandth of its shortest unit shown, which is µs below a millisecond,
 /// ms below a second, else s.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shown(pub Duration);
+pub struct DurationText(pub Duration);
 
-impl fmt::Display for Shown {
+impl fmt::Display for DurationText {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ns = self.0.as_nanos();
         if ns == 0 {
@@ -112,14 +112,14 @@ mod tests {
             ("2h0.5s", Duration::from_millis(7_200_500)),
             ("24h", Duration::from_secs(86_400)),
         ] {
-            assert_eq!(Shown(duration).to_string(), text);
+            assert_eq!(DurationText(duration).to_string(), text);
             assert_eq!(parse(text), Ok(duration), "{text}");
         }
     }
 
     #[test]
     fn what_is_below_the_resolution_is_not_shown() {
-        let shown = |duration| Shown(duration).to_string();
+        let shown = |duration| DurationText(duration).to_string();
         assert_eq!(shown(Duration::from_nanos(1_000_400)), "1ms");
         assert_eq!(shown(Duration::from_nanos(90_000_400_000)), "1m30s");
         assert_eq!(shown(Duration::from_nanos(7)), "0.007us");

@@ -149,7 +149,7 @@ struct OutputState {
 
 /// What a snapshot has of the process. Logs and events are not of it: nothing that is published follows from them.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct Kept {
+pub(crate) struct CoreSnapshot {
     input: InputState,
     output: OutputState,
     manager: Manager,
@@ -169,7 +169,7 @@ enum KeptEstimator {
 
 impl Status {
     /// What a snapshot has of the process.
-    pub(crate) fn keep(&self) -> Kept {
+    pub(crate) fn keep(&self) -> CoreSnapshot {
         let estimator = match &self.estimator {
             None => KeptEstimator::Absent,
             Some(estimator) => match estimator.save() {
@@ -177,7 +177,7 @@ impl Status {
                 None => KeptEstimator::Unknown,
             },
         };
-        Kept {
+        CoreSnapshot {
             input: self.input.clone(),
             output: self.output.clone(),
             manager: self.manager.clone(),
@@ -187,7 +187,7 @@ impl Status {
 
     /// The process that was kept, without logs; `None` if its estimator is not `estimator`.
     pub(crate) fn from_kept(
-        kept: Kept,
+        kept: CoreSnapshot,
         calibration: Calibration,
         mut estimator: Option<Box<dyn Estimator + Send>>,
     ) -> Option<Status> {

@@ -3,33 +3,33 @@
 //!
 //! * [`Journaled`]: a wrapper around the core that writes the journal while somebody records it;
 //! * [`Snapshot`]: the configuration and the core as bytes, bit for bit;
-//! * [`Record`]: what a [`Reader`](module_kit::journal::Reader) finds in the pieces of the topic `status/journal`.
+//! * [`Record`]: what a [`JournalReader`](module_kit::journal::JournalReader) finds in the pieces of the topic `status/journal`.
 
 use ipc_types::MonotonicNs;
-use module_kit::journal::Writer;
+use module_kit::journal::JournalWriter;
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
-use crate::core::{Event, Input, Kept, Output, Status, Summary};
+use crate::core::{CoreSnapshot, Event, Input, Output, Status, Summary};
 use crate::estimator::Estimator;
 use crate::log::Logs;
 
 /// An entry of the journal of status.
-pub type Record<'a> = module_kit::journal::Record<'a, Input, Output>;
+pub type Record<'a> = module_kit::journal::JournalRecord<'a, Input, Output>;
 
 /// A [`Status`] whose inputs and outputs are recorded, while its writer is started.
 pub struct Journaled {
     status: Status,
     /// The configuration as a text, once for all snapshots.
     text: String,
-    writer: Writer,
+    writer: JournalWriter,
     /// The last input and what the core said to it, which are not in the journal yet: publishing the output comes first.
     pending: Option<(MonotonicNs, Input, Option<Output>)>,
 }
 
 impl Journaled {
     /// `status`, which was made with `config`. Nothing is recorded until `writer` is started.
-    pub fn new(status: Status, config: &Config, writer: Writer) -> Journaled {
+    pub fn new(status: Status, config: &Config, writer: JournalWriter) -> Journaled {
         Journaled {
             status,
             text: Snapshot::text_of(config),
@@ -46,13 +46,13 @@ impl Journaled {
     }
 
     /// The writer: to start and stop it, and to take its pieces.
-    pub fn writer(&mut self) -> &mut Writer {
+    pub fn writer(&mut self) -> &mut JournalWriter {
         self.write_pending();
         &mut self.writer
     }
 
     /// The writer, to ask when it has something.
-    pub fn journal(&self) -> &Writer {
+    pub fn journal(&self) -> &JournalWriter {
         &self.writer
     }
 
@@ -119,7 +119,7 @@ pub struct Snapshot {
 struct Saved {
     version: u32,
     config: String,
-    kept: Kept,
+    kept: CoreSnapshot,
 }
 
 impl Snapshot {
@@ -204,7 +204,7 @@ impl Snapshot {
 mod tests {
     use ipc_types::payload::StatusJournal;
     use ipc_types::{JournalPiece, Topic};
-    use module_kit::journal::{Entry, Reader};
+    use module_kit::journal::{Entry, JournalReader};
 
     use super::*;
     use crate::core::InputCounts;
@@ -215,7 +215,7 @@ mod tests {
         let at = MonotonicNs(1_000_000_007);
         let config = Config::default();
         let status = Status::new(config.calibration.clone(), Logs::default(), at);
-        let mut status = Journaled::new(status, &config, Writer::new(StatusJournal::ROOM));
+        let mut status = Journaled::new(status, &config, JournalWriter::new(StatusJournal::ROOM));
         // Nothing before the first snapshot is recorded, and none is taken between a sample and the word that it was published.
         status.apply(at, Input::Sample(sample(1, 1)));
         status.writer().start();
@@ -243,7 +243,7 @@ mod tests {
             }
             expected.extend(output.map(|output| (at, Entry::Output(output))));
         }
-        let mut reader = Reader::new();
+        let mut reader = JournalReader::new();
         for (piece, sequence) in status.writer().take_all().zip(1..) {
             let mut sample = StatusJournal::default();
             sample.fill(0, piece.begins, piece.beginnings, &piece.bytes);

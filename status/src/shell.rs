@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, StatusJournal};
 use ipc_types::{Ipc, MonotonicNs, Publisher, StateOf, StatusModule, Subscriber, WaitError, Wake};
-use module_kit::journal::Port as JournalPort;
+use module_kit::journal::JournalPort;
 use module_kit::process::{self, Process, Sources};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;

@@ -16,7 +16,7 @@ use crate::log::tsv::whole_rows;
 
 /// What goes wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Fault {
+pub(crate) enum StoreFault {
     /// The disk is full: nothing is created and nothing gets longer.
     NoSpace,
     /// The disk is full in the middle of a write, which takes half of its bytes.
@@ -27,16 +27,16 @@ pub(crate) enum Fault {
     BreaksHalfway,
 }
 
-impl Fault {
-    pub(crate) const ALL: [Fault; 4] = [
-        Fault::NoSpace,
-        Fault::HalfFull,
-        Fault::Broken,
-        Fault::BreaksHalfway,
+impl StoreFault {
+    pub(crate) const ALL: [StoreFault; 4] = [
+        StoreFault::NoSpace,
+        StoreFault::HalfFull,
+        StoreFault::Broken,
+        StoreFault::BreaksHalfway,
     ];
 
     pub(crate) fn is_full_disk(self) -> bool {
-        matches!(self, Fault::NoSpace | Fault::HalfFull)
+        matches!(self, StoreFault::NoSpace | StoreFault::HalfFull)
     }
 
     fn error(self) -> io::Error {
@@ -51,7 +51,7 @@ impl Fault {
 
 /// What is done to the disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Act {
+pub(crate) enum StoreAct {
     Prepare,
     List,
     Remove,
@@ -70,9 +70,9 @@ pub(crate) struct Disk {
     /// Paths that cannot be removed.
     pub(crate) stubborn: BTreeSet<PathBuf>,
     /// All that was done.
-    pub(crate) acts: Vec<Act>,
+    pub(crate) acts: Vec<StoreAct>,
     /// The acts, by their index, of which the fault is made.
-    pub(crate) fault: Option<(Range<usize>, Fault)>,
+    pub(crate) fault: Option<(Range<usize>, StoreFault)>,
     pub(crate) free_bytes: u64,
     pub(crate) unix_s: u64,
     /// What the monotonic clock shows.
@@ -81,16 +81,16 @@ pub(crate) struct Disk {
 
 impl Disk {
     /// Takes note of an act; gives the fault that it meets.
-    fn act(&mut self, act: Act) -> Option<Fault> {
+    fn act(&mut self, act: StoreAct) -> Option<StoreFault> {
         let index = self.acts.len();
         self.acts.push(act);
         let (range, fault) = self.fault.as_ref()?;
-        let needs_room = matches!(act, Act::Create | Act::Write);
+        let needs_room = matches!(act, StoreAct::Create | StoreAct::Write);
         let meets = range.contains(&index) && (needs_room || !fault.is_full_disk());
         meets.then_some(*fault)
     }
 
-    fn check(&mut self, act: Act) -> io::Result<()> {
+    fn check(&mut self, act: StoreAct) -> io::Result<()> {
         match self.act(act) {
             Some(fault) => Err(fault.error()),
             None => Ok(()),
@@ -146,7 +146,7 @@ impl Store for MemoryStore {
     }
 
     fn prepare(&mut self, _directory: &Path) -> io::Result<()> {
-        self.0.borrow_mut().check(Act::Prepare)
+        self.0.borrow_mut().check(StoreAct::Prepare)
     }
 
     fn free_bytes(&mut self, _directory: &Path) -> io::Result<u64> {
@@ -159,7 +159,7 @@ impl Store for MemoryStore {
         wanted: &dyn Fn(&str) -> bool,
     ) -> io::Result<Vec<(String, u64)>> {
         let mut disk = self.0.borrow_mut();
-        disk.check(Act::List)?;
+        disk.check(StoreAct::List)?;
         let in_directory = disk
             .files
             .iter()
@@ -173,7 +173,7 @@ impl Store for MemoryStore {
 
     fn remove(&mut self, file: &Path) -> io::Result<()> {
         let mut disk = self.0.borrow_mut();
-        disk.check(Act::Remove)?;
+        disk.check(StoreAct::Remove)?;
         if disk.stubborn.contains(file) {
             return Err(ErrorKind::PermissionDenied.into());
         }
@@ -184,7 +184,7 @@ impl Store for MemoryStore {
 
     fn truncate_partial_row(&mut self, file: &Path) -> io::Result<u64> {
         let mut disk = self.0.borrow_mut();
-        disk.check(Act::TruncatePartialRow)?;
+        disk.check(StoreAct::TruncatePartialRow)?;
         let bytes = disk.files.get_mut(file).unwrap();
         let before = bytes.len();
         match whole_rows(bytes) {
@@ -201,7 +201,7 @@ impl Store for MemoryStore {
         kind: FileKind,
     ) -> io::Result<(PathBuf, MemoryFile)> {
         let mut disk = self.0.borrow_mut();
-        disk.check(Act::Create)?;
+        disk.check(StoreAct::Create)?;
         let path = (1..)
             .map(|number| directory.join(file_name(stem, number, kind)))
             .find(|path| !disk.files.contains_key(path))
@@ -225,11 +225,13 @@ pub(crate) struct MemoryFile {
 impl Write for MemoryFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let mut disk = self.store.0.borrow_mut();
-        let fault = disk.act(Act::Write);
+        let fault = disk.act(StoreAct::Write);
         let taken = match fault {
             None => bytes.len(),
             // The next write fails and gives the reason.
-            Some(Fault::HalfFull | Fault::BreaksHalfway) if bytes.len() > 1 => bytes.len() / 2,
+            Some(StoreFault::HalfFull | StoreFault::BreaksHalfway) if bytes.len() > 1 => {
+                bytes.len() / 2
+            }
             Some(fault) => return Err(fault.error()),
         };
         let file = disk.files.get_mut(&self.path).unwrap();
@@ -245,13 +247,13 @@ impl Write for MemoryFile {
 impl LogFile for MemoryFile {
     fn truncate(&mut self, bytes: u64) -> io::Result<()> {
         let mut disk = self.store.0.borrow_mut();
-        disk.check(Act::Truncate)?;
+        disk.check(StoreAct::Truncate)?;
         let file = disk.files.get_mut(&self.path).unwrap();
         file.truncate(usize::try_from(bytes).unwrap());
         Ok(())
     }
 
     fn sync(&mut self) -> io::Result<()> {
-        self.store.0.borrow_mut().check(Act::Sync)
+        self.store.0.borrow_mut().check(StoreAct::Sync)
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ipc_types::{Domain, Ipc, MonotonicNs, RobotId};
-use recording::play::{Flight, PROCESS, PlayedServices, Player, Section};
+use recording::play::{PROCESS, PlayableFlight, PlayedServices, Player, Section};
 
 /// In the place of a whole robot: its topics with what was recorded, in the same order. Requests are refused whenever
 /// something is played.
@@ -49,7 +49,7 @@ impl Replay {
     /// As [`Replay::start`].
     #[track_caller]
     pub fn start_for(domain: &Domain, robot: RobotId, file: &Path) -> Replay {
-        let flight = match Flight::open(file) {
+        let flight = match PlayableFlight::open(file) {
             Ok(flight) => Arc::new(flight),
             Err(error) => panic!("{} cannot be played: {error}", file.display()),
         };

@@ -1,7 +1,7 @@
 //! Whatever lies in shared memory, status and what it publishes stay sane, and status believes exactly what the bridge
 //! publishes. Every failure names the seed that repeats it.
 
-use bridge::link::Sample;
+use bridge::link::StatusSample;
 use bridge::translate::dsp_telemetry;
 use dsp_protocol::Status as DspStatus;
 use dsp_protocol::downlink::{
@@ -212,7 +212,7 @@ fn status_believes_exactly_what_the_bridge_publishes() {
     let (mut both, mut none) = ([0; 16], [0; 16]);
     for seed in 0..SEEDS {
         let message = borderline(&mut Garbage::new(seed));
-        let sample = Sample {
+        let sample = StatusSample {
             status: message,
             received: MonotonicNs(1),
         };

@@ -7,7 +7,7 @@ use std::fs;
 use std::path::Path;
 
 /// Folders of the crates: the members of the workspace, and the benchmarks, which are a workspace of their own.
-fn crates() -> Vec<String> {
+pub(super) fn crates() -> Vec<String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../Cargo.toml");
     let manifest = fs::read_to_string(root).expect("the manifest of the workspace");
     let members = manifest.split_once("\nmembers = [").expect("members").1;
@@ -52,7 +52,7 @@ fn modules(folder: &Path, path: &[String]) -> BTreeMap<Module, String> {
 }
 
 /// What a source says outside its tests and comments.
-fn code(source: &str) -> String {
+pub(super) fn code(source: &str) -> String {
     let source = source.split("#[cfg(test)]\nmod tests {").next();
     let lines = source.unwrap_or_default().lines();
     let code: Vec<&str> = lines
@@ -72,7 +72,7 @@ fn children(code: &str) -> BTreeSet<&str> {
         .collect()
 }
 
-fn is_of_word(letter: char) -> bool {
+pub(super) fn is_of_word(letter: char) -> bool {
     letter.is_ascii_alphanumeric() || letter == '_'
 }
 

@@ -13,6 +13,7 @@ mod hot_path;
 mod imports;
 mod missions;
 mod modules;
+mod names;
 mod plausible;
 mod random_bytes;
 mod requirements;

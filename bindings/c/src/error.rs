@@ -60,7 +60,7 @@ pub enum Error {
 /// What kind of error it is: the negative values of `hero_ril_result` in the header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(i32)]
-pub enum Kind {
+pub enum ErrorKind {
     /// An argument makes no sense.
     Invalid = -1,
     /// The service carries another struct than the caller was built with.
@@ -79,25 +79,25 @@ pub enum Kind {
 
 impl Error {
     /// What kind of error it is.
-    pub fn kind(&self) -> Kind {
+    pub fn kind(&self) -> ErrorKind {
         match self {
             Error::Open(error) | Error::Dynamic(DynamicError::Open(error)) => of_open(error),
-            Error::Dynamic(DynamicError::OwnService { .. }) | Error::Layout(_) => Kind::Layout,
+            Error::Dynamic(DynamicError::OwnService { .. }) | Error::Layout(_) => ErrorKind::Layout,
             Error::Send(SendError::NoServer { .. }) | Error::Load(LoadError::Missing(_)) => {
-                Kind::NotThere
+                ErrorKind::NotThere
             }
             Error::Send(
                 SendError::TooManyOutstanding | SendError::NoPlace(_) | SendError::ServerFull,
-            ) => Kind::Full,
-            Error::Receive(error) if error.is_full() => Kind::Full,
+            ) => ErrorKind::Full,
+            Error::Receive(error) if error.is_full() => ErrorKind::Full,
             Error::Dynamic(_)
             | Error::Schema(_)
             | Error::Invalid(_)
             | Error::NotOpen(_)
             | Error::Wait(WaitError::NoSources | WaitError::TooManySources(_))
-            | Error::Report(ReportError::NotOpen) => Kind::Invalid,
-            Error::Join(JoinError::InvalidProcessName(_)) => Kind::Invalid,
-            _ => Kind::Failed,
+            | Error::Report(ReportError::NotOpen) => ErrorKind::Invalid,
+            Error::Join(JoinError::InvalidProcessName(_)) => ErrorKind::Invalid,
+            _ => ErrorKind::Failed,
         }
     }
 
@@ -114,11 +114,11 @@ impl Error {
     }
 }
 
-fn of_open(error: &OpenError) -> Kind {
+fn of_open(error: &OpenError) -> ErrorKind {
     match error {
-        OpenError::LayoutMismatch { .. } => Kind::Layout,
-        OpenError::AlreadyProvided { .. } => Kind::Taken,
-        OpenError::Full { .. } => Kind::Full,
-        _ => Kind::Failed,
+        OpenError::LayoutMismatch { .. } => ErrorKind::Layout,
+        OpenError::AlreadyProvided { .. } => ErrorKind::Taken,
+        OpenError::Full { .. } => ErrorKind::Full,
+        _ => ErrorKind::Failed,
     }
 }

@@ -17,7 +17,7 @@ use runtime::signal::Termination;
 
 use crate::error::Error;
 use crate::service::ServiceName;
-use crate::serving::{Order, Serving};
+use crate::serving::{Serving, ServingEvent};
 
 /// Starts and stops that are looked at in one turn.
 const ROUND: usize = 16;
@@ -62,7 +62,7 @@ impl OwnModule {
     /// # Errors
     ///
     /// [`Error::Invalid`] for an id that no module outside the RIL can have, or a name that is none; kind
-    /// [`Taken`](crate::error::Kind::Taken) when the module runs already.
+    /// [`Taken`](crate::error::ErrorKind::Taken) when the module runs already.
     pub fn open(
         ipc: &Ipc,
         name: &str,
@@ -169,7 +169,7 @@ impl OwnModule {
     /// turn with the rest: at most [`ROUND`] requests.
     fn take_control(&mut self) -> Result<Option<Event>, Error> {
         for _ in 0..ROUND {
-            let Order::Request(ticket, request) = self.control.take(Duration::ZERO)? else {
+            let ServingEvent::Request(ticket, request) = self.control.take(Duration::ZERO)? else {
                 break;
             };
             let command = ModuleControl::from_bytes(&request).and_then(|request| request.command());

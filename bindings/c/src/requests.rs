@@ -40,7 +40,7 @@ pub struct Requests {
 
 /// What came of waiting for a report.
 #[derive(Debug)]
-pub enum Answer {
+pub enum ReportWait {
     /// A report.
     Report(RequestReport),
     /// The time is over.
@@ -179,16 +179,16 @@ impl Requests {
         let deadline = Instant::now() + WAYPOINT_TIMEOUT;
         loop {
             match self.next_report(id, deadline.saturating_duration_since(Instant::now()))? {
-                Answer::Report(report) if !report.is_final() => return Ok(None),
-                Answer::Report(report) => {
+                ReportWait::Report(report) if !report.is_final() => return Ok(None),
+                ReportWait::Report(report) => {
                     self.waiting.push_back(report);
                     // An earlier waypoint's reason is the cause of this one's.
                     let of_path = |report: &&RequestReport| report.path_id == path_id;
                     let first = self.waiting.iter().find(of_path);
                     return Ok(first.map(|report| report.request_id));
                 }
-                Answer::Interrupted => {}
-                Answer::Nothing => {
+                ReportWait::Interrupted => {}
+                ReportWait::Nothing => {
                     return Err(Error::NoAnswer);
                 }
             }
@@ -200,7 +200,7 @@ impl Requests {
     /// # Errors
     ///
     /// [`Error::NotOpen`] when no report about `id` can come any more; and when waiting is not possible.
-    pub fn next_report(&mut self, id: u64, timeout: Duration) -> Result<Answer, Error> {
+    pub fn next_report(&mut self, id: u64, timeout: Duration) -> Result<ReportWait, Error> {
         self.ipc.check_process()?;
         let mut deadline = None;
         loop {
@@ -210,7 +210,7 @@ impl Requests {
                 .iter()
                 .position(|report| id == 0 || report.request_id == id);
             if let Some(report) = place.and_then(|place| self.waiting.remove(place)) {
-                return Ok(Answer::Report(report));
+                return Ok(ReportWait::Report(report));
             }
             if id != 0 && !self.clients.iter().any(|client| client.is_open(id)) {
                 return Err(Error::NotOpen(id));
@@ -218,7 +218,7 @@ impl Requests {
             let now = Instant::now();
             let until = *deadline.get_or_insert(now + timeout);
             if now >= until {
-                return Ok(Answer::Nothing);
+                return Ok(ReportWait::Nothing);
             }
             let left = Some(until - now);
             let clients = self.clients.iter_mut();
@@ -226,7 +226,7 @@ impl Requests {
                 .map(|client| ((), client as &mut dyn Source))
                 .collect();
             if self.waiter.wait(&mut sources, left)? == Wake::Interrupted {
-                return Ok(Answer::Interrupted);
+                return Ok(ReportWait::Interrupted);
             }
         }
     }

@@ -86,7 +86,7 @@ impl Once {
 
 /// What there is to do for a server.
 #[derive(Debug)]
-pub enum Order {
+pub enum ServingEvent {
     /// Carry out this request.
     Request(Ticket, Vec<u8>),
     /// Stop working on this request: its client gave it up or died, and its ticket is closed.
@@ -124,7 +124,7 @@ impl Serving {
     }
 
     /// The same, and each request is carried out once: one that is sent again gets the reports of the first. A client that is gone ends
-    /// nothing, so no [`Order::Gone`] comes.
+    /// nothing, so no [`ServingEvent::Gone`] comes.
     ///
     /// # Errors
     ///
@@ -160,18 +160,18 @@ impl Serving {
     /// # Errors
     ///
     /// When requests cannot be received, or waiting is not possible; the next call tries again.
-    pub fn take(&mut self, timeout: Duration) -> Result<Order, Error> {
+    pub fn take(&mut self, timeout: Duration) -> Result<ServingEvent, Error> {
         let mut deadline = None;
         loop {
             let received = self.receive();
             if let Some(ticket) = self.gone.pop_front() {
-                return Ok(Order::Gone(ticket));
+                return Ok(ServingEvent::Gone(ticket));
             }
             while let Some((ticket, request)) = self.waiting.pop_front() {
                 let once = self.once.as_mut();
                 match once.and_then(|once| once.answer(ticket, &request)) {
                     Some(report) => self.tell(ticket, &report),
-                    None => return Ok(Order::Request(ticket, request)),
+                    None => return Ok(ServingEvent::Request(ticket, request)),
                 }
             }
             // What came before the failure is handed on first.
@@ -179,10 +179,10 @@ impl Serving {
             let now = Instant::now();
             let until = *deadline.get_or_insert(now + timeout);
             if now >= until {
-                return Ok(Order::Nothing);
+                return Ok(ServingEvent::Nothing);
             }
             if self.server.wait(until - now)? == Wake::Interrupted {
-                return Ok(Order::Interrupted);
+                return Ok(ServingEvent::Interrupted);
             }
         }
     }

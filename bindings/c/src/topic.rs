@@ -11,7 +11,7 @@ pub const FOREVER: Duration = Duration::from_secs(u32::MAX as u64);
 
 /// What came of waiting for a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Received {
+pub enum SampleWait {
     /// A sample was handed on.
     Sample,
     /// The time is over.
@@ -30,14 +30,14 @@ pub fn receive(
     subscriber: &mut DynamicSubscriber,
     timeout: Duration,
     mut take: impl FnMut(&[u8]),
-) -> Result<Received, Error> {
+) -> Result<SampleWait, Error> {
     if timeout.is_zero() {
         return Ok(match subscriber.try_borrow()? {
             Some(sample) => {
                 take(&sample);
-                Received::Sample
+                SampleWait::Sample
             }
-            None => Received::Nothing,
+            None => SampleWait::Nothing,
         });
     }
     let deadline = Instant::now() + timeout;
@@ -47,13 +47,13 @@ pub fn receive(
         let wake = subscriber.wait(left)?;
         if let Some(sample) = subscriber.try_borrow()? {
             take(&sample);
-            return Ok(Received::Sample);
+            return Ok(SampleWait::Sample);
         }
         left = deadline.saturating_duration_since(Instant::now());
         match wake {
             // What came with the signal is not lost: the next call reads it.
-            Wake::Interrupted => return Ok(Received::Interrupted),
-            _ if left.is_zero() => return Ok(Received::Nothing),
+            Wake::Interrupted => return Ok(SampleWait::Interrupted),
+            _ if left.is_zero() => return Ok(SampleWait::Nothing),
             _ => {}
         }
     }

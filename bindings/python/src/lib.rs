@@ -11,13 +11,13 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-use hero_ril::error::{Error, Kind};
+use hero_ril::error::{Error, ErrorKind};
 use hero_ril::joining::join;
 use hero_ril::module::{Event, OwnModule};
-use hero_ril::requests::{Answer, Requests, reason_name, stage_name};
+use hero_ril::requests::{ReportWait, Requests, reason_name, stage_name};
 use hero_ril::service::ServiceName;
-use hero_ril::serving::{Order, Reported, Serving};
-use hero_ril::topic::{self, FOREVER, Received};
+use hero_ril::serving::{Reported, Serving, ServingEvent};
+use hero_ril::topic::{self, FOREVER, SampleWait};
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::dynamic::topics;
 use ipc_types::payload::{RequestReport, SharedStruct, WaypointPosition};
@@ -53,12 +53,12 @@ const SLICE: Duration = ipc_types::waiter::SAFETY_BOUND;
 fn raise(error: Error) -> PyErr {
     let text = error.text();
     match error.kind() {
-        Kind::Invalid => PyValueError::new_err(text),
-        Kind::Layout => LayoutError::new_err(text),
-        Kind::NotThere => NotThereError::new_err(text),
-        Kind::Taken => TakenError::new_err(text),
-        Kind::Full => FullError::new_err(text),
-        Kind::Failed | Kind::Panic => RilError::new_err(text),
+        ErrorKind::Invalid => PyValueError::new_err(text),
+        ErrorKind::Layout => LayoutError::new_err(text),
+        ErrorKind::NotThere => NotThereError::new_err(text),
+        ErrorKind::Taken => TakenError::new_err(text),
+        ErrorKind::Full => FullError::new_err(text),
+        ErrorKind::Failed | ErrorKind::Panic => RilError::new_err(text),
     }
 }
 
@@ -315,7 +315,7 @@ impl Subscriber {
                 buffer.clear();
                 buffer.extend_from_slice(sample);
             })?;
-            Ok((received == Received::Sample).then_some(()))
+            Ok((received == SampleWait::Sample).then_some(()))
         })?;
         Ok(received.map(|()| PyBytes::new(py, &self.sample)))
     }
@@ -561,8 +561,8 @@ impl Client {
         let requests = self.requests.get()?;
         let report = wait(py, timeout_s, |slice| {
             Ok(match requests.next_report(request_id, slice)? {
-                Answer::Report(report) => Some(report),
-                Answer::Nothing | Answer::Interrupted => None,
+                ReportWait::Report(report) => Some(report),
+                ReportWait::Nothing | ReportWait::Interrupted => None,
             })
         })?;
         Ok(report.map(|report| (PyBytes::new(py, report.bytes()), report.is_final())))
@@ -634,11 +634,11 @@ impl Server {
         let deadline = Instant::now() + duration(timeout_s)?;
         loop {
             match self.with(py, |serving| serving.take(Duration::ZERO))? {
-                Order::Request(ticket, request) => {
+                ServingEvent::Request(ticket, request) => {
                     return Ok(Some((ticket.to_bits(), Some(PyBytes::new(py, &request)))));
                 }
-                Order::Gone(ticket) => return Ok(Some((ticket.to_bits(), None))),
-                Order::Nothing | Order::Interrupted => {}
+                ServingEvent::Gone(ticket) => return Ok(Some((ticket.to_bits(), None))),
+                ServingEvent::Nothing | ServingEvent::Interrupted => {}
             }
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {

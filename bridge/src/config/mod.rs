@@ -44,7 +44,7 @@ pub use movement::{
     ArrivalConfig, BreachAction, MovementLimits, STOP_WITHIN, SafetyConfig, SupplyLimits,
     Tolerance, TrajectoryConfig, TrajectoryKind,
 };
-pub use parameters::Parameters;
+pub use parameters::ParametersConfig;
 
 runtime::ranged! {
     fn state_period_ms(u64) in 10..=1000;
@@ -78,7 +78,7 @@ pub struct BridgeConfig {
     /// The published state.
     pub state: StateConfig,
     /// Controller parameters.
-    pub parameters: Parameters,
+    pub parameters: ParametersConfig,
 }
 
 /// `[state]`

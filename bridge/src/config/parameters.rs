@@ -1,4 +1,4 @@
-//! [`Parameters`]: the values that the bridge writes to the DSP's ports.
+//! [`ParametersConfig`]: the values that the bridge writes to the DSP's ports.
 
 use std::fmt;
 
@@ -12,9 +12,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 /// `[parameters]`: values for the ports of `docs/protocol.md` section 6, by name; written
 /// in the order of the port numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Parameters(Vec<Command>);
+pub struct ParametersConfig(Vec<Command>);
 
-impl Parameters {
+impl ParametersConfig {
     /// How many there are.
     pub fn len(&self) -> usize {
         self.0.len()
@@ -25,7 +25,7 @@ impl Parameters {
         self.0.is_empty()
     }
 
-    /// The command that writes the parameter of this index, which must be below [`Parameters::len`].
+    /// The command that writes the parameter of this index, which must be below [`ParametersConfig::len`].
     pub fn write(&self, index: usize) -> Command {
         self.0[index]
     }
@@ -82,14 +82,14 @@ fn port_of(command: &Command) -> Option<u16> {
     }
 }
 
-impl<'de> Deserialize<'de> for Parameters {
+impl<'de> Deserialize<'de> for ParametersConfig {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         deserializer.deserialize_map(ParametersVisitor)
     }
 }
 
 /// By the names of the ports, as they are read.
-impl Serialize for Parameters {
+impl Serialize for ParametersConfig {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         let mut map = to.serialize_map(Some(self.0.len()))?;
         for write in &self.0 {
@@ -114,20 +114,20 @@ impl Serialize for Parameters {
 struct ParametersVisitor;
 
 impl<'de> Visitor<'de> for ParametersVisitor {
-    type Value = Parameters;
+    type Value = ParametersConfig;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("a table of controller parameters")
     }
 
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Parameters, A::Error> {
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<ParametersConfig, A::Error> {
         let mut writes = Vec::new();
         while let Some(name) = map.next_key::<String>()? {
             writes.push(map.next_value_seed(ParameterValue { name: &name })?);
         }
         // A table of TOML has no order.
         writes.sort_by_key(|(port, _)| *port);
-        Ok(Parameters(
+        Ok(ParametersConfig(
             writes.into_iter().map(|(_, write)| write).collect(),
         ))
     }
@@ -182,15 +182,18 @@ pub(crate) mod as_commands {
     use dsp_protocol::Command;
     use serde::{Deserialize, Deserializer, Serializer};
 
-    use crate::config::parameters::Parameters;
+    use crate::config::parameters::ParametersConfig;
 
-    pub fn serialize<S: Serializer>(parameters: &Parameters, to: S) -> Result<S::Ok, S::Error> {
+    pub fn serialize<S: Serializer>(
+        parameters: &ParametersConfig,
+        to: S,
+    ) -> Result<S::Ok, S::Error> {
         to.collect_seq(&parameters.0)
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Parameters, D::Error> {
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<ParametersConfig, D::Error> {
         let mut writes = Vec::<Command>::deserialize(from)?;
         writes.retain(|write| matches!(write, Command::Write16 { .. } | Command::Write32 { .. }));
-        Ok(Parameters(writes))
+        Ok(ParametersConfig(writes))
     }
 }

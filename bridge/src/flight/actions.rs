@@ -9,7 +9,7 @@ use ipc_types::code::{ImiError, MovementKind, Reason, SafetyAction, Stage};
 use ipc_types::payload::MovementState;
 
 use super::dsp_order::{Doubt, DspOrder};
-use super::motion::{Action, Event, Motion, Order, PathStep, Rest};
+use super::motion::{Action, Event, Motion, MovementOrder, PathStep, Rest};
 use super::report::{Detail, Verdict};
 use super::safety::Intervention;
 use super::verification::Counted;
@@ -224,7 +224,7 @@ impl Flight {
     }
 
     /// The helicopter hovers where it is, and the module stays as it is.
-    pub(super) fn order_hold(&mut self, order: Order, cx: &mut Context<'_>) {
+    pub(super) fn order_hold(&mut self, order: MovementOrder, cx: &mut Context<'_>) {
         self.pre_empt(cx);
         cx.link.forget_path();
         self.begin(Motion::Holding { order }, 0, cx);
@@ -232,7 +232,7 @@ impl Flight {
 
     /// Orders the landing, for a request or for a safety rule. A path under way ends as replaced. The order goes out first;
     /// it empties the DSP's path buffer, which the link makes sure of.
-    pub(super) fn order_landing(&mut self, order: Order, cx: &mut Context<'_>) {
+    pub(super) fn order_landing(&mut self, order: MovementOrder, cx: &mut Context<'_>) {
         self.pre_empt(cx);
         let until = order.requester.map_or(ALWAYS, |header| header.begin_by);
         let queued = cx
@@ -247,7 +247,7 @@ impl Flight {
     }
 
     /// Takes a hold or a landing that cannot be carried out yet.
-    pub(super) fn defer(&mut self, order: Order, lands: bool, cx: &mut Context<'_>) {
+    pub(super) fn defer(&mut self, order: MovementOrder, lands: bool, cx: &mut Context<'_>) {
         self.pre_empt(cx);
         cx.link.forget_path();
         self.begin(Motion::Deferred { order, lands }, 0, cx);
@@ -256,8 +256,8 @@ impl Flight {
     /// The DSP can be reached again: a hold or a landing that waited for it is carried out, within the time that it had.
     fn undefer(
         &mut self,
-        order: Order,
-        carry_out: fn(&mut Flight, Order, &mut Context<'_>),
+        order: MovementOrder,
+        carry_out: fn(&mut Flight, MovementOrder, &mut Context<'_>),
         cx: &mut Context<'_>,
     ) {
         let due = self.timers.due(FlightTimer::Begin);
@@ -270,7 +270,7 @@ impl Flight {
 
     pub(super) fn take_off(
         &mut self,
-        order: Order,
+        order: MovementOrder,
         height_m: f32,
         cx: &mut Context<'_>,
     ) -> Result<(), Verdict> {
@@ -300,7 +300,7 @@ impl Flight {
     /// The path is closed: it goes to the DSP as a whole as soon as the DSP holds nothing else.
     pub(super) fn follow(
         &mut self,
-        order: Order,
+        order: MovementOrder,
         position: &Geographic,
         cx: &mut Context<'_>,
     ) -> Result<(), Verdict> {

@@ -37,7 +37,7 @@ use crate::safety::fence::Fence;
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
 use control::{Asks, Control, Who};
-use motion::{Action, Asked, Event, Facts, Motion, Order, Rest};
+use motion::{Action, Asked, Event, Facts, Motion, MovementOrder, Rest};
 use observation::{Observation, known_position};
 use parameters::ParameterRequests;
 use report::{Answers, Detail, Verdict, in_time};
@@ -394,7 +394,7 @@ impl Flight {
             Movement::Waypoint(_) => Asked::Path,
         };
         let facts = self.facts(cx);
-        let order = Order {
+        let order = MovementOrder {
             requester: Some(*header),
             then: self.motion.allows(asked, header.preempt, &facts)?,
         };
@@ -414,7 +414,7 @@ impl Flight {
 
     fn waypoint(
         &mut self,
-        order: Order,
+        order: MovementOrder,
         header: &RequestHeader,
         segment: &Segment,
         cx: &mut Context<'_>,
@@ -450,7 +450,7 @@ impl Flight {
             }
             Ok(true) => {
                 let requester = Some(header);
-                self.follow(Order { requester, ..order }, &position, cx)
+                self.follow(MovementOrder { requester, ..order }, &position, cx)
             }
             Err(reason) => {
                 if self.assembler.open_path().is_none() {

@@ -72,7 +72,7 @@ pub enum Motion {
     /// A take-off.
     TakingOff {
         /// Whose request it is.
-        order: Order,
+        order: MovementOrder,
         /// Height above take-off, m.
         height_m: f32,
         /// Telemetry altitude of the point of take-off, m.
@@ -85,26 +85,26 @@ pub enum Motion {
     /// A landing.
     Landing {
         /// Whose request it is.
-        order: Order,
+        order: MovementOrder,
         /// How far it is.
         step: DspOrder,
     },
     /// A path. Its waypoints are in [`Route`](super::route::Route).
     Following {
         /// The request that closed the path.
-        order: Order,
+        order: MovementOrder,
         /// How far it is.
         step: PathStep,
     },
     /// The DSP's path buffer is being emptied so that the helicopter hovers; the module stays started.
     Holding {
         /// Whose request it is.
-        order: Order,
+        order: MovementOrder,
     },
     /// A hold or a landing that is carried out when the DSP can be reached.
     Deferred {
         /// Whose request it is.
-        order: Order,
+        order: MovementOrder,
         /// It is a landing.
         lands: bool,
     },
@@ -121,7 +121,7 @@ pub enum Motion {
 
 /// A movement's request.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Order {
+pub struct MovementOrder {
     /// The request; `None` if a safety rule ordered the movement.
     pub requester: Option<RequestHeader>,
     /// How the module rests when the movement has ended as it should.
@@ -224,9 +224,9 @@ pub enum Action {
     /// Gives up the movement for a safety rule.
     Intervene(Violation),
     /// Begins a hold whose request was taken before.
-    Hold(Order),
+    Hold(MovementOrder),
     /// Begins a landing whose request was taken before, or that a safety rule orders.
-    Land(Order),
+    Land(MovementOrder),
     /// Reads the take-off altitude back.
     ReadTakeOffAltitude,
     /// Orders the take-off.
@@ -492,7 +492,7 @@ impl Motion {
 
     fn safety_landing(&self, then: Rest, facts: &Facts) -> Action {
         match facts.flying == Some(true) && facts.is_link_up {
-            true => Action::Land(Order {
+            true => Action::Land(MovementOrder {
                 requester: None,
                 then,
             }),
@@ -584,7 +584,7 @@ impl Motion {
     }
 
     /// The movement's order.
-    pub fn movement_order(&self) -> Option<&Order> {
+    pub fn movement_order(&self) -> Option<&MovementOrder> {
         match self {
             Motion::TakingOff { order, .. }
             | Motion::Landing { order, .. }
@@ -688,10 +688,10 @@ impl PathStep {
     }
 }
 
-impl Order {
+impl MovementOrder {
     /// The order of a request.
-    pub const fn of(requester: RequestHeader) -> Order {
-        Order {
+    pub const fn of(requester: RequestHeader) -> MovementOrder {
+        MovementOrder {
             requester: Some(requester),
             then: Rest::Done,
         }
@@ -705,7 +705,7 @@ mod tests {
 
     const ERROR: ImiError = ImiError::HeroDspFatalError;
     const NONE: ImiError = ImiError::None;
-    const ORDER: Order = Order {
+    const ORDER: MovementOrder = MovementOrder {
         requester: None,
         then: Rest::Done,
     };
@@ -728,7 +728,7 @@ mod tests {
     };
     const HOLDING: Motion = Motion::Holding { order: ORDER };
     const DEFERRED: Motion = Motion::Deferred {
-        order: Order {
+        order: MovementOrder {
             requester: None,
             then: Rest::Stopped(NONE),
         },

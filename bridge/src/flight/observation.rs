@@ -7,7 +7,7 @@ use dsp_protocol::downlink::{Geographic, Supply};
 use ipc_types::MonotonicNs;
 use serde::{Deserialize, Serialize};
 
-use crate::link::Sample;
+use crate::link::StatusSample;
 
 /// NMEA fix quality without a fix (`docs/protocol.md` section 4.1).
 const GPS_NO_FIX: u8 = 0;
@@ -29,7 +29,7 @@ pub struct Observation {
 impl Observation {
     /// Takes a sample; values count as known for `fresh_for` from now on. A sample without a known position leaves the last
     /// one to age.
-    pub fn take(&mut self, sample: &Sample, fresh_for: Duration) {
+    pub fn take(&mut self, sample: &StatusSample, fresh_for: Duration) {
         let at = sample.received;
         self.fresh_for = fresh_for;
         // A sample may have waited for its successor: one from before a change does not show it.

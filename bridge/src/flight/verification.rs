@@ -64,7 +64,7 @@ pub enum Counted {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-enum Phase {
+enum VerificationPhase {
     Asking,
     MaySend {
         count: u16,
@@ -83,7 +83,7 @@ enum Phase {
 /// Delivery of one path.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Verification {
-    phase: Phase,
+    phase: VerificationPhase,
     /// Values in a row that were no count.
     no_counts: u32,
 }
@@ -92,7 +92,7 @@ impl Verification {
     /// A path begins: its count is to be read first.
     pub const fn begin() -> Self {
         Verification {
-            phase: Phase::Asking,
+            phase: VerificationPhase::Asking,
             no_counts: 0,
         }
     }
@@ -100,42 +100,42 @@ impl Verification {
     /// Flow control grants a waypoint.
     pub fn on_grant(&self) -> OnGrant {
         match self.phase {
-            Phase::Asking | Phase::Checking { .. } | Phase::Unverified { awaited: 1.. } => {
-                OnGrant::Wait
-            }
-            Phase::MaySend { .. } => OnGrant::SendAndCount,
-            Phase::Unverified { awaited: 0 } => OnGrant::Send,
+            VerificationPhase::Asking
+            | VerificationPhase::Checking { .. }
+            | VerificationPhase::Unverified { awaited: 1.. } => OnGrant::Wait,
+            VerificationPhase::MaySend { .. } => OnGrant::SendAndCount,
+            VerificationPhase::Unverified { awaited: 0 } => OnGrant::Send,
         }
     }
 
     /// Whether it can not be known if waypoints arrive.
     pub fn is_unverified(&self) -> bool {
-        matches!(self.phase, Phase::Unverified { .. })
+        matches!(self.phase, VerificationPhase::Unverified { .. })
     }
 
     /// A status arrived.
     pub fn status_arrived(&mut self) {
-        if let Phase::Unverified { awaited } = &mut self.phase {
+        if let VerificationPhase::Unverified { awaited } = &mut self.phase {
             *awaited = awaited.saturating_sub(1);
         }
     }
 
     /// Error 30 arrived: the answer to the question for a count that the DSP does not have comes before the first waypoint.
     pub fn question_refused(&mut self) {
-        if let Phase::Unverified { awaited } = &mut self.phase {
+        if let VerificationPhase::Unverified { awaited } = &mut self.phase {
             *awaited = 0;
         }
     }
 
     /// Whether the waypoint to send has been sent before.
     pub fn is_repetition(&self) -> bool {
-        matches!(self.phase, Phase::MaySend { sendings, .. } if sendings > 0)
+        matches!(self.phase, VerificationPhase::MaySend { sendings, .. } if sendings > 0)
     }
 
     /// The waypoint was sent and the count is being read.
     pub fn sent(&mut self) {
-        if let Phase::MaySend { count, sendings } = self.phase {
-            self.phase = Phase::Checking {
+        if let VerificationPhase::MaySend { count, sendings } = self.phase {
+            self.phase = VerificationPhase::Checking {
                 count,
                 sendings: sendings + 1,
             };
@@ -152,39 +152,42 @@ impl Verification {
         } else {
             0
         };
-        let is_awaited = matches!(self.phase, Phase::Asking | Phase::Checking { .. });
+        let is_awaited = matches!(
+            self.phase,
+            VerificationPhase::Asking | VerificationPhase::Checking { .. }
+        );
         if is_awaited && (1..NO_COUNTS).contains(&self.no_counts) {
             return Counted::AskAgain;
         }
         match self.phase {
-            Phase::Asking if counts => {
-                self.phase = Phase::MaySend {
+            VerificationPhase::Asking if counts => {
+                self.phase = VerificationPhase::MaySend {
                     count: now,
                     sendings: 0,
                 };
                 Counted::Ready
             }
-            Phase::Asking => {
-                self.phase = Phase::Unverified { awaited: STATUSES };
+            VerificationPhase::Asking => {
+                self.phase = VerificationPhase::Unverified { awaited: STATUSES };
                 Counted::Unverified
             }
-            Phase::Checking { count, .. } if counts && now == (count + 1) & !COUNTS => {
-                self.phase = Phase::MaySend {
+            VerificationPhase::Checking { count, .. } if counts && now == (count + 1) & !COUNTS => {
+                self.phase = VerificationPhase::MaySend {
                     count: now,
                     sendings: 0,
                 };
                 Counted::Arrived
             }
-            Phase::Checking { count, sendings } if counts && now == count => {
+            VerificationPhase::Checking { count, sendings } if counts && now == count => {
                 if sendings == MAX_SENDINGS {
                     return Counted::Failed(Reason::DeliveryFailed);
                 }
-                self.phase = Phase::MaySend { count, sendings };
+                self.phase = VerificationPhase::MaySend { count, sendings };
                 Counted::Lost
             }
-            Phase::Checking { .. } | Phase::MaySend { .. } | Phase::Unverified { .. } => {
-                Counted::Failed(Reason::DeliveryFailed)
-            }
+            VerificationPhase::Checking { .. }
+            | VerificationPhase::MaySend { .. }
+            | VerificationPhase::Unverified { .. } => Counted::Failed(Reason::DeliveryFailed),
         }
     }
 }
@@ -197,30 +200,30 @@ mod tests {
 
     #[test]
     fn every_phase_and_event() {
-        let may_send = |count| Phase::MaySend { count, sendings: 0 };
-        let checking = |count| Phase::Checking { count, sendings: 1 };
+        let may_send = |count| VerificationPhase::MaySend { count, sendings: 0 };
+        let checking = |count| VerificationPhase::Checking { count, sendings: 1 };
         // Phase, what a grant does, value read, what it says, phase afterwards.
         let table = [
             (
-                Phase::Asking,
+                VerificationPhase::Asking,
                 OnGrant::Wait,
                 0x8005,
                 Counted::Ready,
                 may_send(5),
             ),
             (
-                Phase::Asking,
+                VerificationPhase::Asking,
                 OnGrant::Wait,
                 0,
                 Counted::Unverified,
-                Phase::Unverified { awaited: STATUSES },
+                VerificationPhase::Unverified { awaited: STATUSES },
             ),
             (
-                Phase::Unverified { awaited: 1 },
+                VerificationPhase::Unverified { awaited: 1 },
                 OnGrant::Wait,
                 0x8005,
                 FAILED,
-                Phase::Unverified { awaited: 1 },
+                VerificationPhase::Unverified { awaited: 1 },
             ),
             (
                 checking(5),
@@ -241,7 +244,7 @@ mod tests {
                 OnGrant::Wait,
                 0x8005,
                 Counted::Lost,
-                Phase::MaySend {
+                VerificationPhase::MaySend {
                     count: 5,
                     sendings: 1,
                 },
@@ -257,11 +260,11 @@ mod tests {
                 may_send(5),
             ),
             (
-                Phase::Unverified { awaited: 0 },
+                VerificationPhase::Unverified { awaited: 0 },
                 OnGrant::Send,
                 0x8005,
                 FAILED,
-                Phase::Unverified { awaited: 0 },
+                VerificationPhase::Unverified { awaited: 0 },
             ),
         ];
         for (phase, grant, value, counted, after) in table {

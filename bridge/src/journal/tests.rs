@@ -4,7 +4,7 @@ use std::time::Duration;
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{BridgeJournal, ModuleControl, MovementData, ParameterRequest};
 use ipc_types::{JournalPiece, MonotonicNs, Topic};
-use module_kit::journal::{Entry, Reader};
+use module_kit::journal::{Entry, JournalReader};
 use proptest::prelude::*;
 
 use super::*;
@@ -185,7 +185,7 @@ fn outputs() -> Vec<Output<'static>> {
 
 #[test]
 fn what_is_written_is_read_again() {
-    let mut writer = Writer::new(BridgeJournal::ROOM);
+    let mut writer = JournalWriter::new(BridgeJournal::ROOM);
     writer.start();
     writer.snapshot(START, &[1, 0, 0, 0, 2]);
     // Forth and back: a clock may have been read before the last one.
@@ -197,7 +197,7 @@ fn what_is_written_is_read_again() {
     }
     outputs().iter().for_each(|output| writer.output(output));
 
-    let mut reader = Reader::new();
+    let mut reader = JournalReader::new();
     for (piece, sequence) in writer.take_all().zip(1..) {
         let mut sample = BridgeJournal::default();
         sample.fill(0, piece.begins, piece.beginnings, &piece.bytes);
@@ -221,7 +221,7 @@ fn what_is_written_is_read_again() {
 /// What a whole flight has of the journal is verified by the missions; here, what the wrapper must not record.
 #[test]
 fn what_did_nothing_is_not_recorded_and_what_a_publisher_fills_in_is_left_out() {
-    let mut writer = Writer::new(BridgeJournal::ROOM);
+    let mut writer = JournalWriter::new(BridgeJournal::ROOM);
     writer.start();
     let mut bridge = Journaled::new(&BridgeConfig::default(), writer);
     assert!(bridge.transmit(START).is_empty() && !bridge.take_discard_unsent(START));
@@ -238,7 +238,7 @@ fn what_did_nothing_is_not_recorded_and_what_a_publisher_fills_in_is_left_out() 
         [format!("{:?}", Output::State(ModuleState::default()))]
     );
 
-    let mut reader = Reader::new();
+    let mut reader = JournalReader::new();
     for (piece, sequence) in bridge.writer().take_all().zip(1..) {
         let mut sample = BridgeJournal::default();
         sample.fill(0, piece.begins, piece.beginnings, &piece.bytes);

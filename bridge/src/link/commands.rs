@@ -110,7 +110,7 @@ pub enum Timeout<P> {
 }
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-struct Outstanding<P> {
+struct OutstandingCommand<P> {
     sending: Sending,
     /// `None` if it was forgotten.
     purpose: Option<P>,
@@ -142,7 +142,7 @@ pub struct CommandQueue<P> {
     #[serde(skip)]
     timeout: Duration,
     waiting: VecDeque<Waiting<P>>,
-    outstanding: Option<Outstanding<P>>,
+    outstanding: Option<OutstandingCommand<P>>,
     next_number: Sequence,
     /// By code, until when a late acknowledgement may arrive.
     late_until: [MonotonicNs; CODES],
@@ -231,7 +231,7 @@ impl<P: Copy> CommandQueue<P> {
         let number = self.next_number;
         self.next_number = number.next();
         let sending = Sending { command, number };
-        self.outstanding = Some(Outstanding {
+        self.outstanding = Some(OutstandingCommand {
             sending,
             purpose: Some(purpose),
             until,
@@ -327,7 +327,7 @@ impl<P: Copy> CommandQueue<P> {
         }
     }
 
-    fn expect_late_ack(&mut self, outstanding: &Outstanding<P>) {
+    fn expect_late_ack(&mut self, outstanding: &OutstandingCommand<P>) {
         let code = usize::from(outstanding.sending.command.code()) % CODES;
         self.late_until[code] = self.late_until[code].max(outstanding.sent + LATE_ACK);
     }

@@ -5,13 +5,13 @@ use ipc_types::MonotonicNs;
 use serde::{Deserialize, Serialize};
 
 use super::commands::AckData;
-use super::session::Step;
+use super::session::StartupStep;
 
 /// What a command is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Purpose {
     /// A step of the start-up sequence.
-    StartUp(Step),
+    StartUp(StartupStep),
     /// Is the DSP there, and does it still have our mask?
     Probe,
     /// The status stays away or has another mask: does the DSP still have ours?
@@ -54,7 +54,7 @@ pub enum FlightCommand {
 
 /// One status message, and when it came.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Sample {
+pub struct StatusSample {
     /// The message without its implausible groups.
     pub status: Status,
     /// When its last byte was read.
@@ -73,7 +73,7 @@ pub enum LinkEvent {
     /// The DSP cannot be reached any more.
     Lost,
     /// A status sample in its place in time.
-    Sample(Sample),
+    Sample(StatusSample),
     /// One waypoint may be sent: the newest flow control of a read was a 1, and is not too old.
     Grant,
     /// The DSP's path buffer is known to be empty.

@@ -17,7 +17,7 @@ const CUT_PER_OPENING: u64 = 2;
 
 /// The totals at a moment.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct Mark {
+struct TotalsAt {
     at: MonotonicNs,
     messages: u64,
     rejected: u64,
@@ -30,7 +30,7 @@ struct Mark {
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub struct LastMinute {
     /// The oldest first; all alike in the beginning.
-    marks: [Mark; MARKS],
+    marks: [TotalsAt; MARKS],
 }
 
 impl LastMinute {
@@ -41,7 +41,7 @@ impl LastMinute {
         link: &LinkHealth,
         rejected: &RefusedCounters,
     ) -> payload::LastMinute {
-        let present = Mark {
+        let present = TotalsAt {
             at: now,
             messages: link.messages_received,
             rejected: rejected.pieces(),
@@ -51,9 +51,9 @@ impl LastMinute {
         };
         let newest = self.marks[MARKS - 1].at;
         if newest == MonotonicNs(0) {
-            self.marks = [Mark {
+            self.marks = [TotalsAt {
                 at: now,
-                ..Mark::default()
+                ..TotalsAt::default()
             }; MARKS];
         } else if now.since(newest) >= STEP {
             self.marks.rotate_left(1);

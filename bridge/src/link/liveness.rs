@@ -7,7 +7,7 @@ use dsp_protocol::{Command, Status, StatusMask, port};
 use ipc_types::MonotonicNs;
 
 use super::commands::AckData;
-use super::session::{DspPath, READ_PC_TIMEOUT, Session, StartUp, Step, write_mask};
+use super::session::{DspPath, DspSession, READ_PC_TIMEOUT, StartUp, StartupStep, write_mask};
 use super::{Link, LinkEvent, LinkTimer, Purpose, State, increment};
 
 /// A status in another mask that comes so often in a row is no noise.
@@ -162,11 +162,11 @@ impl Link {
         } else {
             self.enter(State::Connecting(StartUp::FIRST), now);
         }
-        self.queue_step(Step::FIRST, None);
+        self.queue_step(StartupStep::FIRST, None);
     }
 
     /// Asks for a step: repeated as usual, or sent `once` and waiting that long.
-    fn queue_step(&mut self, step: Step, once: Option<Duration>) {
+    fn queue_step(&mut self, step: StartupStep, once: Option<Duration>) {
         let command = step.command(&self.config, &self.parameters);
         let purpose = Purpose::StartUp(step);
         // The queue was emptied when the start-up began, and has one command of it at a time.
@@ -181,7 +181,7 @@ impl Link {
     pub(super) fn step_done(
         &mut self,
         now: MonotonicNs,
-        step: Step,
+        step: StartupStep,
         data: AckData,
         is_certain: bool,
     ) {
@@ -189,12 +189,12 @@ impl Link {
             return;
         };
         match step {
-            Step::ReadPcTimeout => {
+            StartupStep::ReadPcTimeout => {
                 let announced = AckData::Bits16(self.config.link.pc_timeout_ms);
                 start_up.has_pc_timeout = data == announced;
             }
-            Step::InvalidatePath => start_up.is_path_empty = is_certain,
-            Step::ReadParameter(index) => {
+            StartupStep::InvalidatePath => start_up.is_path_empty = is_certain,
+            StartupStep::ReadParameter(index) => {
                 let written = self.parameters.write(index);
                 if is_certain && !is_value_of(written, data) {
                     let found = data;
@@ -219,7 +219,7 @@ impl Link {
     fn started_up(&mut self, now: MonotonicNs, start_up: StartUp) {
         self.failed_start_ups = 0;
         self.cannot_empty_path = false;
-        self.enter(State::Up(Session::begin(now, start_up)), now);
+        self.enter(State::Up(DspSession::begin(now, start_up)), now);
         self.message_arrived(now);
         self.expect_status(now);
         self.events.push_back(LinkEvent::Ready);
@@ -235,7 +235,7 @@ impl Link {
         self.failed_start_ups = self.failed_start_ups.saturating_add(1);
         self.state = State::Connecting(StartUp::FIRST);
         let timeout = self.config.link.start_up_timeout(self.failed_start_ups);
-        self.queue_step(Step::FIRST, Some(timeout));
+        self.queue_step(StartupStep::FIRST, Some(timeout));
     }
 
     /// Gives up every command and all bytes that have not left.
@@ -320,7 +320,7 @@ impl Link {
 
     /// While the path buffer may hold something, the DSP must see that the PC is there.
     pub(super) fn schedule_keep_alive(&mut self, now: MonotonicNs) {
-        if let State::Up(Session {
+        if let State::Up(DspSession {
             has_pc_timeout: true,
             ..
         }) = self.state

@@ -34,14 +34,14 @@ use ipc_types::payload::{LinkHealth, RefusedCounters};
 use module_kit::journal::raw;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{BridgeConfig, Parameters, parameters};
+use crate::config::{BridgeConfig, ParametersConfig, parameters};
 use crate::timers::{TimerTable, timers};
 use cadence::{Cadence, Grants};
 use coherence::Coherence;
 use commands::{ALWAYS, CommandQueue, QueueFull, Sending, Timeout};
-pub use event::{FlightCommand, LinkEvent, Purpose, Sample};
-use outgoing::Outgoing;
-use session::{DspPath, Session, StartUp};
+pub use event::{FlightCommand, LinkEvent, Purpose, StatusSample};
+use outgoing::OutgoingBytes;
+use session::{DspPath, DspSession, StartUp};
 
 /// Events that one message or deadline can cause at most: an odd status, a reboot, two samples, the end of the start-up
 /// and of its last parameter.
@@ -71,9 +71,9 @@ enum State {
     /// The port is open; the start-up is under way.
     Connecting(StartUp),
     /// The DSP takes commands.
-    Up(Session),
+    Up(DspSession),
     /// No message for a time; the DSP is being probed.
-    Silent(Session),
+    Silent(DspSession),
 }
 
 /// A command of the flight was not taken.
@@ -94,11 +94,11 @@ pub struct Link {
     config: BridgeConfig,
     /// Written at each start-up: those of the configuration, and those set at run time.
     #[serde(with = "parameters::as_commands")]
-    parameters: Parameters,
+    parameters: ParametersConfig,
     decoder: Decoder<Downlink>,
-    coherence: Coherence<Sample>,
+    coherence: Coherence<StatusSample>,
     commands: CommandQueue<Purpose>,
-    outgoing: Outgoing,
+    outgoing: OutgoingBytes,
     /// Number of the last waypoint that was sent.
     waypoint_number: Sequence,
     /// Number of the last message that was received.
@@ -132,7 +132,7 @@ impl Link {
             decoder: Decoder::with_profile(config.link.profile),
             coherence: Coherence::new(config.status.coherence),
             commands: CommandQueue::new(config.link.ack_timeout()),
-            outgoing: Outgoing::default(),
+            outgoing: OutgoingBytes::default(),
             waypoint_number: Sequence::FIRST,
             last_received: None,
             messages: Cadence::default(),
@@ -381,12 +381,12 @@ impl Link {
     }
 
     /// The parameters that are written at each start-up.
-    pub fn parameters(&self) -> &Parameters {
+    pub fn parameters(&self) -> &ParametersConfig {
         &self.parameters
     }
 
     /// The parameters that are written at each start-up, to add one.
-    pub fn parameters_mut(&mut self) -> &mut Parameters {
+    pub fn parameters_mut(&mut self) -> &mut ParametersConfig {
         &mut self.parameters
     }
 

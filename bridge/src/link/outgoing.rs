@@ -11,15 +11,15 @@ pub const CAPACITY: usize = 512;
 
 /// The bytes.
 #[derive(Clone, Debug)]
-pub struct Outgoing {
+pub struct OutgoingBytes {
     bytes: [u8; CAPACITY],
     start: usize,
     end: usize,
 }
 
-impl Default for Outgoing {
+impl Default for OutgoingBytes {
     fn default() -> Self {
-        Outgoing {
+        OutgoingBytes {
             bytes: [0; CAPACITY],
             start: 0,
             end: 0,
@@ -27,16 +27,16 @@ impl Default for Outgoing {
     }
 }
 
-impl Serialize for Outgoing {
+impl Serialize for OutgoingBytes {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         to.serialize_bytes(self.as_bytes())
     }
 }
 
-impl<'de> Deserialize<'de> for Outgoing {
+impl<'de> Deserialize<'de> for OutgoingBytes {
     fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let bytes = Vec::<u8>::deserialize(from)?;
-        let mut outgoing = Outgoing::default();
+        let mut outgoing = OutgoingBytes::default();
         let place = outgoing.bytes.get_mut(..bytes.len());
         let place = place.ok_or_else(|| D::Error::custom("too many bytes wait"))?;
         place.copy_from_slice(&bytes);
@@ -45,7 +45,7 @@ impl<'de> Deserialize<'de> for Outgoing {
     }
 }
 
-impl Outgoing {
+impl OutgoingBytes {
     /// Whether a message of `len` bytes fits.
     pub fn has_room(&self, len: usize) -> bool {
         self.as_bytes().len() + len <= CAPACITY
@@ -96,7 +96,7 @@ mod tests {
         let frames: Vec<Frame> = (0..200)
             .map(|port| Uplink::Command(Command::Write16 { port, value: port }).encode())
             .collect();
-        let (mut outgoing, mut sent, mut next) = (Outgoing::default(), vec![], 0);
+        let (mut outgoing, mut sent, mut next) = (OutgoingBytes::default(), vec![], 0);
         let mut take = 1;
         while sent.len() < frames.iter().map(|frame| frame.as_bytes().len()).sum() {
             while next < frames.len() && outgoing.push(&frames[next]) {
@@ -119,7 +119,7 @@ mod tests {
     #[test]
     fn a_message_that_does_not_fit_changes_nothing() {
         let frame = Uplink::Command(Command::ClearErrors).encode();
-        let mut outgoing = Outgoing::default();
+        let mut outgoing = OutgoingBytes::default();
         while outgoing.push(&frame) {}
         let before = outgoing.as_bytes().to_vec();
         assert!(before.len() > CAPACITY - frame.as_bytes().len());

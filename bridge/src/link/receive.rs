@@ -7,7 +7,7 @@ use ipc_types::MonotonicNs;
 
 use super::commands::{Ack, AckData, Acknowledged};
 use super::liveness::PROBE_ONLY_REPLIES;
-use super::{Link, LinkEvent, Purpose, Sample, State, increment};
+use super::{Link, LinkEvent, Purpose, State, StatusSample, increment};
 
 impl Link {
     /// Takes bytes from the front of `input` until something happens or all are used. Events must be polled in between.
@@ -76,7 +76,7 @@ impl Link {
         self.expect_status(now);
         status.withdraw(StatusMask(!asked_for.0));
         self.withdraw_implausible(&mut status);
-        let sample = Sample {
+        let sample = StatusSample {
             status,
             received: now,
         };

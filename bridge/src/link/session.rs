@@ -1,4 +1,4 @@
-//! [`StartUp`]: which command of the start-up sequence comes next (requirement D1; `docs/protocol.md` section 8.1). `Session`: what is
+//! [`StartUp`]: which command of the start-up sequence comes next (requirement D1; `docs/protocol.md` section 8.1). `DspSession`: what is
 //! known of a DSP that was started up, above all what its path buffer may hold ([`DspPath`], requirement H1).
 //!
 //! Waypoints can only be sent while the path buffer is not `Unknown`, and only the acknowledgement of *invalidate path* makes it
@@ -18,7 +18,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::DspPathState;
 use serde::{Deserialize, Serialize};
 
-use crate::config::{BridgeConfig, Parameters};
+use crate::config::{BridgeConfig, ParametersConfig};
 
 /// Sensors that come and go make a few masks; the oldest is asked for anew.
 const ACCEPTED_MASKS: usize = 4;
@@ -59,7 +59,7 @@ impl DspPath {
 
 /// What is known of a DSP that was started up.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub(super) struct Session {
+pub(super) struct DspSession {
     /// What its path buffer may hold.
     pub path: DspPath,
     /// It empties its path buffer by itself when the PC is gone.
@@ -75,10 +75,10 @@ pub(super) struct Session {
     pub accepted_masks: [Option<StatusMask>; ACCEPTED_MASKS],
 }
 
-impl Session {
+impl DspSession {
     /// A DSP that has just been started up.
-    pub fn begin(now: MonotonicNs, start_up: StartUp) -> Session {
-        Session {
+    pub fn begin(now: MonotonicNs, start_up: StartUp) -> DspSession {
+        DspSession {
             last_delivered: now,
             path: if start_up.is_path_empty {
                 DspPath::Empty
@@ -86,7 +86,7 @@ impl Session {
                 DspPath::Unknown
             },
             has_pc_timeout: start_up.has_pc_timeout,
-            ..Session::default()
+            ..DspSession::default()
         }
     }
 
@@ -107,7 +107,7 @@ impl Session {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct StartUp {
     /// The step whose acknowledgement is awaited.
-    pub step: Step,
+    pub step: StartupStep,
     /// The DSP empties its path buffer by itself when the PC is gone.
     pub has_pc_timeout: bool,
     /// The DSP has certainly emptied its path buffer.
@@ -117,7 +117,7 @@ pub struct StartUp {
 impl StartUp {
     /// At its first step.
     pub const FIRST: StartUp = StartUp {
-        step: Step::FIRST,
+        step: StartupStep::FIRST,
         has_pc_timeout: false,
         is_path_empty: false,
     };
@@ -125,7 +125,7 @@ impl StartUp {
 
 /// One step of the start-up; each waits for the acknowledgement of the one before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Step {
+pub enum StartupStep {
     /// The status mask is written.
     Mask,
     /// The PC announces how long it may be silent.
@@ -146,43 +146,45 @@ pub enum Step {
     ReadParameter(usize),
 }
 
-impl Step {
+impl StartupStep {
     /// The first step.
-    pub const FIRST: Step = Step::Mask;
+    pub const FIRST: StartupStep = StartupStep::Mask;
 
     /// The step after this one; `None` if the DSP is started up.
-    pub fn next(self, config: &BridgeConfig, parameters: &Parameters) -> Option<Step> {
+    pub fn next(self, config: &BridgeConfig, parameters: &ParametersConfig) -> Option<StartupStep> {
         let parameter =
-            |index: usize| (index < parameters.len()).then_some(Step::WriteParameter(index));
+            |index: usize| (index < parameters.len()).then_some(StartupStep::WriteParameter(index));
         match self {
-            Step::Mask if config.link.pc_timeout_ms == 0 => Some(Step::ActivateStatus),
-            Step::Mask => Some(Step::AnnouncePcTimeout),
-            Step::AnnouncePcTimeout => Some(Step::ReadPcTimeout),
-            Step::ReadPcTimeout => Some(Step::ActivateStatus),
-            Step::ActivateStatus => Some(Step::ClearErrors),
-            Step::ClearErrors => Some(Step::InvalidatePath),
-            Step::InvalidatePath => Some(Step::Following),
-            Step::Following => parameter(0),
-            Step::WriteParameter(index) => Some(Step::ReadParameter(index)),
-            Step::ReadParameter(index) => parameter(index + 1),
+            StartupStep::Mask if config.link.pc_timeout_ms == 0 => {
+                Some(StartupStep::ActivateStatus)
+            }
+            StartupStep::Mask => Some(StartupStep::AnnouncePcTimeout),
+            StartupStep::AnnouncePcTimeout => Some(StartupStep::ReadPcTimeout),
+            StartupStep::ReadPcTimeout => Some(StartupStep::ActivateStatus),
+            StartupStep::ActivateStatus => Some(StartupStep::ClearErrors),
+            StartupStep::ClearErrors => Some(StartupStep::InvalidatePath),
+            StartupStep::InvalidatePath => Some(StartupStep::Following),
+            StartupStep::Following => parameter(0),
+            StartupStep::WriteParameter(index) => Some(StartupStep::ReadParameter(index)),
+            StartupStep::ReadParameter(index) => parameter(index + 1),
         }
     }
 
     /// The command of this step.
-    pub fn command(self, config: &BridgeConfig, parameters: &Parameters) -> Command {
+    pub fn command(self, config: &BridgeConfig, parameters: &ParametersConfig) -> Command {
         match self {
-            Step::Mask => write_mask(config),
-            Step::AnnouncePcTimeout => Command::Write16 {
+            StartupStep::Mask => write_mask(config),
+            StartupStep::AnnouncePcTimeout => Command::Write16 {
                 port: port::PC_TIMEOUT_MS,
                 value: config.link.pc_timeout_ms,
             },
-            Step::ReadPcTimeout => READ_PC_TIMEOUT,
-            Step::ActivateStatus => Command::ActivateStatus,
-            Step::ClearErrors => Command::ClearErrors,
-            Step::InvalidatePath => Command::InvalidatePath,
-            Step::Following => Command::Following { on: true },
-            Step::WriteParameter(index) => parameters.write(index),
-            Step::ReadParameter(index) => read_back(parameters.write(index)),
+            StartupStep::ReadPcTimeout => READ_PC_TIMEOUT,
+            StartupStep::ActivateStatus => Command::ActivateStatus,
+            StartupStep::ClearErrors => Command::ClearErrors,
+            StartupStep::InvalidatePath => Command::InvalidatePath,
+            StartupStep::Following => Command::Following { on: true },
+            StartupStep::WriteParameter(index) => parameters.write(index),
+            StartupStep::ReadParameter(index) => read_back(parameters.write(index)),
         }
     }
 }

@@ -28,7 +28,7 @@ const ERROR_CODES: usize = 32;
 
 /// Who sent a request.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Sender {
+pub struct AuditedSender {
     /// The process; `None` if it is not known.
     pub pid: Option<u32>,
     /// The station whose order the relay handed on; `None` if a program on the robot gave it.
@@ -36,15 +36,15 @@ pub struct Sender {
 }
 
 /// The stations that the relay knows, which it says before the first request of each.
-pub struct Stations {
+pub struct RelayStationNames {
     port: Subscriber<RelayStations>,
     newest: RelayStations,
 }
 
-impl Stations {
+impl RelayStationNames {
     /// Opens the port, whether there is a relay or not.
-    pub fn open(ipc: &Ipc) -> Result<Stations, OpenError> {
-        Ok(Stations {
+    pub fn open(ipc: &Ipc) -> Result<RelayStationNames, OpenError> {
+        Ok(RelayStationNames {
             port: ipc.subscriber()?,
             newest: RelayStations::default(),
         })
@@ -104,7 +104,7 @@ fn service(key: RequestKey) -> &'static str {
 
 impl Audit {
     /// A control request arrived.
-    pub fn control(&self, sender: &Sender, request: &ModuleControl) {
+    pub fn control(&self, sender: &AuditedSender, request: &ModuleControl) {
         tracing::info!(
             request = request.request_id,
             sender = sender.pid,
@@ -117,7 +117,7 @@ impl Audit {
     }
 
     /// A movement request arrived. Only values that its kind uses are logged.
-    pub fn movement(&self, sender: &Sender, movement: &MovementData) {
+    pub fn movement(&self, sender: &AuditedSender, movement: &MovementData) {
         let kind = movement.kind();
         let waypoint = (kind == Some(MovementKind::GoToWaypoint)).then_some(movement);
         let take_off = (kind == Some(MovementKind::TakeOff)).then_some(movement);
@@ -141,7 +141,7 @@ impl Audit {
 
     /// A parameter request arrived. The description of a port is looked up for each name that an operator gives, and
     /// commands nothing.
-    pub fn parameter(&self, sender: &Sender, request: &ParameterRequest) {
+    pub fn parameter(&self, sender: &AuditedSender, request: &ParameterRequest) {
         let id = request.request_id;
         let port = request.port;
         match request.operation() {

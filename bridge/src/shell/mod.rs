@@ -18,7 +18,7 @@ use std::time::Duration;
 use ipc_types::code::{ControlCommand, LinkState, Reason};
 use ipc_types::payload::BridgeJournal;
 use ipc_types::{Ipc, MonotonicNs, OpenError, WaitError, Wake};
-use module_kit::journal::Port as JournalPort;
+use module_kit::journal::JournalPort;
 use module_kit::process::{self, Process, Sources};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
@@ -30,7 +30,7 @@ use crate::link::commands::ATTEMPTS;
 use crate::safety::fence::Fence;
 use controller::Controller;
 use outline::OutlinePort;
-use publish::Services;
+use publish::BridgeServices;
 use serial::SerialPort;
 
 /// Bytes of one read. At 115200 baud a third of a second; at most 32 full status frames.
@@ -101,11 +101,11 @@ pub fn run(
 ) -> Result<(), ShellError> {
     let mut shell = Shell {
         bridge: Journaled::new(config, JournalPort::<BridgeJournal>::writer()),
-        services: Services::open(ipc)?,
+        services: BridgeServices::open(ipc)?,
         outline: OutlinePort::open(ipc)?,
         journal: JournalPort::open(ipc)?,
         controller: Controller::default(),
-        port: Port::new(&config.serial),
+        port: PortSlot::new(&config.serial),
         inbox: Vec::new(),
         buffer: vec![0; DRAIN_LEN],
         read_fence,
@@ -122,11 +122,11 @@ pub fn run(
 
 struct Shell<'a> {
     bridge: Journaled,
-    services: Services,
+    services: BridgeServices,
     outline: OutlinePort,
     journal: JournalPort<BridgeJournal>,
     controller: Controller,
-    port: Port,
+    port: PortSlot,
     inbox: Vec<Input<'static>>,
     buffer: Vec<u8>,
     /// Reads the geofence of the configuration again.
@@ -355,7 +355,7 @@ impl Shell<'_> {
 }
 
 /// The port, or when to try again.
-struct Port {
+struct PortSlot {
     config: SerialConfig,
     open: Option<SerialPort>,
     next_try: Option<MonotonicNs>,
@@ -367,9 +367,9 @@ struct Port {
     was_missing: bool,
 }
 
-impl Port {
+impl PortSlot {
     fn new(config: &SerialConfig) -> Self {
-        Port {
+        PortSlot {
             config: config.clone(),
             open: None,
             next_try: Some(MonotonicNs(0)),
@@ -442,7 +442,7 @@ mod tests {
     #[test]
     fn a_pseudo_terminal_that_appears_is_left_alone_until_a_login_would_have_taken_it() {
         let link = std::env::temp_dir().join(format!("ril-port-{}", std::process::id()));
-        let mut port = Port::new(&SerialConfig {
+        let mut port = PortSlot::new(&SerialConfig {
             port: link.clone(),
             ..SerialConfig::default()
         });

@@ -8,34 +8,34 @@ use ipc_types::{
     Ticket,
 };
 
-use super::audit::{self, Audit, Stations};
+use super::audit::{self, Audit, RelayStationNames};
 use super::controller::sender_of;
 use crate::core::Input;
 use crate::flight::control::Sender;
 use crate::outputs::{Notice, Outputs, RequestKey};
 
 /// The bridge's services.
-pub struct Services {
+pub struct BridgeServices {
     telemetry: Publisher<DspTelemetry>,
     state: Publisher<ModuleState>,
     control: Server<ModuleControl>,
     movement: Server<MovementData>,
     parameters: Server<ParameterRequest>,
     audit: Audit,
-    stations: Stations,
+    stations: RelayStationNames,
 }
 
-impl Services {
+impl BridgeServices {
     /// Opens all. Fails when another bridge of the same robot lives.
-    pub fn open(ipc: &Ipc) -> Result<Services, OpenError> {
-        Ok(Services {
+    pub fn open(ipc: &Ipc) -> Result<BridgeServices, OpenError> {
+        Ok(BridgeServices {
             telemetry: ipc.publisher()?,
             state: ipc.publisher()?,
             control: ipc.server()?,
             movement: ipc.server()?,
             parameters: ipc.server()?,
             audit: Audit::default(),
-            stations: Stations::open(ipc)?,
+            stations: RelayStationNames::open(ipc)?,
         })
     }
 
@@ -74,7 +74,7 @@ impl Services {
             |key, sender, request| {
                 let station = stations.name_of(request.origin);
                 log.control(
-                    &audit::Sender {
+                    &audit::AuditedSender {
                         pid: sender.process,
                         station,
                     },
@@ -95,7 +95,7 @@ impl Services {
             |key, sender, request| {
                 let station = stations.name_of(request.origin);
                 log.movement(
-                    &audit::Sender {
+                    &audit::AuditedSender {
                         pid: sender.process,
                         station,
                     },
@@ -116,7 +116,7 @@ impl Services {
             |key, sender, request| {
                 let station = stations.name_of(request.origin);
                 log.parameter(
-                    &audit::Sender {
+                    &audit::AuditedSender {
                         pid: sender.process,
                         station,
                     },
@@ -157,7 +157,7 @@ fn drain<R: Request>(
     }
 }
 
-impl Outputs for Services {
+impl Outputs for BridgeServices {
     fn telemetry(&mut self, fill: &mut dyn FnMut(&mut DspTelemetry)) {
         if let Err(error) = self.telemetry.publish_batched(|sample| fill(sample)) {
             tracing::warn!(%error, "telemetry was not published");

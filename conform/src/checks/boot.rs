@@ -7,7 +7,7 @@ use dsp_protocol::{Command, FlowControl, Group, Profile, StatusMask};
 
 use crate::arrival::Arrival;
 use crate::bench::{Bench, Observed};
-use crate::check::{Check, Place};
+use crate::check::{Check, StartPlace};
 use crate::outcome::{Judged, ensure};
 use crate::permitted::{Harmless, QuietPort16};
 
@@ -210,7 +210,7 @@ async fn observe(bench: &Bench) -> Judged<AfterBoot> {
 /// A take-off that the DSP must refuse because following was never on since the boot.
 fn before_start_up() -> Check {
     Check::moving(
-        Place::Ground,
+        StartPlace::Ground,
         "8.5-take-off-before-start-up",
         "8.5",
         "The DSP refuses 10121 with error 30 until it was started up",

@@ -5,7 +5,7 @@ use std::time::Duration;
 use dsp_protocol::{StatusMask, port};
 
 use crate::bench::Bench;
-use crate::check::{Check, Place};
+use crate::check::{Check, StartPlace};
 use crate::outcome::{Judged, ensure};
 use crate::permitted::{Harmless, QuietPort16, QuietPort32, Raw};
 
@@ -210,7 +210,7 @@ fn of_acknowledgements() -> Vec<Check> {
             start_up,
         ),
         Check::moving(
-            Place::Ground,
+            StartPlace::Ground,
             "5.1-following-on",
             "5.1",
             "1 on, 0 off; others are rejected (*value*)",

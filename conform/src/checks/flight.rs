@@ -6,7 +6,7 @@ use dsp_protocol::{FlowControl, port};
 
 use crate::arrival::Arrival;
 use crate::bench::{Bench, Observed};
-use crate::check::{Check, Place};
+use crate::check::{Check, StartPlace};
 use crate::outcome::{Judged, ensure, not_judged};
 use crate::permitted::{Harmless, QuietPort16, RotorDisconnected};
 use crate::pilot::{
@@ -29,7 +29,7 @@ pub fn after_hover() -> Vec<Check> {
 fn on_the_ground() -> Vec<Check> {
     vec![
         Check::moving(
-            Place::Ground,
+            StartPlace::Ground,
             "8.4-flow-control",
             "8.4",
             "While following is on, the DSP sends flow control every flow control period; the first comes one period after following was switched on.",
@@ -67,7 +67,7 @@ fn on_the_ground() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Ground,
+            StartPlace::Ground,
             "8.5-no-flow-control",
             "8.5",
             "With following off there is no flow control",
@@ -89,7 +89,7 @@ fn on_the_ground() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Ground,
+            StartPlace::Ground,
             "8.4-waypoint-on-ground",
             "8.4",
             "arrives on the ground, during take-off or landing, or with following off",
@@ -102,7 +102,7 @@ fn on_the_ground() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Ground,
+            StartPlace::Ground,
             "8.5-land-on-ground",
             "8.5",
             "ground, not started up | following on | 0 | 0 | 0 | none | refused | refused | refused",
@@ -117,7 +117,7 @@ fn on_the_ground() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Ground,
+            StartPlace::Ground,
             "8.5-other-value",
             "8.5",
             "Writing another value than 1 to either port is refused.",
@@ -164,7 +164,7 @@ fn of_a_take_off() -> Vec<Check> {
         let observed = observed.clone();
         let sends = "following on, a height of 3 m, 1 to 10121; during the take-off 10121 and 10122 again, a waypoint and invalidate path";
         Check::moving(
-            Place::Ground,
+            StartPlace::Ground,
             id,
             "8.5",
             sentence,
@@ -290,7 +290,7 @@ fn of_a_landing() -> Vec<Check> {
         let sends =
             "3 waypoints, 1 to 10122; during the landing 10122 and 10121 again and a waypoint";
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             id,
             "8.5",
             sentence,

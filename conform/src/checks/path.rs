@@ -6,7 +6,7 @@ use dsp_protocol::{FlowControl, Profile, Waypoint, port};
 
 use crate::arrival::Arrival;
 use crate::bench::Bench;
-use crate::check::{Check, Place};
+use crate::check::{Check, StartPlace};
 use crate::outcome::{Judged, broken, ensure, not_judged};
 use crate::permitted::{Harmless, QuietPort16, QuietPort32, RotorDisconnected};
 use crate::pilot::{
@@ -28,7 +28,7 @@ pub fn checks() -> Vec<Check> {
 fn of_the_buffer() -> Vec<Check> {
     vec![
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "8.4-taken",
             "8.4",
             "takes it: one more in port 10003",
@@ -43,7 +43,7 @@ fn of_the_buffer() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "8.4-sixteen-places",
             "8.4",
             "finds the buffer full",
@@ -56,7 +56,7 @@ fn of_the_buffer() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "8.4-two-free-places",
             "8.4",
             "buffer (16 waypoints) has at least two free places. The second place is for a waypoint that is still on its way.",
@@ -72,7 +72,7 @@ fn of_the_buffer() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "8.4-invalidate-path",
             "8.4",
             "emptied; the helicopter brakes and hovers on the spot",
@@ -87,7 +87,7 @@ fn of_the_buffer() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "8.4-following-off-empties",
             "8.4",
             "invalidate path, following off",
@@ -103,7 +103,7 @@ fn of_the_buffer() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "8.4-equal-waypoint",
             "8.4",
             "equals the newest waypoint in the buffer, the one being flown included, in all three values",
@@ -123,7 +123,7 @@ fn of_the_buffer() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "9-waypoint-limits",
             "9",
             "A waypoint has the limits of the geographic position; the DSP discards one outside them with error 30.",
@@ -164,7 +164,7 @@ fn of_the_buffer() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "8.4-too-low",
             "8.4",
             "lies outside the limits of section 9, or lower than 0.5 m above take-off",
@@ -180,7 +180,7 @@ fn of_the_buffer() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "8.4-reached",
             "8.4",
             "A waypoint leaves the buffer when it is reached.",
@@ -214,7 +214,7 @@ fn of_the_buffer() -> Vec<Check> {
 fn of_waypoint_numbers() -> Vec<Check> {
     let checks = vec![
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "11-waypoint-copy",
             "11",
             "A waypoint whose number equals that of the last waypoint that was taken is a copy and is discarded in silence.",
@@ -235,7 +235,7 @@ fn of_waypoint_numbers() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "11-number-forgotten",
             "11",
             "Invalidate path, following off and the PC time-out make the DSP forget the number of the waypoint.",
@@ -252,7 +252,7 @@ fn of_waypoint_numbers() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "11-refused-number",
             "11",
             "A waypoint that was discarded with an error leaves no number behind.",
@@ -272,7 +272,7 @@ fn of_waypoint_numbers() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "11-copy-of-read",
             "11",
             "It answers a copy of a read with the value of the first time.",
@@ -319,7 +319,7 @@ fn of_waypoint_numbers() -> Vec<Check> {
 fn of_the_loss_of_the_pc() -> Vec<Check> {
     vec![
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "8.8-pc-timeout",
             "8.8",
             "it empties the buffer, forgets the number of the last waypoint, and hovers on the spot",
@@ -343,7 +343,7 @@ fn of_the_loss_of_the_pc() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "8.8-sign-of-life",
             "8.8",
             "Any valid message of the PC restarts the time.",
@@ -364,7 +364,7 @@ fn of_the_loss_of_the_pc() -> Vec<Check> {
             },
         ),
         Check::moving(
-            Place::Hover,
+            StartPlace::Hover,
             "8.8-off",
             "8.8",
             "When the port is not 0, no valid message of the PC (command or waypoint, also one that is a copy or is refused) has arrived for that long",

@@ -5,7 +5,7 @@ use dsp_protocol::port::{self, PORTS_16, PORTS_32, Port16, Port32};
 
 use crate::arrival::Arrival;
 use crate::bench::Bench;
-use crate::check::{Check, Place};
+use crate::check::{Check, StartPlace};
 use crate::outcome::{Judged, broken, ensure, not_judged};
 use crate::permitted::{Harmless, Permitted, QuietPort16, QuietPort32, moves};
 
@@ -87,7 +87,7 @@ fn of_port_16(port: &'static Port16) -> Vec<Check> {
         return vec![read];
     }
     let range = Check::moving(
-        Place::Ground,
+        StartPlace::Ground,
         &id,
         "6",
         &row,
@@ -139,7 +139,7 @@ fn of_port_32(port: &'static Port32) -> Vec<Check> {
         },
     );
     let range = Check::moving(
-        Place::Ground,
+        StartPlace::Ground,
         &id,
         "6",
         &row,

@@ -19,23 +19,23 @@ use super::script::{
 /// Faults that a file may hold: each byte is checked against each of them, and no person writes more by hand.
 pub const MAX_FAULTS: usize = 256;
 
-/// Defines [`Kind`]; each row is `Kind = "name in a file";`.
+/// Defines [`FaultKind`]; each row is `Kind = "name in a file";`.
 macro_rules! kinds {
     ($( $(#[$doc:meta])* $kind:ident = $name:literal; )+) => {
         /// The values of `kind` in a `[[fault]]` table.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
-        pub enum Kind {
+        pub enum FaultKind {
             $( $(#[$doc])* #[serde(rename = $name)] $kind, )+
         }
 
-        impl Kind {
+        impl FaultKind {
             /// All kinds.
-            pub const ALL: &[Kind] = &[$(Kind::$kind),+];
+            pub const ALL: &[FaultKind] = &[$(FaultKind::$kind),+];
 
             /// The name in a file.
             pub const fn name(self) -> &'static str {
                 match self {
-                    $( Kind::$kind => $name, )+
+                    $( FaultKind::$kind => $name, )+
                 }
             }
         }
@@ -119,18 +119,18 @@ impl Default for File {
     }
 }
 
-/// Defines [`Table`]; each row is a key that some kind has, and its type.
+/// Defines [`FaultTable`]; each row is a key that some kind has, and its type.
 macro_rules! keys {
     ($($(#[$attribute:meta])* $key:ident: $type:ty;)+) => {
         /// One `[[fault]]` table with the keys of all kinds.
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Table {
-            kind: Kind,
+        struct FaultTable {
+            kind: FaultKind,
             $($(#[$attribute])* $key: Option<$type>,)+
         }
 
-        impl Table {
+        impl FaultTable {
             /// A key that the kind did not take.
             fn left_over(&self) -> Option<&'static str> {
                 let keys = [$((self.$key.is_some(), stringify!($key))),+];
@@ -204,7 +204,7 @@ enum TableError {
 
 impl<'de> Deserialize<'de> for Fault {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Fault, D::Error> {
-        let mut table = Table::deserialize(deserializer)?;
+        let mut table = FaultTable::deserialize(deserializer)?;
         let fault = table.fault().map_err(D::Error::custom)?;
         match table.left_over() {
             Some(key) => Err(D::Error::custom(TableError::LeftOver {
@@ -216,95 +216,95 @@ impl<'de> Deserialize<'de> for Fault {
     }
 }
 
-impl Table {
+impl FaultTable {
     /// Takes out the keys of this kind.
     fn fault(&mut self) -> Result<Fault, TableError> {
         match self.kind {
-            Kind::FlipBits => {
+            FaultKind::FlipBits => {
                 let bit_error_rate =
                     self.need(|table| &mut table.bit_error_rate, "bit_error_rate")?;
                 self.bytes(Damage::FlipBits { bit_error_rate })
             }
-            Kind::DropBytes => {
+            FaultKind::DropBytes => {
                 let rate = self.rate()?;
                 self.bytes(Damage::Drop { rate })
             }
-            Kind::DuplicateBytes => {
+            FaultKind::DuplicateBytes => {
                 let rate = self.rate()?;
                 self.bytes(Damage::Duplicate { rate })
             }
-            Kind::InsertBytes => {
+            FaultKind::InsertBytes => {
                 let rate = self.rate()?;
                 self.bytes(Damage::Insert { rate })
             }
-            Kind::DelayBytes => {
+            FaultKind::DelayBytes => {
                 let delay = self.delay()?;
                 let jitter = self.jitter_ms.take().unwrap_or_default();
                 self.bytes(Damage::Delay { delay, jitter })
             }
-            Kind::SplitBytes => {
+            FaultKind::SplitBytes => {
                 let chunk_bytes = self.need(|table| &mut table.chunk_bytes, "chunk_bytes")?;
                 let gap = self.need(|table| &mut table.gap_ms, "gap_ms")?;
                 self.bytes(Damage::Split { chunk_bytes, gap })
             }
-            Kind::Burst => {
+            FaultKind::Burst => {
                 let rate = self.rate()?;
                 let length_bytes = self.need(|table| &mut table.length_bytes, "length_bytes")?;
                 self.bytes(Damage::Burst { rate, length_bytes })
             }
-            Kind::Stall if self.until_s.is_none() => Err(self.missing("until_s")),
-            Kind::Stall => {
+            FaultKind::Stall if self.until_s.is_none() => Err(self.missing("until_s")),
+            FaultKind::Stall => {
                 let then = self.then.take().unwrap_or_default();
                 self.bytes(Damage::Stall { then })
             }
-            Kind::Outage => self.bytes(Damage::Outage),
-            Kind::Drop => self.messages(Act::Drop),
-            Kind::Repeat => self.messages(Act::Repeat),
-            Kind::Reorder => self.messages(Act::Reorder),
-            Kind::Late => {
+            FaultKind::Outage => self.bytes(Damage::Outage),
+            FaultKind::Drop => self.messages(Act::Drop),
+            FaultKind::Repeat => self.messages(Act::Repeat),
+            FaultKind::Reorder => self.messages(Act::Reorder),
+            FaultKind::Late => {
                 let delay = self.delay()?;
                 self.messages(Act::Late(delay))
             }
-            Kind::RaiseError => {
+            FaultKind::RaiseError => {
                 let code = self.need(|table| &mut table.code, "code")?;
                 self.dsp(DspEvent::RaiseError(DspErrorCode(code)))
             }
-            Kind::Reboot => self.dsp(DspEvent::Reboot),
-            Kind::StopStatus => self.dsp(DspEvent::StopStatus),
-            Kind::Hang => {
+            FaultKind::Reboot => self.dsp(DspEvent::Reboot),
+            FaultKind::StopStatus => self.dsp(DspEvent::StopStatus),
+            FaultKind::Hang => {
                 let length = self.length()?;
                 self.dsp(DspEvent::Hang(length))
             }
-            Kind::ClockJump => {
+            FaultKind::ClockJump => {
                 let jump_ms = self.need(|table| &mut table.jump_ms, "jump_ms")?;
                 self.dsp(DspEvent::ClockJump(jump_ms))
             }
-            Kind::ChangeMask => {
+            FaultKind::ChangeMask => {
                 let mask = self.need(|table| &mut table.mask, "mask")?;
                 self.dsp(DspEvent::ChangeMask(StatusMask(mask)))
             }
-            Kind::PilotTakesOver => {
+            FaultKind::PilotTakesOver => {
                 let length = self.length()?;
                 self.helicopter(HelicopterEvent::PilotTakesOver(length))
             }
-            Kind::BatteryLow => {
+            FaultKind::BatteryLow => {
                 let volts = self.need(|table| &mut table.volts, "volts")?;
                 self.helicopter(HelicopterEvent::BatteryLow { volts })
             }
-            Kind::FuelLow => {
+            FaultKind::FuelLow => {
                 let percent = self.need(|table| &mut table.percent, "percent")?;
                 self.helicopter(HelicopterEvent::FuelLow { percent })
             }
-            Kind::GpsAltitudeDrift => {
+            FaultKind::GpsAltitudeDrift => {
                 let rate_mps = self.need(|table| &mut table.drift_mps, "drift_mps")?;
                 let length = self.length()?;
                 self.helicopter(HelicopterEvent::GpsAltitudeDrift { rate_mps, length })
             }
-            Kind::LoseFix => {
+            FaultKind::LoseFix => {
                 let length = self.length()?;
                 self.helicopter(HelicopterEvent::LoseFix(length))
             }
-            Kind::HangUp => Ok(Fault::HangUp {
+            FaultKind::HangUp => Ok(Fault::HangUp {
                 times: self.times()?,
                 length: self.length()?,
                 elsewhere: self.elsewhere.take().unwrap_or(false),
@@ -379,7 +379,7 @@ impl Table {
     /// Takes out a key that this kind cannot do without.
     fn need<T>(
         &mut self,
-        place: impl FnOnce(&mut Table) -> &mut Option<T>,
+        place: impl FnOnce(&mut FaultTable) -> &mut Option<T>,
         key: &'static str,
     ) -> Result<T, TableError> {
         place(self).take().ok_or_else(|| self.missing(key))

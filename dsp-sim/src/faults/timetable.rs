@@ -21,13 +21,13 @@ pub(super) enum Event {
 /// All events of a script.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Timetable {
-    entries: Vec<Entry>,
+    entries: Vec<TimetableEntry>,
     /// The earliest moment of all entries: it is asked for at every step.
     next: Option<Duration>,
 }
 
 #[derive(Clone, Debug)]
-struct Entry {
+struct TimetableEntry {
     times: Times,
     next: Option<Duration>,
     event: Event,
@@ -48,7 +48,7 @@ impl Timetable {
             } => Some((times, Event::HangUp { length, elsewhere })),
             Fault::Bytes { .. } | Fault::Messages { .. } => None,
         });
-        let entries = events.map(|(times, event)| Entry {
+        let entries = events.map(|(times, event)| TimetableEntry {
             times,
             next: Some(times.first()),
             event,

@@ -11,7 +11,7 @@
 
 use super::body::STEP_S;
 use super::path::{
-    Corner, Limits, Line, PATH_PLACES, PathBuffer, PathPoint, VERTICAL_ACCELERATION_MPS2,
+    BufferedWaypoint, Corner, Limits, Line, PATH_PLACES, PathBuffer, VERTICAL_ACCELERATION_MPS2,
 };
 use super::vector::Vector;
 
@@ -264,7 +264,7 @@ impl Guidance {
     }
 
     /// Begins to round the corner at the end of `leg`, which is `to_go_m` away.
-    fn start_blend(&mut self, leg: &GuidedLeg, to_go_m: f64, next: PathPoint, line: Line) {
+    fn start_blend(&mut self, leg: &GuidedLeg, to_go_m: f64, next: BufferedWaypoint, line: Line) {
         let left_s = 2.0 * to_go_m / leg.speed_mps;
         let change_mps = (line.direction - leg.line.direction) * leg.speed_mps;
         self.number = Some(next.number);
@@ -390,7 +390,7 @@ fn reachable_speed(limits: &Limits, leg: &GuidedLeg, corner: &Corner, to_go_m: f
 }
 
 /// The waypoint after `leg`, unless the helicopter has yet to reach one before it.
-fn next_point(path: &PathBuffer, leg: &GuidedLeg) -> Option<PathPoint> {
+fn next_point(path: &PathBuffer, leg: &GuidedLeg) -> Option<BufferedWaypoint> {
     let number = leg.number?;
     if path.front().is_some_and(|first| first.number < number) {
         return None;

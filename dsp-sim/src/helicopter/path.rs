@@ -10,7 +10,7 @@ pub const PATH_PLACES: usize = 16;
 
 /// A waypoint in the buffer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PathPoint {
+pub struct BufferedWaypoint {
     /// Running number of the waypoint since the simulator started, from 0.
     pub number: u64,
     /// Where it is in the flat world, m.
@@ -20,7 +20,7 @@ pub struct PathPoint {
 /// The waypoints still to fly, in order. One keeps its place until it is reached.
 #[derive(Clone, Debug, Default)]
 pub struct PathBuffer {
-    points: VecDeque<PathPoint>,
+    points: VecDeque<BufferedWaypoint>,
     next_number: u64,
 }
 
@@ -32,12 +32,13 @@ impl PathBuffer {
         }
         let number = self.next_number;
         self.next_number += 1;
-        self.points.push_back(PathPoint { number, position_m });
+        self.points
+            .push_back(BufferedWaypoint { number, position_m });
         Some(number)
     }
 
     /// The first waypoint that is not reached.
-    pub fn front(&self) -> Option<PathPoint> {
+    pub fn front(&self) -> Option<BufferedWaypoint> {
         self.points.front().copied()
     }
 
@@ -47,12 +48,12 @@ impl PathBuffer {
     }
 
     /// Takes out the first waypoint.
-    pub fn pop_front(&mut self) -> Option<PathPoint> {
+    pub fn pop_front(&mut self) -> Option<BufferedWaypoint> {
         self.points.pop_front()
     }
 
     /// The waypoints that come after number `number`, in order.
-    pub fn after(&self, number: u64) -> impl Iterator<Item = PathPoint> {
+    pub fn after(&self, number: u64) -> impl Iterator<Item = BufferedWaypoint> {
         let points = self.points.iter().copied();
         points.skip_while(move |point| point.number <= number)
     }

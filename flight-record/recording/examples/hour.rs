@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, SharedStruct};
 use ipc_types::{MonotonicNs, RobotId, Schema, Topic};
 use recording::read::{RecordFile, check, summary_of};
-use recording::{Action, Anchor, Channel, ChannelId, FlightInfo, Recorder, Settings};
+use recording::{Anchor, Channel, ChannelId, FileAction, FlightInfo, Recorder, Settings};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
@@ -112,16 +112,16 @@ fn perform(
 ) -> Result<(), Box<dyn Error>> {
     while let Some(action) = recorder.next() {
         match (action, &*file) {
-            (Action::Open { .. }, _) => *file = Some(File::create_new(path)?),
-            (Action::Write { parts }, Some(file)) => {
+            (FileAction::Open { .. }, _) => *file = Some(File::create_new(path)?),
+            (FileAction::Write { parts }, Some(file)) => {
                 for part in parts {
                     file.write_all_at(&part.bytes, part.at)?;
                 }
             }
-            (Action::Truncate { len }, Some(file)) => file.set_len(len)?,
+            (FileAction::Truncate { len }, Some(file)) => file.set_len(len)?,
             // An hour's syncs within seconds would measure the disk.
-            (Action::Sync, _) => {}
-            (Action::Close { .. }, _) => *file = None,
+            (FileAction::Sync, _) => {}
+            (FileAction::Close { .. }, _) => *file = None,
             (_, None) => return Err("the first action opens a file".into()),
         }
         recorder.done(now, Ok(()));

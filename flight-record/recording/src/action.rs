@@ -2,7 +2,7 @@
 
 /// What is to be done with files next. Actions are done in the order in which they are given, one at a time.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Action {
+pub enum FileAction {
     /// Create a new, empty file, without replacing another one. The following actions are about it.
     Open {
         /// Number of the file within the recording, from 0. The same number comes again when its creation failed.
@@ -33,13 +33,13 @@ pub enum Action {
     },
 }
 
-impl Action {
+impl FileAction {
     /// Carries the action out on a file that is a vector: for small files that are made at once, and for tests.
     pub fn apply_to(&self, file: &mut Vec<u8>) {
         match self {
-            Action::Write { parts } => parts.iter().for_each(|part| part.write_to(file)),
-            Action::Truncate { len } => file.truncate(*len as usize),
-            Action::Open { .. } | Action::Sync | Action::Close { .. } => {}
+            FileAction::Write { parts } => parts.iter().for_each(|part| part.write_to(file)),
+            FileAction::Truncate { len } => file.truncate(*len as usize),
+            FileAction::Open { .. } | FileAction::Sync | FileAction::Close { .. } => {}
         }
     }
 }

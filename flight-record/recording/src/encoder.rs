@@ -9,7 +9,7 @@ use mcap::{McapResult, WriteOptions, Writer};
 
 use crate::action::Part;
 use crate::ending::{ENDING, FILLER, HEAD_LEN, ending_at, file_len_for, filler_head, padding};
-use crate::queue::Entry;
+use crate::queue::QueuedMessage;
 use crate::settings::{Anchor, Channel, FlightInfo};
 use crate::sink::{Counted, Flushes};
 
@@ -90,7 +90,7 @@ impl Encoder {
     pub(crate) fn chunk<'a>(
         &mut self,
         channels: &[Channel],
-        entries: impl Iterator<Item = &'a Entry>,
+        entries: impl Iterator<Item = &'a QueuedMessage>,
     ) -> McapResult<Vec<Part>> {
         self.add_channels(channels)?;
         let mut ordered: Vec<_> = entries
@@ -177,7 +177,7 @@ impl Encoder {
     }
 
     /// The time by which a message lies in the file: its own, but not before earlier messages of its topic.
-    fn in_order_of_topic(&mut self, entry: &Entry) -> u64 {
+    fn in_order_of_topic(&mut self, entry: &QueuedMessage) -> u64 {
         let time_ns = self.anchor.unix_ns_of(entry.at);
         let (_, latest_ns) = &mut self.channels[usize::from(entry.channel.0)];
         *latest_ns = time_ns.max(*latest_ns);

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use crate::action::{Action, DiskError, DiskErrorKind};
+use crate::action::{DiskError, DiskErrorKind, FileAction};
 use crate::encoder::Encoder;
 use crate::inbox::Inbox;
 use crate::notes::{Trouble, split_event};
@@ -58,7 +58,7 @@ enum Goal {
 /// An action, and what it means that it was done.
 #[derive(Debug)]
 struct FileStep {
-    action: Action,
+    action: FileAction,
     then: Then,
 }
 
@@ -94,7 +94,7 @@ impl Files {
         }
     }
 
-    pub(crate) fn next(&mut self) -> Option<Action> {
+    pub(crate) fn next(&mut self) -> Option<FileAction> {
         if self.is_outstanding || self.is_ended() || self.is_paused() {
             return None;
         }
@@ -258,8 +258,8 @@ impl Files {
             Some(file) if file.is_created => {
                 let messages = file.messages;
                 let is_whole = false;
-                self.then(Action::Sync, Then::LastSynced);
-                self.then(Action::Close { is_whole, messages }, Then::GivenUp);
+                self.then(FileAction::Sync, Then::LastSynced);
+                self.then(FileAction::Close { is_whole, messages }, Then::GivenUp);
                 // The file is closed at once; only the next one waits.
                 self.set_retry(None);
             }

@@ -7,7 +7,7 @@ use ipc_types::{MonotonicNs, RobotId};
 use crate::event::Event;
 use crate::event_message;
 use crate::notes::loss_event;
-use crate::queue::{Entry, MessageQueue};
+use crate::queue::{MessageQueue, QueuedMessage};
 use crate::settings::{Channel, ChannelId};
 
 /// The channel of the recording's own events is the first one.
@@ -16,14 +16,14 @@ const EVENTS: ChannelId = ChannelId(0);
 /// Channels, and messages that wait.
 #[derive(Debug)]
 pub(crate) struct Inbox {
-    pub(crate) channels: Channels,
+    pub(crate) channels: RecordingChannels,
     pub(crate) queue: MessageQueue,
     event_sequence: u32,
 }
 
 impl Inbox {
     pub(crate) fn new(robot: RobotId, queue_bytes: usize) -> Inbox {
-        let mut channels = Channels::default();
+        let mut channels = RecordingChannels::default();
         // The first one, so there is room.
         let _ = channels.add(event_message::channel(robot));
         Inbox {
@@ -41,7 +41,7 @@ impl Inbox {
         sequence: u32,
         cdr: &[u8],
     ) {
-        self.queue.push(Entry {
+        self.queue.push(QueuedMessage {
             channel,
             at: at.min(now),
             added: now,
@@ -54,7 +54,7 @@ impl Inbox {
 
     pub(crate) fn event(&mut self, now: MonotonicNs, event: &Event) {
         self.event_sequence = self.event_sequence.wrapping_add(1);
-        self.queue.push(Entry {
+        self.queue.push(QueuedMessage {
             channel: EVENTS,
             at: event.at.min(now),
             added: now,
@@ -85,12 +85,12 @@ pub const MAX_CHANNELS: usize = 4096;
 
 /// The channels of a recording.
 #[derive(Debug, Default)]
-pub(crate) struct Channels {
+pub(crate) struct RecordingChannels {
     list: Vec<Channel>,
     ids: HashMap<Channel, ChannelId>,
 }
 
-impl Channels {
+impl RecordingChannels {
     /// The id of a channel; the same one when it is known already, `None` if there are [`MAX_CHANNELS`].
     pub(crate) fn add(&mut self, channel: Channel) -> Option<ChannelId> {
         if let Some(known) = self.ids.get(&channel) {

@@ -1,6 +1,6 @@
 //! A flight as files in the format [MCAP](https://mcap.dev), which the tools of ROS 2 and of the field read.
 //!
-//! * [`Recorder`]: messages in, [`Action`]s on files out;
+//! * [`Recorder`]: messages in, [`FileAction`]s on files out;
 //! * [`read`]: messages, checks, recovery and summaries of such files;
 //! * [`play`]: a recording as live services, as if its robot were there.
 //!
@@ -55,7 +55,7 @@ mod recorder;
 mod settings;
 mod sink;
 
-pub use action::{Action, DiskError, DiskErrorKind, Part};
+pub use action::{DiskError, DiskErrorKind, FileAction, Part};
 pub use event::{Event, EventKind};
 pub use files::{RETRY_PERIOD, Totals};
 pub use inbox::MAX_CHANNELS;

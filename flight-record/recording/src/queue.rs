@@ -14,7 +14,7 @@ const EVENT_RESERVE: usize = 2 << 20;
 
 /// A message that waits.
 #[derive(Debug)]
-pub(crate) struct Entry {
+pub(crate) struct QueuedMessage {
     pub(crate) channel: ChannelId,
     /// The time in the message: not later than its arrival, whatever it says itself.
     pub(crate) at: MonotonicNs,
@@ -24,7 +24,7 @@ pub(crate) struct Entry {
     pub(crate) is_event: bool,
 }
 
-impl Entry {
+impl QueuedMessage {
     fn bytes(&self) -> usize {
         self.data.len() + OVERHEAD
     }
@@ -42,7 +42,7 @@ pub(crate) struct Loss {
 /// come in few long gaps.
 #[derive(Debug)]
 pub(crate) struct MessageQueue {
-    entries: VecDeque<Entry>,
+    entries: VecDeque<QueuedMessage>,
     bytes: usize,
     messages: u64,
     limit: usize,
@@ -68,7 +68,7 @@ impl MessageQueue {
     }
 
     /// Appends a message or an event, or drops it.
-    pub(crate) fn push(&mut self, entry: Entry) {
+    pub(crate) fn push(&mut self, entry: QueuedMessage) {
         let reserve = if entry.is_event { EVENT_RESERVE } else { 0 };
         let fits = self.bytes + entry.bytes() <= self.limit.saturating_add(reserve);
         if !fits || (self.is_full && !entry.is_event) {
@@ -79,7 +79,7 @@ impl MessageQueue {
         self.entries.push_back(entry);
     }
 
-    fn lose(&mut self, entry: &Entry) {
+    fn lose(&mut self, entry: &QueuedMessage) {
         self.is_full |= !entry.is_event;
         self.dropped += u64::from(!entry.is_event);
         let loss = self.losses.entry(entry.channel).or_insert(Loss {
@@ -132,7 +132,7 @@ impl MessageQueue {
         &mut self,
         max_bytes: usize,
         max_entries: usize,
-    ) -> impl Iterator<Item = &Entry> {
+    ) -> impl Iterator<Item = &QueuedMessage> {
         let mut bytes = 0;
         let fitting = self.entries.iter().take(max_entries).take_while(|entry| {
             let is_first = bytes == 0;

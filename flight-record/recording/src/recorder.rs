@@ -2,7 +2,7 @@
 
 use ipc_types::MonotonicNs;
 
-use crate::action::{Action, DiskError};
+use crate::action::{DiskError, FileAction};
 use crate::event::Event;
 use crate::files::{Files, Totals};
 use crate::notes::clock_event;
@@ -10,7 +10,7 @@ use crate::settings::{Anchor, Channel, ChannelId, FlightInfo, Settings};
 
 /// Makes the files of a recording out of messages.
 ///
-/// The caller performs one [`Action`] after the other, on a thread of its own if the disk may be slow:
+/// The caller performs one [`FileAction`] after the other, on a thread of its own if the disk may be slow:
 ///
 /// 1. [`add`](Recorder::add) and [`event`](Recorder::event) whenever there is something to record; they never wait for the disk;
 /// 2. [`wake`](Recorder::wake) at the [`deadline`](Recorder::deadline);
@@ -72,7 +72,7 @@ impl Recorder {
     /// The next thing to do with files, once; `None` while the answer to the last one is outstanding, or until the
     /// [`deadline`](Recorder::deadline).
     #[expect(clippy::should_implement_trait, reason = "it is asked again and again")]
-    pub fn next(&mut self) -> Option<Action> {
+    pub fn next(&mut self) -> Option<FileAction> {
         self.files.next()
     }
 

@@ -11,7 +11,7 @@ use ipc_types::payload::{
     RefusedCounters, RequestReport,
 };
 use ipc_types::{MonotonicNs, Topic};
-use module_kit::journal::Writer;
+use module_kit::journal::JournalWriter;
 use serde::{Deserialize, Serialize};
 
 use crate::difference::{Values, of_bytes, of_structs};
@@ -79,7 +79,7 @@ impl Core for BridgeCore {
         Some(BridgeCore::of(Snapshot::fresh(against.unwrap_or(&own))))
     }
 
-    fn keep(at: MonotonicNs, input: Input<'_>, streams: &mut Streams, writer: &mut Writer) {
+    fn keep(at: MonotonicNs, input: Input<'_>, streams: &mut Streams, writer: &mut JournalWriter) {
         let kept = match input {
             Input::Received(bytes) => {
                 streams.receive(bytes);

@@ -4,7 +4,7 @@ use std::fmt;
 
 use ipc_types::payload::{BridgeJournal, SharedStruct, StatusJournal};
 use ipc_types::{JournalPiece, Topic};
-use module_kit::journal::{Entry, Reader, Writer};
+use module_kit::journal::{Entry, JournalReader, JournalWriter};
 use status::journal::Snapshot;
 
 use crate::bridge_core::BridgeCore;
@@ -75,8 +75,8 @@ impl Keeper {
 
 /// One journal.
 struct KeptJournal<C> {
-    reader: Reader,
-    writer: Writer,
+    reader: JournalReader,
+    writer: JournalWriter,
     /// What is read belongs to a beginning that was written.
     is_going: bool,
     /// Beginnings that are snapshots.
@@ -88,8 +88,8 @@ struct KeptJournal<C> {
 impl<C> Default for KeptJournal<C> {
     fn default() -> Self {
         KeptJournal {
-            reader: Reader::new(),
-            writer: Writer::new(ROOM),
+            reader: JournalReader::new(),
+            writer: JournalWriter::new(ROOM),
             is_going: false,
             snapshots: 0,
             bytes: Vec::new(),
@@ -145,7 +145,7 @@ impl<C: Core> KeptJournal<C> {
 }
 
 /// Moves what `writer` has to `bytes`.
-pub(crate) fn drain(writer: &mut Writer, bytes: &mut Vec<u8>) {
+pub(crate) fn drain(writer: &mut JournalWriter, bytes: &mut Vec<u8>) {
     for piece in writer.take_all() {
         bytes.extend_from_slice(&piece.bytes);
     }

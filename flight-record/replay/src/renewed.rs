@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use module_kit::journal::{Entry, Reader, Writer};
+use module_kit::journal::{Entry, JournalReader, JournalWriter};
 use status::journal::Snapshot;
 
 use crate::bridge_core::BridgeCore;
@@ -29,8 +29,8 @@ pub fn renew(file: &[u8]) -> Result<Vec<u8>, NotKept> {
 }
 
 fn renewed<C: Core>(journal: Vec<u8>, streams: &mut Streams) -> Result<Vec<u8>, NotKept> {
-    let mut reader = Reader::of(journal);
-    let mut writer = Writer::new(ROOM);
+    let mut reader = JournalReader::of(journal);
+    let mut writer = JournalWriter::new(ROOM);
     let (mut core, mut said, mut bytes) = (None, VecDeque::new(), Vec::new());
     // Outputs of the last input that were recorded.
     let mut recorded = 0;
@@ -69,7 +69,7 @@ fn renewed<C: Core>(journal: Vec<u8>, streams: &mut Streams) -> Result<Vec<u8>, 
 
 fn write_outputs<C: Core>(
     said: &mut VecDeque<C::Output<'static>>,
-    writer: &mut Writer,
+    writer: &mut JournalWriter,
     streams: &mut Streams,
 ) {
     for output in said.drain(..) {

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use ipc_types::payload::{HeroTelemetry, StatusJournal};
 use ipc_types::{MonotonicNs, StateOf, StatusModule, Topic};
-use module_kit::journal::Writer;
+use module_kit::journal::JournalWriter;
 use serde::{Deserialize, Serialize};
 use status::config::Config;
 use status::journal::Snapshot;
@@ -58,7 +58,7 @@ impl Core for Snapshot {
         Some(Snapshot::fresh(against.unwrap_or(&own), began))
     }
 
-    fn keep(at: MonotonicNs, input: Input, streams: &mut Streams, writer: &mut Writer) {
+    fn keep(at: MonotonicNs, input: Input, streams: &mut Streams, writer: &mut JournalWriter) {
         let taken = match &input {
             Input::Sample(sample) => streams.find(sample),
             _ => None,

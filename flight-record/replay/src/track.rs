@@ -5,7 +5,7 @@ use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use ipc_types::{JournalPiece, MonotonicNs};
-use module_kit::journal::{Entry, Reader, Writer};
+use module_kit::journal::{Entry, JournalReader, JournalWriter};
 use serde::{Deserialize, Serialize};
 
 use crate::difference::{Values, presence};
@@ -46,7 +46,12 @@ pub trait Core: Sized {
     }
 
     /// Writes an input into a kept flight. What it refers to goes to `streams`.
-    fn keep(at: MonotonicNs, input: Self::Input<'_>, streams: &mut Streams, writer: &mut Writer);
+    fn keep(
+        at: MonotonicNs,
+        input: Self::Input<'_>,
+        streams: &mut Streams,
+        writer: &mut JournalWriter,
+    );
 
     /// Gives the core an input that was kept; false if `streams` have not what it refers to.
     fn apply_kept(
@@ -104,7 +109,7 @@ impl From<Option<Values>> for Compared {
 
 /// One journal.
 pub struct Track<C: Core> {
-    reader: Reader,
+    reader: JournalReader,
     drive: Drive<C>,
 }
 
@@ -130,7 +135,7 @@ impl<C: Core> fmt::Debug for Track<C> {
 impl<C: Core> Track<C> {
     pub fn new(against: Option<C::Config>) -> Track<C> {
         Track {
-            reader: Reader::new(),
+            reader: JournalReader::new(),
             drive: Drive {
                 against,
                 core: None,
@@ -183,7 +188,7 @@ impl<C: Core> Track<C> {
         let drive = &mut self.drive;
         drive.tally.verdict.pieces += 1;
         drive.tally.verdict.bytes += journal.len() as u64;
-        let mut reader = Reader::of(journal);
+        let mut reader = JournalReader::of(journal);
         loop {
             match reader.next::<C::Kept<'_>, Digest>() {
                 Ok(Some(record)) => match record.entry {

@@ -140,10 +140,12 @@ impl StationFence {
 mod tests {
     use super::*;
     use crate::message::MISSION_ITEM_INT;
-    use crate::wire::Message;
+    use crate::wire::MessageWriter;
 
     fn item(command: u16, frame: u8, param1: f32, (x, y): (i32, i32)) -> Item {
-        let message = Message::new(MISSION_ITEM_INT).f32(param1).f32s(0.0, 3);
+        let message = MessageWriter::new(MISSION_ITEM_INT)
+            .f32(param1)
+            .f32s(0.0, 3);
         let message = message.i32(x).i32(y).f32(0.0).u16(0).u16(command);
         let message = message.u8(1).u8(1).u8(frame).u8(0).u8(1).u8(1);
         Item::of(message.payload())

@@ -14,8 +14,8 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use crate::stations::Sender;
-use crate::verdict::Answer;
+use crate::stations::StationAddress;
+use crate::verdict::CommandAck;
 
 /// How long after the answer a copy gets that answer: MAVSDK sends a command four times in 1.5 s, QGroundControl a mode three times in
 /// 2.6 s, and the first copy was before the answer.
@@ -26,8 +26,8 @@ const MAX_COMMANDS: usize = 16;
 
 /// What tells a command from another one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Key {
-    pub sender: Sender,
+pub struct CommandKey {
+    pub sender: StationAddress,
     pub command: u16,
     pub bits: [u32; 8],
 }
@@ -37,27 +37,27 @@ pub struct Key {
 pub enum Copy {
     New,
     Open,
-    Answered(Answer),
+    Answered(CommandAck),
     /// There is no room for it.
     Full,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Known {
-    key: Key,
+struct KnownCommand {
+    key: CommandKey,
     is_remembered: bool,
-    answered: Option<(Answer, MonotonicNs)>,
+    answered: Option<(CommandAck, MonotonicNs)>,
 }
 
 /// See the module's documentation.
 #[derive(Clone, Debug, Default)]
 pub struct Commands {
-    known: Vec<Known>,
+    known: Vec<KnownCommand>,
 }
 
 impl Commands {
     /// What this command is. A new one is open from now on; one that `is_stop` is not remembered when it is answered.
-    pub fn take(&mut self, key: Key, is_stop: bool, now: MonotonicNs) -> Copy {
+    pub fn take(&mut self, key: CommandKey, is_stop: bool, now: MonotonicNs) -> Copy {
         match self.look(key, now) {
             Copy::New => {}
             known => return known,
@@ -74,7 +74,7 @@ impl Commands {
                 None => return Copy::Full,
             }
         }
-        self.known.push(Known {
+        self.known.push(KnownCommand {
             key,
             is_remembered: !is_stop,
             answered: None,
@@ -83,15 +83,15 @@ impl Commands {
     }
 
     /// What this command is; a new one stays new.
-    pub fn look(&mut self, key: Key, now: MonotonicNs) -> Copy {
+    pub fn look(&mut self, key: CommandKey, now: MonotonicNs) -> Copy {
         self.known.retain(|one| match one.answered {
             None => true,
             Some((_, moment)) => now.since(moment) < MEMORY,
         });
         match self.known.iter().find(|one| one.key == key) {
             None => Copy::New,
-            Some(Known { answered: None, .. }) => Copy::Open,
-            Some(Known {
+            Some(KnownCommand { answered: None, .. }) => Copy::Open,
+            Some(KnownCommand {
                 answered: Some((answer, _)),
                 ..
             }) => Copy::Answered(*answer),
@@ -99,7 +99,7 @@ impl Commands {
     }
 
     /// The answer to a command. Of one that has an answer it is the later one, which copies get.
-    pub fn answer(&mut self, key: &Key, answer: Answer, now: MonotonicNs) {
+    pub fn answer(&mut self, key: &CommandKey, answer: CommandAck, now: MonotonicNs) {
         if let Some(index) = self.known.iter().position(|one| one.key == *key) {
             match self.known[index].is_remembered {
                 true => self.known[index].answered = Some((answer, now)),
@@ -109,8 +109,8 @@ impl Commands {
     }
 
     /// What an accepted command began has ended otherwise: copies get this answer, for as long as they would have got the first one.
-    pub fn amend(&mut self, key: &Key, answer: Answer) {
-        if let Some(Known {
+    pub fn amend(&mut self, key: &CommandKey, answer: CommandAck) {
+        if let Some(KnownCommand {
             answered: Some((known, _)),
             ..
         }) = self.known.iter_mut().find(|one| one.key == *key)
@@ -120,7 +120,7 @@ impl Commands {
     }
 
     /// Forgets what a sender that is gone has commanded and was answered.
-    pub fn forget(&mut self, sender: Sender) {
+    pub fn forget(&mut self, sender: StationAddress) {
         self.known
             .retain(|one| one.key.sender != sender || one.answered.is_none());
     }
@@ -131,9 +131,9 @@ mod tests {
     use super::*;
     use crate::number::MavResult;
 
-    fn key(port: u16, command: u16) -> Key {
-        Key {
-            sender: Sender {
+    fn key(port: u16, command: u16) -> CommandKey {
+        CommandKey {
+            sender: StationAddress {
                 address: ([127, 0, 0, 1], port).into(),
                 system: 255,
                 component: 190,
@@ -151,7 +151,7 @@ mod tests {
     fn a_copy_is_what_the_table_says() {
         let mut commands = Commands::default();
         let (goto, other) = (key(1, 192), key(2, 192));
-        let denied = Answer::plain(MavResult::Denied);
+        let denied = CommandAck::plain(MavResult::Denied);
         assert_eq!(commands.take(goto, false, at(0)), Copy::New);
         assert_eq!(commands.take(goto, false, at(9_000)), Copy::Open);
         assert_eq!(
@@ -164,7 +164,7 @@ mod tests {
             commands.take(goto, false, at(12_499)),
             Copy::Answered(denied)
         );
-        let later = Answer::plain(MavResult::Failed);
+        let later = CommandAck::plain(MavResult::Failed);
         commands.answer(&goto, later, at(12_499));
         assert_eq!(
             commands.take(goto, false, at(14_998)),
@@ -202,7 +202,7 @@ mod tests {
             Copy::Full,
             "all are open"
         );
-        commands.answer(&key(1, 3), Answer::plain(MavResult::Denied), at(1));
+        commands.answer(&key(1, 3), CommandAck::plain(MavResult::Denied), at(1));
         assert_eq!(commands.take(key(1, 99), false, at(1)), Copy::Full);
         assert_eq!(commands.take(key(1, 21), true, at(1)), Copy::New);
     }

@@ -7,12 +7,12 @@ use plans::mavlink::{FRAMES_HOME, FRAMES_SEA, command_name};
 use crate::event::OrderKind;
 use crate::home::Home;
 use crate::mode::Mode;
-use crate::number::{MavResult, Severity, command};
+use crate::number::{MavResult, MavSeverity, command};
 use crate::parameters::TAKE_OFF_M;
-use crate::received::Command;
+use crate::received::VehicleCommand;
 use crate::settings::Settings;
 use crate::vehicle::Known;
-use crate::verdict::Answer;
+use crate::verdict::CommandAck;
 
 /// Speeds that the DSP takes, m/s.
 const SPEED_MPS: std::ops::RangeInclusive<f64> = 0.1..=20.0;
@@ -25,7 +25,7 @@ const SAME_HEIGHT_M: f64 = 1.0;
 
 /// What is known of the helicopter.
 #[derive(Clone, Copy, Debug)]
-pub struct Facts<'a> {
+pub struct VehicleFacts<'a> {
     /// While it is heard.
     pub known: Option<Known<'a>>,
     /// The newest state of the bridge, however old.
@@ -38,9 +38,9 @@ pub struct Facts<'a> {
 #[derive(Clone, Debug, PartialEq)]
 pub enum Decision {
     /// Nothing; this is the answer.
-    Answer(Answer, Option<(Severity, String)>),
+    Answer(CommandAck, Option<(MavSeverity, String)>),
     /// Orders to the bridge.
-    Orders(Orders),
+    Orders(OrderPair),
     /// Home is there.
     SetHome(WaypointPosition),
     /// The mission begins, goes on, or goes elsewhere.
@@ -63,7 +63,7 @@ pub enum MissionAsk {
 
 /// One or two orders, the second of which follows when the first is done.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Orders {
+pub struct OrderPair {
     pub first: OrderKind,
     pub then: Option<OrderKind>,
     /// Whether the path is that of a return, at whose end the helicopter lands.
@@ -72,9 +72,9 @@ pub struct Orders {
     pub notice: Option<&'static str>,
 }
 
-impl Orders {
+impl OrderPair {
     pub fn one(kind: OrderKind) -> Decision {
-        Decision::Orders(Orders {
+        Decision::Orders(OrderPair {
             first: kind,
             then: None,
             is_return: false,
@@ -97,17 +97,17 @@ fn refuse(result: MavResult, text: impl Into<String>) -> Decision {
 
 fn refuse_for(result: MavResult, reason: Reason, text: impl Into<String>) -> Decision {
     Decision::Answer(
-        Answer { result, reason },
-        Some((Severity::Error, text.into())),
+        CommandAck { result, reason },
+        Some((MavSeverity::Error, text.into())),
     )
 }
 
 fn accept() -> Decision {
-    Decision::Answer(Answer::plain(MavResult::Accepted), None)
+    Decision::Answer(CommandAck::plain(MavResult::Accepted), None)
 }
 
 /// See the module's documentation. Commands that only ask for messages are none of its.
-pub fn decide(asked: &Command, facts: &Facts<'_>) -> Decision {
+pub fn decide(asked: &VehicleCommand, facts: &VehicleFacts<'_>) -> Decision {
     match asked.command {
         command::ARM_DISARM => match asked.param(1) {
             1.0 => facts.arm(),
@@ -119,7 +119,7 @@ pub fn decide(asked: &Command, facts: &Facts<'_>) -> Decision {
         command::RETURN_TO_LAUNCH => facts.go_home(),
         command::REPOSITION => facts.reposition(asked),
         command::PAUSE_CONTINUE => match asked.param(1) {
-            0.0 => Orders::one(OrderKind::Hold),
+            0.0 => OrderPair::one(OrderKind::Hold),
             _ => MISSION_GOES_ON,
         },
         command::MISSION_START => mission_start(asked),
@@ -153,9 +153,9 @@ pub fn decide(asked: &Command, facts: &Facts<'_>) -> Decision {
 }
 
 /// What a mode asks for.
-pub fn decide_mode(custom: u32, facts: &Facts<'_>) -> Decision {
+pub fn decide_mode(custom: u32, facts: &VehicleFacts<'_>) -> Decision {
     match Mode::of_custom(custom) {
-        Ok(Mode::Hold) => Orders::one(OrderKind::Hold),
+        Ok(Mode::Hold) => OrderPair::one(OrderKind::Hold),
         Ok(Mode::Land) => facts.land_here(),
         Ok(Mode::Mission) => MISSION_GOES_ON,
         Ok(Mode::Return) => facts.go_home(),
@@ -184,7 +184,7 @@ const MISSION_GOES_ON: Decision = Decision::Mission(MissionAsk::Start {
 });
 
 /// The first item is 0 where the station means "go on"; a last item is none where it is 0, or not a number.
-fn mission_start(asked: &Command) -> Decision {
+fn mission_start(asked: &VehicleCommand) -> Decision {
     let (first, last) = (asked.param(1), asked.param(2));
     if last > 0.0 {
         let text = "the mission was refused: it is flown to its end, and not to an item";
@@ -199,7 +199,7 @@ fn not_heard() -> Decision {
     refuse_for(MavResult::TemporarilyRejected, Reason::LinkDown, text)
 }
 
-impl Facts<'_> {
+impl VehicleFacts<'_> {
     fn arm(&self) -> Decision {
         let Some(known) = self.known else {
             return not_heard();
@@ -212,7 +212,7 @@ impl Facts<'_> {
                 MavResult::TemporarilyRejected,
                 format!("arm was refused: {why}"),
             ),
-            None => Orders::one(OrderKind::Start),
+            None => OrderPair::one(OrderKind::Start),
         }
     }
 
@@ -224,17 +224,17 @@ impl Facts<'_> {
         if known.is_flying() {
             let text = "disarming never stops the rotor in flight; use Land";
             return Decision::Answer(
-                Answer::plain(MavResult::Denied),
-                Some((Severity::Critical, text.to_owned())),
+                CommandAck::plain(MavResult::Denied),
+                Some((MavSeverity::Critical, text.to_owned())),
             );
         }
         match known.is_started() {
-            true => Orders::one(OrderKind::Stop),
+            true => OrderPair::one(OrderKind::Stop),
             false => accept(),
         }
     }
 
-    fn take_off(&self, asked: &Command) -> Decision {
+    fn take_off(&self, asked: &VehicleCommand) -> Decision {
         let Some(known) = self.known else {
             return not_heard();
         };
@@ -268,9 +268,9 @@ impl Facts<'_> {
         }
         let take_off = OrderKind::TakeOff(height_m);
         match known.is_started() {
-            true => Orders::one(take_off),
+            true => OrderPair::one(take_off),
             // QGroundControl arms behind the take-off.
-            false => Decision::Orders(Orders {
+            false => Decision::Orders(OrderPair {
                 first: OrderKind::Start,
                 then: Some(take_off),
                 is_return: false,
@@ -302,7 +302,7 @@ impl Facts<'_> {
         Err("altitudes are above sea or above home")
     }
 
-    fn is_elsewhere(&self, asked: &Command) -> bool {
+    fn is_elsewhere(&self, asked: &VehicleCommand) -> bool {
         let here = self.known.and_then(|known| known.position());
         match (asked.degrees(), here) {
             (Some(there), Some(here)) => distance_m(here, there) > ELSEWHERE_M,
@@ -310,7 +310,7 @@ impl Facts<'_> {
         }
     }
 
-    fn land(&self, asked: &Command) -> Decision {
+    fn land(&self, asked: &VehicleCommand) -> Decision {
         match self.is_elsewhere(asked) {
             true => refuse(
                 MavResult::Denied,
@@ -323,7 +323,7 @@ impl Facts<'_> {
     fn land_here(&self) -> Decision {
         match self.known {
             Some(known) if known.is_landing() => accept(),
-            _ => Orders::one(OrderKind::Land),
+            _ => OrderPair::one(OrderKind::Land),
         }
     }
 
@@ -348,7 +348,7 @@ impl Facts<'_> {
             true => (path, None),
             false => (OrderKind::Start, Some(path)),
         };
-        Decision::Orders(Orders {
+        Decision::Orders(OrderPair {
             first,
             then,
             is_return: true,
@@ -356,11 +356,11 @@ impl Facts<'_> {
         })
     }
 
-    fn reposition(&self, asked: &Command) -> Decision {
+    fn reposition(&self, asked: &VehicleCommand) -> Decision {
         let z = f64::from(asked.param(7));
         let place = asked.degrees();
         if place.is_none() && !z.is_finite() {
-            return Orders::one(OrderKind::Hold);
+            return OrderPair::one(OrderKind::Hold);
         }
         if place.is_none() && has_zeros(asked) {
             return refuse(
@@ -389,7 +389,7 @@ impl Facts<'_> {
         }
         let (latitude_deg, longitude_deg) =
             place.unwrap_or((here.latitude_deg, here.longitude_deg));
-        Decision::Orders(Orders {
+        Decision::Orders(OrderPair {
             first: OrderKind::GoTo(WaypointPosition {
                 latitude_deg,
                 longitude_deg,
@@ -404,7 +404,7 @@ impl Facts<'_> {
         })
     }
 
-    fn change_speed(&self, asked: &Command) -> Decision {
+    fn change_speed(&self, asked: &VehicleCommand) -> Decision {
         let speed_mps = f64::from(asked.param(2));
         if self.known.is_none() {
             return not_heard();
@@ -419,7 +419,7 @@ impl Facts<'_> {
         }
         let follows =
             |state: &ModuleState| state.functionality() == Some(Functionality::FollowingPath);
-        Decision::Orders(Orders {
+        Decision::Orders(OrderPair {
             first: OrderKind::Speed(speed_mps),
             then: None,
             is_return: false,
@@ -430,7 +430,7 @@ impl Facts<'_> {
         })
     }
 
-    fn set_home(&self, asked: &Command) -> Decision {
+    fn set_home(&self, asked: &VehicleCommand) -> Decision {
         let here = self.known.and_then(|known| known.position());
         if asked.param(1) == 1.0 {
             return match here {
@@ -457,11 +457,11 @@ impl Facts<'_> {
 }
 
 /// Whether a command names the place 0, 0, which is in the sea and most often a value that was forgotten.
-fn has_zeros(asked: &Command) -> bool {
+fn has_zeros(asked: &VehicleCommand) -> bool {
     matches!(
         asked.place,
-        crate::received::Place::Integer { x: 0, y: 0, .. }
-            | crate::received::Place::Float(0.0, 0.0)
+        crate::received::CommandPlace::Integer { x: 0, y: 0, .. }
+            | crate::received::CommandPlace::Float(0.0, 0.0)
     )
 }
 

@@ -11,8 +11,8 @@ use ipc_types::payload::{BridgeOutline, ModuleState};
 use crate::message::MISSION_ITEM_INT;
 use crate::mission::transfer::Transfer;
 use crate::number::MISSION_TYPE_FENCE;
-use crate::stations::{MAX_STATIONS, Sender};
-use crate::wire::Message;
+use crate::stations::{MAX_STATIONS, StationAddress};
+use crate::wire::MessageWriter;
 
 /// MAV_CMD of the items: corners and circles, to stay inside and to stay outside.
 pub const INSIDE_POLYGON: u16 = 5001;
@@ -50,9 +50,9 @@ impl FenceItem {
     }
 
     /// The item with this number, for a station.
-    pub fn message(&self, sequence: u16, to: Sender) -> Message {
+    pub fn message(&self, sequence: u16, to: StationAddress) -> MessageWriter {
         let [x, y] = self.place_e7();
-        let message = Message::new(MISSION_ITEM_INT)
+        let message = MessageWriter::new(MISSION_ITEM_INT)
             .f32(self.param1)
             .f32s(0.0, 3)
             .i32(x)
@@ -100,7 +100,7 @@ pub fn items(outline: &Outline) -> Vec<FenceItem> {
 pub struct Fence {
     reader: OutlineReader,
     /// What stations read: each reads the fence that was in force when it began.
-    downloads: Vec<(Sender, Arc<Vec<FenceItem>>)>,
+    downloads: Vec<(StationAddress, Arc<Vec<FenceItem>>)>,
     pub transfer: Transfer,
     pub upload: Option<Upload>,
 }
@@ -118,7 +118,7 @@ impl Default for Fence {
 
 /// How far a station's fence is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
+pub enum UploadStep {
     /// It goes into the bridge's configuration file.
     Writing,
     /// The bridge reads that file, by this order.
@@ -130,13 +130,13 @@ pub enum Step {
 /// A station's fence, from its last item until the bridge has it in force.
 #[derive(Clone, Debug)]
 pub struct Upload {
-    pub from: Sender,
+    pub from: StationAddress,
     /// Its items, as the bridge is to say them.
     pub items: Vec<FenceItem>,
     /// How many areas it has; and how many the file has with it.
     pub areas: usize,
     pub total: usize,
-    pub step: Step,
+    pub step: UploadStep,
     pub until: MonotonicNs,
 }
 
@@ -171,7 +171,7 @@ impl Fence {
     }
 
     /// A station begins to read it; how many items it has, or `None` while it is not known.
-    pub fn read_by(&mut self, sender: Sender, state: Option<&ModuleState>) -> Option<u16> {
+    pub fn read_by(&mut self, sender: StationAddress, state: Option<&ModuleState>) -> Option<u16> {
         let items = items(self.in_force(state)?);
         let count = u16::try_from(items.len()).ok()?;
         self.forget(sender);
@@ -184,7 +184,7 @@ impl Fence {
     }
 
     /// An item of what a station reads; `None` if there is none.
-    pub fn item(&self, sender: Sender, sequence: u16) -> Option<FenceItem> {
+    pub fn item(&self, sender: StationAddress, sequence: u16) -> Option<FenceItem> {
         let mut downloads = self.downloads.iter();
         let (_, items) = downloads.find(|(one, _)| *one == sender)?;
         items.get(usize::from(sequence)).copied()
@@ -197,7 +197,7 @@ impl Fence {
     }
 
     /// A station has read it, or is gone.
-    pub fn forget(&mut self, sender: Sender) {
+    pub fn forget(&mut self, sender: StationAddress) {
         self.downloads.retain(|(one, _)| *one != sender);
     }
 }

@@ -2,16 +2,16 @@
 
 use crate::message::{AUTOPILOT_VERSION, AVAILABLE_MODES};
 use crate::mode::Mode;
-use crate::wire::Message;
+use crate::wire::MessageWriter;
 
 /// MAV_PROTOCOL_CAPABILITY: parameters, of which integers are not converted; missions and commands with integer coordinates; MAVLink 2;
 /// fences.
 const CAPABILITIES: u64 = 2 | 4 | 8 | 16 | 8192 | 16_384;
 
 /// AUTOPILOT_VERSION. The version is that of the PX4 of which the dialect of modes and commands is, of the type "development".
-pub fn autopilot_version(robot: u32) -> Message {
+pub fn autopilot_version(robot: u32) -> MessageWriter {
     let own = env!("CARGO_PKG_VERSION");
-    Message::new(AUTOPILOT_VERSION)
+    MessageWriter::new(AUTOPILOT_VERSION)
         .u64(CAPABILITIES)
         .u64(u64::from(robot))
         .u32(0x010f_0000)
@@ -24,11 +24,11 @@ pub fn autopilot_version(robot: u32) -> Message {
 }
 
 /// AVAILABLE_MODES: one mode, by its place in the list.
-pub fn available_mode(index: usize) -> Option<Message> {
+pub fn available_mode(index: usize) -> Option<MessageWriter> {
     let mode = Mode::ALL.get(index)?;
     let not_selectable = if mode.is_selectable() { 0 } else { 2 };
     Some(
-        Message::new(AVAILABLE_MODES)
+        MessageWriter::new(AVAILABLE_MODES)
             .u32(mode.custom())
             .u32(not_selectable)
             .u8(Mode::ALL.len() as u8)

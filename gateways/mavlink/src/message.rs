@@ -2,7 +2,7 @@
 
 /// A message of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Kind {
+pub struct MessageKind {
     /// Its number.
     pub id: u32,
     /// CRC_EXTRA: a checksum of its fields' names and types.
@@ -11,10 +11,10 @@ pub struct Kind {
 
 macro_rules! kinds {
     ($($(#[$meta:meta])* $name:ident = $id:literal, $extra:literal;)*) => {
-        $($(#[$meta])* pub const $name: Kind = Kind { id: $id, extra: $extra };)*
+        $($(#[$meta])* pub const $name: MessageKind = MessageKind { id: $id, extra: $extra };)*
 
         /// All of them.
-        pub const ALL: &[Kind] = &[$($name),*];
+        pub const ALL: &[MessageKind] = &[$($name),*];
     };
 }
 
@@ -102,6 +102,6 @@ kinds! {
 }
 
 /// The message of this number, if it is read or written here.
-pub fn kind(id: u32) -> Option<Kind> {
+pub fn kind(id: u32) -> Option<MessageKind> {
     ALL.iter().copied().find(|kind| kind.id == id)
 }

@@ -94,7 +94,7 @@ pub const MISSION_TYPE_FENCE: u8 = 1;
 /// MAV_SEVERITY.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Severity {
+pub enum MavSeverity {
     /// A safety rule lands.
     Emergency = 0,
     /// Hold, abort, link lost.

@@ -1,4 +1,4 @@
-//! [`Received`]: what is read of a message.
+//! [`StationMessage`]: what is read of a message.
 
 use arrayvec::ArrayString;
 
@@ -11,18 +11,18 @@ use crate::message::{
 use crate::mission::store::Item;
 use crate::number::{AUTOPILOT_INVALID, TYPE_PROGRAM, TYPE_STATION};
 use crate::parameters::NAME;
-use crate::wire::{Frame, Payload};
+use crate::wire::{MavFrame, Payload};
 
 /// What a station sends, as far as it is read.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Received {
+pub enum StationMessage {
     /// A system is there.
     Heartbeat {
         /// Whether the system is a station or a program, and no vehicle.
         is_station: bool,
     },
     /// A command in one of its two forms.
-    Command(Command),
+    Command(VehicleCommand),
     /// SET_MODE, for a system.
     SetMode {
         /// For which system.
@@ -71,13 +71,13 @@ pub enum Received {
         /// For which component; 0 for all.
         component: u8,
         /// What is asked.
-        asked: Asked,
+        asked: ParameterQuery,
     },
 }
 
 /// What is asked about parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Asked {
+pub enum ParameterQuery {
     /// All of them.
     List,
     /// One.
@@ -122,7 +122,7 @@ pub enum MissionRequest {
 
 /// COMMAND_LONG or COMMAND_INT.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Command {
+pub struct VehicleCommand {
     /// For which system; 0 for all.
     pub system: u8,
     /// For which component; 0 for all.
@@ -131,13 +131,13 @@ pub struct Command {
     pub command: u16,
     /// Parameters 1 to 4, and 7.
     pub params: [f32; 5],
-    /// Parameters 5 and 6 as degrees or as integers: see [`Place`].
-    pub place: Place,
+    /// Parameters 5 and 6 as degrees or as integers: see [`CommandPlace`].
+    pub place: CommandPlace,
 }
 
 /// Parameters 5 and 6.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Place {
+pub enum CommandPlace {
     /// Of COMMAND_LONG.
     Float(f32, f32),
     /// Of COMMAND_INT, with its frame.
@@ -151,7 +151,7 @@ pub enum Place {
     },
 }
 
-impl Command {
+impl VehicleCommand {
     /// Parameter 1, 2, 3, 4 or 7.
     pub fn param(&self, number: usize) -> f32 {
         match number {
@@ -164,8 +164,8 @@ impl Command {
     /// ends of the integers' range, and zero, of which the place is in the sea.
     pub fn degrees(&self) -> Option<(f64, f64)> {
         let (latitude, longitude) = match self.place {
-            Place::Float(x, y) => (f64::from(x), f64::from(y)),
-            Place::Integer { x, y, .. } => (f64::from(x) / 1e7, f64::from(y) / 1e7),
+            CommandPlace::Float(x, y) => (f64::from(x), f64::from(y)),
+            CommandPlace::Integer { x, y, .. } => (f64::from(x) / 1e7, f64::from(y) / 1e7),
         };
         let is_place = latitude.abs() <= 90.0 && longitude.abs() <= 180.0;
         (is_place && (latitude != 0.0 || longitude != 0.0)).then_some((latitude, longitude))
@@ -174,46 +174,46 @@ impl Command {
     /// MAV_FRAME; that of COMMAND_LONG is above sea.
     pub fn frame(&self) -> u8 {
         match self.place {
-            Place::Float(..) => 0,
-            Place::Integer { frame, .. } => frame,
+            CommandPlace::Float(..) => 0,
+            CommandPlace::Integer { frame, .. } => frame,
         }
     }
 
     /// What tells two commands apart: the bits of all that was sent.
     pub fn bits(&self) -> [u32; 8] {
         let (x, y, frame) = match self.place {
-            Place::Float(x, y) => (x.to_bits(), y.to_bits(), u32::MAX),
-            Place::Integer { x, y, frame } => (x as u32, y as u32, u32::from(frame)),
+            CommandPlace::Float(x, y) => (x.to_bits(), y.to_bits(), u32::MAX),
+            CommandPlace::Integer { x, y, frame } => (x as u32, y as u32, u32::from(frame)),
         };
         let [a, b, c, d, e] = self.params.map(f32::to_bits);
         [a, b, c, d, x, y, e, frame]
     }
 }
 
-impl Received {
+impl StationMessage {
     /// What a frame says; `None` if it is nothing that is read.
-    pub fn of(frame: &Frame<'_>) -> Option<Received> {
+    pub fn of(frame: &MavFrame<'_>) -> Option<StationMessage> {
         let payload = frame.payload;
         if frame.is_version_1 && frame.kind != HEARTBEAT {
             return None;
         }
         Some(match frame.kind {
-            HEARTBEAT => Received::Heartbeat {
+            HEARTBEAT => StationMessage::Heartbeat {
                 is_station: payload.u8(5) == AUTOPILOT_INVALID
                     || matches!(payload.u8(4), TYPE_STATION | TYPE_PROGRAM),
             },
-            COMMAND_LONG => Received::Command(long(payload)),
-            COMMAND_INT => Received::Command(int(payload)),
-            SET_MODE => Received::SetMode {
+            COMMAND_LONG => StationMessage::Command(long(payload)),
+            COMMAND_INT => StationMessage::Command(int(payload)),
+            SET_MODE => StationMessage::SetMode {
                 system: payload.u8(4),
                 custom: payload.u32(0),
             },
             // With a target it is an answer.
-            PING if payload.u8(12) == 0 => Received::Ping {
+            PING if payload.u8(12) == 0 => StationMessage::Ping {
                 time_us: payload.u64(0),
                 sequence: payload.u32(8),
             },
-            TIMESYNC if payload.i64(0) == 0 => Received::TimeSync {
+            TIMESYNC if payload.i64(0) == 0 => StationMessage::TimeSync {
                 theirs_ns: payload.i64(8),
             },
             MISSION_REQUEST_LIST => mission(MissionRequest::List, payload, 0),
@@ -221,41 +221,41 @@ impl Received {
             MISSION_REQUEST | MISSION_REQUEST_INT => {
                 mission(MissionRequest::Request(payload.u16(0)), payload, 2)
             }
-            MISSION_ACK => Received::Mission {
+            MISSION_ACK => StationMessage::Mission {
                 system: payload.u8(0),
                 component: payload.u8(1),
                 request: MissionRequest::Ack(payload.u8(2)),
                 mission_type: payload.u8(3),
             },
-            MISSION_ITEM_INT => Received::Mission {
+            MISSION_ITEM_INT => StationMessage::Mission {
                 system: payload.u8(32),
                 component: payload.u8(33),
                 request: MissionRequest::Item(payload.u16(28), Item::of(payload)),
                 mission_type: payload.u8(37),
             },
-            MISSION_SET_CURRENT => Received::Mission {
+            MISSION_SET_CURRENT => StationMessage::Mission {
                 system: payload.u8(2),
                 component: payload.u8(3),
                 request: MissionRequest::SetCurrent(payload.u16(0)),
                 mission_type: 0,
             },
             MISSION_CLEAR_ALL => mission(MissionRequest::Clear, payload, 0),
-            FILE_TRANSFER_PROTOCOL => Received::File {
+            FILE_TRANSFER_PROTOCOL => StationMessage::File {
                 system: payload.u8(1),
                 sequence: payload.u16(3),
                 session: payload.u8(5),
                 opcode: payload.u8(6),
             },
-            PARAM_REQUEST_LIST => parameter(payload, 0, Asked::List),
+            PARAM_REQUEST_LIST => parameter(payload, 0, ParameterQuery::List),
             PARAM_REQUEST_READ => {
                 let index = payload.u16(0).cast_signed();
                 let name = name(payload, 4);
-                parameter(payload, 2, Asked::Read { index, name })
+                parameter(payload, 2, ParameterQuery::Read { index, name })
             }
             PARAM_SET => {
                 let (bits, kind) = (payload.u32(0), payload.u8(22));
                 let name = name(payload, 6);
-                parameter(payload, 4, Asked::Set { name, bits, kind })
+                parameter(payload, 4, ParameterQuery::Set { name, bits, kind })
             }
             _ => return None,
         })
@@ -263,8 +263,8 @@ impl Received {
 }
 
 /// A message with its target at `at`.
-fn mission(request: MissionRequest, payload: Payload<'_>, at: usize) -> Received {
-    Received::Mission {
+fn mission(request: MissionRequest, payload: Payload<'_>, at: usize) -> StationMessage {
+    StationMessage::Mission {
         system: payload.u8(at),
         component: payload.u8(at + 1),
         request,
@@ -273,8 +273,8 @@ fn mission(request: MissionRequest, payload: Payload<'_>, at: usize) -> Received
 }
 
 /// A message with its target at `at`.
-fn parameter(payload: Payload<'_>, at: usize, asked: Asked) -> Received {
-    Received::Parameter {
+fn parameter(payload: Payload<'_>, at: usize, asked: ParameterQuery) -> StationMessage {
+    StationMessage::Parameter {
         system: payload.u8(at),
         component: payload.u8(at + 1),
         asked,
@@ -291,25 +291,25 @@ fn name(payload: Payload<'_>, at: usize) -> Name {
     name
 }
 
-fn long(payload: Payload<'_>) -> Command {
+fn long(payload: Payload<'_>) -> VehicleCommand {
     let [a, b, c, d, x, y, e] = std::array::from_fn(|index| payload.f32(4 * index));
-    Command {
+    VehicleCommand {
         system: payload.u8(30),
         component: payload.u8(31),
         command: payload.u16(28),
         params: [a, b, c, d, e],
-        place: Place::Float(x, y),
+        place: CommandPlace::Float(x, y),
     }
 }
 
-fn int(payload: Payload<'_>) -> Command {
+fn int(payload: Payload<'_>) -> VehicleCommand {
     let [a, b, c, d] = std::array::from_fn(|index| payload.f32(4 * index));
-    Command {
+    VehicleCommand {
         system: payload.u8(30),
         component: payload.u8(31),
         command: payload.u16(28),
         params: [a, b, c, d, payload.f32(24)],
-        place: Place::Integer {
+        place: CommandPlace::Integer {
             x: payload.i32(16),
             y: payload.i32(20),
             frame: payload.u8(32),
@@ -323,7 +323,7 @@ mod tests {
 
     #[test]
     fn no_place_is_written_in_many_ways() {
-        let with = |place| Command {
+        let with = |place| VehicleCommand {
             system: 1,
             component: 1,
             command: 192,
@@ -332,20 +332,20 @@ mod tests {
         };
         let frame = 6;
         let none = [
-            Place::Float(f32::NAN, f32::NAN),
-            Place::Float(0.0, 0.0),
-            Place::Integer { x: 0, y: 0, frame },
-            Place::Integer {
+            CommandPlace::Float(f32::NAN, f32::NAN),
+            CommandPlace::Float(0.0, 0.0),
+            CommandPlace::Integer { x: 0, y: 0, frame },
+            CommandPlace::Integer {
                 x: i32::MAX,
                 y: i32::MAX,
                 frame,
             },
-            Place::Integer {
+            CommandPlace::Integer {
                 x: i32::MIN,
                 y: i32::MIN,
                 frame,
             },
-            Place::Integer {
+            CommandPlace::Integer {
                 x: 0x7ff8_0000,
                 y: 0x7ff8_0000,
                 frame,
@@ -355,7 +355,7 @@ mod tests {
             assert_eq!(with(place).degrees(), None, "{place:?}");
         }
         let (x, y) = (374_112_000, -60_010_000);
-        let place = with(Place::Integer { x, y, frame }).degrees();
+        let place = with(CommandPlace::Integer { x, y, frame }).degrees();
         assert_eq!(place, Some((37.4112, -6.001)));
     }
 }

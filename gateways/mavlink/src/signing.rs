@@ -44,25 +44,25 @@ const MAX_TIMESTAMP: u64 = (1 << 48) - 1;
 
 /// A secret that the helicopter and its stations share.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub struct Key(pub [u8; 32]);
+pub struct SigningKey(pub [u8; 32]);
 
-impl fmt::Debug for Key {
+impl fmt::Debug for SigningKey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("Key(…)")
     }
 }
 
-impl Key {
+impl SigningKey {
     /// The key of a text: 64 hexadecimal digits are the key itself, anything else is a passphrase, of which stations make a key by
     /// SHA-256.
-    pub fn of(text: &str) -> Key {
+    pub fn of(text: &str) -> SigningKey {
         let digit = |at: usize| u8::from_str_radix(text.get(at..at + 2)?, 16).ok();
         let is_hex = text.len() == 64 && text.bytes().all(|byte| byte.is_ascii_hexdigit());
         let bytes: Option<Vec<u8>> = (0..32).map(|index| digit(2 * index)).collect();
         let bytes = bytes
             .filter(|_| is_hex)
             .and_then(|bytes| bytes.try_into().ok());
-        Key(bytes.unwrap_or_else(|| Sha256::digest(text).into()))
+        SigningKey(bytes.unwrap_or_else(|| Sha256::digest(text).into()))
     }
 
     fn signature(&self, covered: &[u8]) -> [u8; 6] {
@@ -90,7 +90,7 @@ pub enum Forged {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Stream {
+struct SignedStream {
     system: u8,
     component: u8,
     link: u8,
@@ -100,19 +100,19 @@ struct Stream {
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct Signing {
-    key: Key,
+    key: SigningKey,
     began: MonotonicNs,
     /// What our clock and what is kept say of the beginning.
     clock: u64,
     own: u64,
     kept: u64,
     newest: u64,
-    streams: Vec<Stream>,
+    streams: Vec<SignedStream>,
 }
 
 impl Signing {
     /// With what the clock says at `now`, and the timestamp that was kept last, 0 if there is none.
-    pub fn new(key: Key, clock: u64, kept: u64, now: MonotonicNs) -> Signing {
+    pub fn new(key: SigningKey, clock: u64, kept: u64, now: MonotonicNs) -> Signing {
         // A file has any number; above this one timestamps do not rise.
         let kept = kept.min(MAX_TIMESTAMP);
         Signing {
@@ -160,8 +160,9 @@ impl Signing {
             link, timestamp, ..
         } = *signature;
         let oldest = self.reference(now).saturating_sub(MAX_BEHIND);
-        let is_same =
-            |one: &&mut Stream| (one.system, one.component, one.link) == (system, component, link);
+        let is_same = |one: &&mut SignedStream| {
+            (one.system, one.component, one.link) == (system, component, link)
+        };
         match self.streams.iter_mut().find(is_same) {
             Some(one) if timestamp > one.newest => one.newest = timestamp,
             Some(_) => return Err(Forged::Replayed),
@@ -174,7 +175,7 @@ impl Signing {
                 if self.streams.len() == MAX_STREAMS {
                     return Err(Forged::Replayed);
                 }
-                self.streams.push(Stream {
+                self.streams.push(SignedStream {
                     system,
                     component,
                     link,
@@ -200,7 +201,7 @@ impl Signing {
 mod tests {
     use super::*;
     use crate::message::HEARTBEAT;
-    use crate::wire::{Message, frames};
+    use crate::wire::{MessageWriter, frames};
 
     const SECOND: u64 = 1_000_000_000;
 
@@ -209,7 +210,13 @@ mod tests {
     }
 
     fn heartbeat(signing: &mut Signing, system: u8, now: MonotonicNs) -> Vec<u8> {
-        let message = Message::new(HEARTBEAT).u32(0).u8(6).u8(8).u8(0).u8(4).u8(3);
+        let message = MessageWriter::new(HEARTBEAT)
+            .u32(0)
+            .u8(6)
+            .u8(8)
+            .u8(0)
+            .u8(4)
+            .u8(3);
         let mut frame = message.frame_to_sign(0, system, 190);
         signing.sign(&mut frame, now);
         frame
@@ -222,17 +229,17 @@ mod tests {
     }
 
     fn signing(key: &str, clock: u64, kept: u64) -> Signing {
-        Signing::new(Key::of(key), clock, kept, at(0))
+        Signing::new(SigningKey::of(key), clock, kept, at(0))
     }
 
     #[test]
     fn a_key_is_hexadecimal_or_made_of_a_passphrase_as_stations_make_it() {
-        assert_eq!(Key::of(&"0f".repeat(32)), Key([15; 32]));
+        assert_eq!(SigningKey::of(&"0f".repeat(32)), SigningKey([15; 32]));
         // printf correct-horse | sha256sum
-        let Key(made) = Key::of("correct-horse");
-        let other = Key::of("correct-horsf");
+        let SigningKey(made) = SigningKey::of("correct-horse");
+        let other = SigningKey::of("correct-horsf");
         assert_eq!(made.len(), 32);
-        assert_ne!(Key(made), other);
+        assert_ne!(SigningKey(made), other);
         assert_eq!(format!("{other:?}"), "Key(…)");
         assert_eq!(timestamp(Duration::from_secs(EPOCH_UNIX_S + 1)), 100_000);
         assert_eq!(timestamp(Duration::ZERO), 0);

@@ -25,13 +25,13 @@ pub const SILENCE: Duration = Duration::from_secs(30);
 
 /// Who sends a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sender {
+pub struct StationAddress {
     pub address: SocketAddr,
     pub system: u8,
     pub component: u8,
 }
 
-impl fmt::Display for Sender {
+impl fmt::Display for StationAddress {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "station {}/{}", self.system, self.component)
     }
@@ -39,7 +39,7 @@ impl fmt::Display for Sender {
 
 /// What a heartbeat made of its sender.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Entry {
+pub enum HeartbeatOutcome {
     /// It has come.
     New,
     /// It was there.
@@ -79,7 +79,7 @@ pub struct Stations {
 /// A station that is there.
 #[derive(Clone, Copy, Debug)]
 pub struct Station {
-    pub sender: Sender,
+    pub sender: StationAddress,
     /// When something of it came last.
     pub heard: MonotonicNs,
     /// Whether that was too long ago.
@@ -111,12 +111,12 @@ impl Stations {
     }
 
     /// A heartbeat has come.
-    pub fn heartbeat(&mut self, sender: Sender, now: MonotonicNs) -> Entry {
+    pub fn heartbeat(&mut self, sender: StationAddress, now: MonotonicNs) -> HeartbeatOutcome {
         if self.touch(sender, now) {
-            return Entry::Known;
+            return HeartbeatOutcome::Known;
         }
         if self.heard.len() == MAX_STATIONS {
-            return Entry::Full;
+            return HeartbeatOutcome::Full;
         }
         let is_first = !self.is_heard(sender.address);
         self.heard.push(Station {
@@ -139,18 +139,18 @@ impl Stations {
                 is_named: false,
             }),
         }
-        Entry::New
+        HeartbeatOutcome::New
     }
 
     /// Something else has come; whether its sender is a station.
-    pub fn touch(&mut self, sender: Sender, now: MonotonicNs) -> bool {
+    pub fn touch(&mut self, sender: StationAddress, now: MonotonicNs) -> bool {
         let known = self.heard.iter_mut().find(|one| one.sender == sender);
         let touch = |one: &mut Station| (one.heard, one.is_lost) = (now, false);
         known.map(touch).is_some()
     }
 
     /// A command of a station became an order.
-    pub fn count_command(&mut self, sender: Sender, now: MonotonicNs) {
+    pub fn count_command(&mut self, sender: StationAddress, now: MonotonicNs) {
         if let Some(one) = self.heard.iter_mut().find(|one| one.sender == sender) {
             one.commands += 1;
             one.last_command = Some(now);
@@ -158,7 +158,7 @@ impl Stations {
     }
 
     /// A command of a station was refused.
-    pub fn count_refusal(&mut self, sender: Sender) {
+    pub fn count_refusal(&mut self, sender: StationAddress) {
         if let Some(one) = self.heard.iter_mut().find(|one| one.sender == sender) {
             one.refused += 1;
         }
@@ -170,7 +170,7 @@ impl Stations {
     }
 
     /// Those that are lost since the last call.
-    pub fn take_lost(&mut self, now: MonotonicNs) -> Vec<Sender> {
+    pub fn take_lost(&mut self, now: MonotonicNs) -> Vec<StationAddress> {
         let limit = self.lost_after;
         let is_late = |one: &&mut Station| !one.is_lost && now.since(one.heard) >= limit;
         let late = self.heard.iter_mut().filter(is_late);
@@ -182,10 +182,10 @@ impl Stations {
     }
 
     /// Takes those that are gone.
-    pub fn expire(&mut self, now: MonotonicNs) -> Vec<Sender> {
+    pub fn expire(&mut self, now: MonotonicNs) -> Vec<StationAddress> {
         let is_gone = |one: &Station| now.since(one.heard) >= SILENCE;
         let gone = self.heard.iter().filter(|one| is_gone(one));
-        let gone: Vec<Sender> = gone.map(|one| one.sender).collect();
+        let gone: Vec<StationAddress> = gone.map(|one| one.sender).collect();
         if !gone.is_empty() {
             self.heard.retain(|one| !is_gone(one));
             let heard = &self.heard;
@@ -247,8 +247,8 @@ impl Stations {
 mod tests {
     use super::*;
 
-    fn sender(port: u16, system: u8) -> Sender {
-        Sender {
+    fn sender(port: u16, system: u8) -> StationAddress {
+        StationAddress {
             address: ([127, 0, 0, 1], port).into(),
             system,
             component: 190,
@@ -261,11 +261,17 @@ mod tests {
         let named = sender(1, 255);
         let mut stations = Stations::new(&[named.address], Duration::from_secs(10));
         assert!(!stations.touch(named, at(0)), "only a heartbeat opens it");
-        assert_eq!(stations.heartbeat(named, at(0)), Entry::New);
-        assert_eq!(stations.heartbeat(sender(2, 1), at(0)), Entry::New);
-        assert_eq!(stations.heartbeat(sender(2, 2), at(5)), Entry::New);
+        assert_eq!(stations.heartbeat(named, at(0)), HeartbeatOutcome::New);
+        assert_eq!(
+            stations.heartbeat(sender(2, 1), at(0)),
+            HeartbeatOutcome::New
+        );
+        assert_eq!(
+            stations.heartbeat(sender(2, 2), at(5)),
+            HeartbeatOutcome::New
+        );
         assert_eq!(stations.routes.len(), 2, "one route for an address");
-        assert_eq!(stations.heartbeat(named, at(20)), Entry::Known);
+        assert_eq!(stations.heartbeat(named, at(20)), HeartbeatOutcome::Known);
         assert_eq!(stations.deadline(), Some(at(10)));
         assert_eq!(stations.take_lost(at(10)), [sender(2, 1)]);
         assert_eq!(stations.take_lost(at(14)), [], "it is told once");
@@ -287,10 +293,19 @@ mod tests {
         let mut stations = Stations::new(&[], Duration::from_secs(10));
         let now = MonotonicNs(0);
         for port in 1..=8 {
-            assert_eq!(stations.heartbeat(sender(port, 255), now), Entry::New);
+            assert_eq!(
+                stations.heartbeat(sender(port, 255), now),
+                HeartbeatOutcome::New
+            );
         }
-        assert_eq!(stations.heartbeat(sender(9, 255), now), Entry::Full);
-        assert_eq!(stations.heartbeat(sender(8, 255), now), Entry::Known);
+        assert_eq!(
+            stations.heartbeat(sender(9, 255), now),
+            HeartbeatOutcome::Full
+        );
+        assert_eq!(
+            stations.heartbeat(sender(8, 255), now),
+            HeartbeatOutcome::Known
+        );
         assert_eq!(stations.routes.len(), 8);
     }
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use crate::message::{self, Kind};
+use crate::message::{self, MessageKind};
 use crate::number::MavResult;
 
 /// Shortest period of a message.
@@ -14,7 +14,7 @@ const MIN_PERIOD: Duration = Duration::from_millis(20);
 /// A message that is sent again and again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub enum Stream {
+pub enum StreamId {
     /// That the helicopter is there. First, because stations look for it first.
     Heartbeat,
     /// The mode, as MAVLink's own.
@@ -49,63 +49,63 @@ pub enum Stream {
 
 /// What a message is made of, so that it is not sent again unchanged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Content {
+pub enum StreamContent {
     /// A sample of telemetry.
     Sample,
     /// States, which hold until they change.
     State,
 }
 
-impl Stream {
+impl StreamId {
     /// All, by their numbers.
-    pub const ALL: [Stream; 15] = [
-        Stream::Heartbeat,
-        Stream::CurrentMode,
-        Stream::SysStatus,
-        Stream::ExtendedSysState,
-        Stream::GlobalPosition,
-        Stream::Attitude,
-        Stream::AttitudeQuaternion,
-        Stream::LocalPosition,
-        Stream::VfrHud,
-        Stream::Altitude,
-        Stream::GpsRaw,
-        Stream::Battery,
-        Stream::Fuel,
-        Stream::Home,
-        Stream::Mission,
+    pub const ALL: [StreamId; 15] = [
+        StreamId::Heartbeat,
+        StreamId::CurrentMode,
+        StreamId::SysStatus,
+        StreamId::ExtendedSysState,
+        StreamId::GlobalPosition,
+        StreamId::Attitude,
+        StreamId::AttitudeQuaternion,
+        StreamId::LocalPosition,
+        StreamId::VfrHud,
+        StreamId::Altitude,
+        StreamId::GpsRaw,
+        StreamId::Battery,
+        StreamId::Fuel,
+        StreamId::Home,
+        StreamId::Mission,
     ];
 
     /// The message, how often it is sent by default in tenths of a hertz, and what it is made of.
-    fn row(self) -> (Kind, u64, Content) {
-        use Content::{Sample, State};
+    fn row(self) -> (MessageKind, u64, StreamContent) {
+        use StreamContent::{Sample, State};
         match self {
-            Stream::Heartbeat => (message::HEARTBEAT, 10, State),
-            Stream::CurrentMode => (message::CURRENT_MODE, 5, State),
-            Stream::SysStatus => (message::SYS_STATUS, 10, Sample),
-            Stream::ExtendedSysState => (message::EXTENDED_SYS_STATE, 10, State),
-            Stream::GlobalPosition => (message::GLOBAL_POSITION_INT, 50, Sample),
-            Stream::Attitude => (message::ATTITUDE, 100, Sample),
-            Stream::AttitudeQuaternion => (message::ATTITUDE_QUATERNION, 0, Sample),
-            Stream::LocalPosition => (message::LOCAL_POSITION_NED, 20, Sample),
-            Stream::VfrHud => (message::VFR_HUD, 40, Sample),
-            Stream::Altitude => (message::ALTITUDE, 20, Sample),
-            Stream::GpsRaw => (message::GPS_RAW_INT, 20, Sample),
-            Stream::Battery => (message::BATTERY_STATUS, 5, Sample),
-            Stream::Fuel => (message::FUEL_STATUS, 5, Sample),
-            Stream::Home => (message::HOME_POSITION, 2, State),
-            Stream::Mission => (message::MISSION_CURRENT, 10, State),
+            StreamId::Heartbeat => (message::HEARTBEAT, 10, State),
+            StreamId::CurrentMode => (message::CURRENT_MODE, 5, State),
+            StreamId::SysStatus => (message::SYS_STATUS, 10, Sample),
+            StreamId::ExtendedSysState => (message::EXTENDED_SYS_STATE, 10, State),
+            StreamId::GlobalPosition => (message::GLOBAL_POSITION_INT, 50, Sample),
+            StreamId::Attitude => (message::ATTITUDE, 100, Sample),
+            StreamId::AttitudeQuaternion => (message::ATTITUDE_QUATERNION, 0, Sample),
+            StreamId::LocalPosition => (message::LOCAL_POSITION_NED, 20, Sample),
+            StreamId::VfrHud => (message::VFR_HUD, 40, Sample),
+            StreamId::Altitude => (message::ALTITUDE, 20, Sample),
+            StreamId::GpsRaw => (message::GPS_RAW_INT, 20, Sample),
+            StreamId::Battery => (message::BATTERY_STATUS, 5, Sample),
+            StreamId::Fuel => (message::FUEL_STATUS, 5, Sample),
+            StreamId::Home => (message::HOME_POSITION, 2, State),
+            StreamId::Mission => (message::MISSION_CURRENT, 10, State),
         }
     }
 
     /// The message.
-    pub fn kind(self) -> Kind {
+    pub fn kind(self) -> MessageKind {
         self.row().0
     }
 
     /// The stream of this message.
-    pub fn of(id: u32) -> Option<Stream> {
-        Stream::ALL
+    pub fn of(id: u32) -> Option<StreamId> {
+        StreamId::ALL
             .into_iter()
             .find(|stream| stream.kind().id == id)
     }
@@ -119,7 +119,7 @@ impl Stream {
     }
 
     /// What it is made of.
-    pub fn content(self) -> Content {
+    pub fn content(self) -> StreamContent {
         self.row().2
     }
 
@@ -130,13 +130,13 @@ impl Stream {
     /// When it is no period that can be had.
     pub fn period(self, interval_us: f32) -> Result<Option<Duration>, MavResult> {
         match interval_us {
-            -1.0 if self == Stream::Heartbeat => Err(MavResult::Denied),
+            -1.0 if self == StreamId::Heartbeat => Err(MavResult::Denied),
             -1.0 => Ok(None),
             0.0 => Ok(self.default_period()),
             us if us.is_finite() && us > 0.0 => {
                 let period = Duration::from_micros(us as u64);
                 let is_possible = period >= MIN_PERIOD
-                    && (self != Stream::Heartbeat || period <= Duration::from_secs(1));
+                    && (self != StreamId::Heartbeat || period <= Duration::from_secs(1));
                 is_possible.then_some(Some(period)).ok_or(MavResult::Denied)
             }
             _ => Err(MavResult::Denied),
@@ -156,7 +156,7 @@ struct Beat {
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct Streams {
-    beats: [Beat; Stream::ALL.len()],
+    beats: [Beat; StreamId::ALL.len()],
     /// Until when everything that is due has been looked at.
     looked: MonotonicNs,
 }
@@ -165,7 +165,7 @@ impl Streams {
     /// All with their default periods, due now.
     pub fn new(now: MonotonicNs) -> Streams {
         Streams {
-            beats: Stream::ALL.map(|stream| Beat {
+            beats: StreamId::ALL.map(|stream| Beat {
                 period: stream.default_period(),
                 due: now,
                 sent: MonotonicNs(0),
@@ -184,14 +184,14 @@ impl Streams {
     }
 
     /// Those that are due and have something to say, of a sample that was measured at `sample`. They count as sent.
-    pub fn take_due(&mut self, sample: MonotonicNs, now: MonotonicNs) -> Vec<Stream> {
+    pub fn take_due(&mut self, sample: MonotonicNs, now: MonotonicNs) -> Vec<StreamId> {
         self.looked = now;
         let mut due = Vec::new();
-        for (stream, beat) in Stream::ALL.into_iter().zip(&mut self.beats) {
+        for (stream, beat) in StreamId::ALL.into_iter().zip(&mut self.beats) {
             let Some(period) = beat.period.filter(|_| beat.due <= now) else {
                 continue;
             };
-            if stream.content() == Content::Sample {
+            if stream.content() == StreamContent::Sample {
                 if sample <= beat.sent {
                     continue;
                 }
@@ -215,18 +215,18 @@ impl Streams {
     }
 
     /// Sends `stream` next, whenever it was due.
-    pub fn hurry(&mut self, stream: Stream, now: MonotonicNs) {
+    pub fn hurry(&mut self, stream: StreamId, now: MonotonicNs) {
         self.beats[stream as usize].due = now;
     }
 
     /// Sets how often `stream` is sent.
-    pub fn set_period(&mut self, stream: Stream, period: Option<Duration>, now: MonotonicNs) {
+    pub fn set_period(&mut self, stream: StreamId, period: Option<Duration>, now: MonotonicNs) {
         let beat = &mut self.beats[stream as usize];
         (beat.period, beat.due) = (period, now);
     }
 
     /// How often `stream` is sent.
-    pub fn period(&self, stream: Stream) -> Option<Duration> {
+    pub fn period(&self, stream: StreamId) -> Option<Duration> {
         self.beats[stream as usize].period
     }
 }
@@ -239,16 +239,16 @@ mod tests {
 
     #[test]
     fn numbers_are_places() {
-        for (index, stream) in Stream::ALL.into_iter().enumerate() {
+        for (index, stream) in StreamId::ALL.into_iter().enumerate() {
             assert_eq!(stream as usize, index);
-            assert_eq!(Stream::of(stream.kind().id), Some(stream));
+            assert_eq!(StreamId::of(stream.kind().id), Some(stream));
         }
     }
 
     /// How often each is sent in ten seconds, of samples that come every `sample_ms`.
     fn sent(sample_ms: u64) -> Vec<usize> {
         let mut streams = Streams::new(MonotonicNs(0));
-        let mut counts = vec![0; Stream::ALL.len()];
+        let mut counts = vec![0; StreamId::ALL.len()];
         for ms in 0..10_000 {
             let now = MonotonicNs(ms * MS);
             let sample = MonotonicNs((1 + ms / sample_ms * sample_ms) * MS);
@@ -287,14 +287,14 @@ mod tests {
             (f32::INFINITY, Err(MavResult::Denied)),
         ] {
             assert_eq!(
-                Stream::Attitude.period(interval_us),
+                StreamId::Attitude.period(interval_us),
                 expected,
                 "{interval_us}"
             );
         }
         for interval_us in [-1.0, 2e6] {
             assert_eq!(
-                Stream::Heartbeat.period(interval_us),
+                StreamId::Heartbeat.period(interval_us),
                 Err(MavResult::Denied)
             );
         }

@@ -6,8 +6,8 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 
 use crate::message::STATUSTEXT;
-use crate::number::Severity;
-use crate::wire::Message;
+use crate::number::MavSeverity;
+use crate::wire::MessageWriter;
 
 /// Bytes of a chunk.
 const CHUNK: usize = 50;
@@ -38,7 +38,12 @@ pub struct Texts {
 
 impl Texts {
     /// The messages of a text; none if it was just said.
-    pub fn say(&mut self, severity: Severity, text: &str, now: MonotonicNs) -> Vec<Message> {
+    pub fn say(
+        &mut self,
+        severity: MavSeverity,
+        text: &str,
+        now: MonotonicNs,
+    ) -> Vec<MessageWriter> {
         let mut text = text.to_owned();
         let known = self.recent.iter().position(|one| one.text == text);
         if let Some(mut recent) = known.and_then(|index| self.recent.remove(index)) {
@@ -70,7 +75,7 @@ impl Texts {
     }
 }
 
-fn chunks(severity: Severity, text: &str, id: u16) -> Vec<Message> {
+fn chunks(severity: MavSeverity, text: &str, id: u16) -> Vec<MessageWriter> {
     // A chunk may end within a letter of several bytes.
     let text: String = text
         .chars()
@@ -80,7 +85,7 @@ fn chunks(severity: Severity, text: &str, id: u16) -> Vec<Message> {
     let id = if text.len() > CHUNK { id } else { 0 };
     let chunk = |(sequence, piece): (usize, &[u8])| {
         let piece = std::str::from_utf8(piece).unwrap_or_default();
-        let message = Message::new(STATUSTEXT).u8(severity as u8);
+        let message = MessageWriter::new(STATUSTEXT).u8(severity as u8);
         message.text(piece, CHUNK).u16(id).u8(sequence as u8)
     };
     pieces.enumerate().map(chunk).collect()
@@ -90,8 +95,8 @@ fn chunks(severity: Severity, text: &str, id: u16) -> Vec<Message> {
 mod tests {
     use super::*;
 
-    fn said(messages: &[Message]) -> String {
-        let text = |message: &Message| message.payload().0[1..51].to_vec();
+    fn said(messages: &[MessageWriter]) -> String {
+        let text = |message: &MessageWriter| message.payload().0[1..51].to_vec();
         let bytes: Vec<u8> = messages.iter().flat_map(text).collect();
         let text = String::from_utf8(bytes).unwrap();
         text.trim_end_matches('\0').to_owned()
@@ -101,19 +106,19 @@ mod tests {
     fn long_texts_come_in_chunks_with_one_id() {
         let mut texts = Texts::default();
         let now = MonotonicNs(0);
-        let short = texts.say(Severity::Info, "take-off done", now);
+        let short = texts.say(MavSeverity::Info, "take-off done", now);
         assert_eq!((said(&short).as_str(), short.len()), ("take-off done", 1));
         assert_eq!(short[0].payload().u16(51), 0);
 
         let long = "goto was refused: 12 m outside of the area field — press Pause first";
-        let chunks = texts.say(Severity::Error, long, now);
+        let chunks = texts.say(MavSeverity::Error, long, now);
         assert_eq!(said(&chunks), long.replace('—', "?"));
         let numbers: Vec<_> = chunks
             .iter()
             .map(|chunk| (chunk.payload().u16(51), chunk.payload().u8(53)))
             .collect();
         assert_eq!(numbers, [(2, 0), (2, 1)]);
-        let endless = texts.say(Severity::Error, &"x".repeat(10_000), now);
+        let endless = texts.say(MavSeverity::Error, &"x".repeat(10_000), now);
         assert_eq!(endless.len(), MAX_CHUNKS);
     }
 
@@ -122,7 +127,7 @@ mod tests {
         let mut texts = Texts::default();
         let mut say = |text: &str, seconds: u64| {
             let now = MonotonicNs(seconds * 1_000_000_000);
-            said(&texts.say(Severity::Warning, text, now))
+            said(&texts.say(MavSeverity::Warning, text, now))
         };
         assert_eq!(say("low", 1), "low");
         assert_eq!(say("other", 1), "other");

@@ -8,17 +8,17 @@ use crate::number::MavResult;
 
 /// What COMMAND_ACK says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Answer {
+pub struct CommandAck {
     /// The result.
     pub result: MavResult,
     /// The bridge's reason, in `result_param2`.
     pub reason: Reason,
 }
 
-impl Answer {
+impl CommandAck {
     /// A result without a reason of the bridge.
-    pub const fn plain(result: MavResult) -> Answer {
-        Answer {
+    pub const fn plain(result: MavResult) -> CommandAck {
+        CommandAck {
             result,
             reason: Reason::None,
         }
@@ -31,12 +31,12 @@ impl Answer {
 }
 
 /// What a report of this stage with this reason is answered with.
-pub fn answer_of(stage: Stage, reason: Reason) -> Answer {
+pub fn answer_of(stage: Stage, reason: Reason) -> CommandAck {
     let result = match stage {
         Stage::Accepted | Stage::Progress | Stage::Done => MavResult::Accepted,
         Stage::Refused | Stage::Aborted | Stage::Unknown => refusal(reason),
     };
-    Answer { result, reason }
+    CommandAck { result, reason }
 }
 
 fn refusal(reason: Reason) -> MavResult {

@@ -6,7 +6,7 @@
 use arrayvec::ArrayVec;
 use crc::{CRC_16_MCRF4XX, Crc};
 
-use crate::message::{Kind, kind};
+use crate::message::{MessageKind, kind};
 
 /// First byte of a frame of MAVLink 2.
 const MAGIC: u8 = 0xfd;
@@ -33,7 +33,7 @@ const CRC: Crc<u16> = Crc::<u16>::new(&CRC_16_MCRF4XX);
 
 /// A frame whose checksum is right.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Frame<'a> {
+pub struct MavFrame<'a> {
     /// Counts the frames of the sender.
     pub sequence: u8,
     /// The sender's system.
@@ -41,7 +41,7 @@ pub struct Frame<'a> {
     /// The sender's component.
     pub component: u8,
     /// Which message.
-    pub kind: Kind,
+    pub kind: MessageKind,
     /// The message, without the zeros at its end.
     pub payload: Payload<'a>,
     /// Its signature, which is not checked; `None` if it has none.
@@ -79,7 +79,7 @@ pub enum Rejected {
 }
 
 /// The frames of a datagram, in order.
-pub fn frames(datagram: &[u8]) -> impl Iterator<Item = Result<Frame<'_>, Rejected>> {
+pub fn frames(datagram: &[u8]) -> impl Iterator<Item = Result<MavFrame<'_>, Rejected>> {
     let mut rest = datagram;
     std::iter::from_fn(move || {
         if rest.is_empty() {
@@ -92,7 +92,7 @@ pub fn frames(datagram: &[u8]) -> impl Iterator<Item = Result<Frame<'_>, Rejecte
 }
 
 /// The first frame, and its length: all there is when nothing behind it can be read.
-fn read(bytes: &[u8]) -> (Result<Frame<'_>, Rejected>, usize) {
+fn read(bytes: &[u8]) -> (Result<MavFrame<'_>, Rejected>, usize) {
     let all = bytes.len();
     let (header, is_version_1) = match bytes[0] {
         MAGIC => (HEADER, false),
@@ -126,7 +126,7 @@ fn read(bytes: &[u8]) -> (Result<Frame<'_>, Rejected>, usize) {
     if told != checksum(&bytes[1..end], kind) {
         return (Err(Rejected::Checksum), all);
     }
-    let frame = Frame {
+    let frame = MavFrame {
         sequence: bytes[from],
         system: bytes[from + 1],
         component: bytes[from + 2],
@@ -153,7 +153,7 @@ fn signature(frame: &[u8]) -> Signature<'_> {
 }
 
 /// Of all but the first byte, and of what tells two versions of a message apart.
-fn checksum(covered: &[u8], kind: Kind) -> u16 {
+fn checksum(covered: &[u8], kind: MessageKind) -> u16 {
     let mut digest = CRC.digest();
     digest.update(covered);
     digest.update(&[kind.extra]);
@@ -207,9 +207,9 @@ impl Payload<'_> {
 
 /// A message that is written, field by field in the order of the wire: the longest fields first, extensions last.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Message {
+pub struct MessageWriter {
     /// Which one.
-    pub kind: Kind,
+    pub kind: MessageKind,
     payload: ArrayVec<u8, MAX_PAYLOAD>,
 }
 
@@ -218,7 +218,7 @@ macro_rules! fields {
         $(
             /// Adds a field.
             #[must_use]
-            pub fn $name(mut self, value: $name) -> Message {
+            pub fn $name(mut self, value: $name) -> MessageWriter {
                 self.add(&value.to_le_bytes());
                 self
             }
@@ -226,10 +226,10 @@ macro_rules! fields {
     };
 }
 
-impl Message {
+impl MessageWriter {
     /// A message without a field.
-    pub fn new(kind: Kind) -> Message {
-        Message {
+    pub fn new(kind: MessageKind) -> MessageWriter {
+        MessageWriter {
             kind,
             payload: ArrayVec::new(),
         }
@@ -239,7 +239,7 @@ impl Message {
 
     /// Adds an array of characters, cut or filled up with zeros.
     #[must_use]
-    pub fn text(mut self, text: &str, length: usize) -> Message {
+    pub fn text(mut self, text: &str, length: usize) -> MessageWriter {
         let mut bytes = text.bytes().chain(std::iter::repeat(0));
         for _ in 0..length {
             self.add(&[bytes.next().unwrap_or(0)]);
@@ -249,13 +249,13 @@ impl Message {
 
     /// Adds the same value several times.
     #[must_use]
-    pub fn u16s(self, value: u16, count: usize) -> Message {
+    pub fn u16s(self, value: u16, count: usize) -> MessageWriter {
         (0..count).fold(self, |message, _| message.u16(value))
     }
 
     /// The same.
     #[must_use]
-    pub fn f32s(self, value: f32, count: usize) -> Message {
+    pub fn f32s(self, value: f32, count: usize) -> MessageWriter {
         (0..count).fold(self, |message, _| message.f32(value))
     }
 
@@ -306,8 +306,8 @@ mod tests {
     use super::*;
     use crate::message::{ATTITUDE, HEARTBEAT, STATUSTEXT};
 
-    fn heartbeat() -> Message {
-        Message::new(HEARTBEAT)
+    fn heartbeat() -> MessageWriter {
+        MessageWriter::new(HEARTBEAT)
             .u32(0x0304_0000)
             .u8(4)
             .u8(12)
@@ -329,9 +329,12 @@ mod tests {
         assert_eq!(read.payload.u32(0), 0x0304_0000);
         assert_eq!((read.payload.u8(8), read.payload.u8(40)), (3, 0));
 
-        let short = Message::new(ATTITUDE).u32(5).f32s(0.0, 6).frame(0, 1, 1);
+        let short = MessageWriter::new(ATTITUDE)
+            .u32(5)
+            .f32s(0.0, 6)
+            .frame(0, 1, 1);
         assert_eq!(short.len(), HEADER + 1 + CHECKSUM);
-        let empty = Message::new(ATTITUDE).u32(0).frame(0, 1, 1);
+        let empty = MessageWriter::new(ATTITUDE).u32(0).frame(0, 1, 1);
         assert_eq!(empty.len(), HEADER + 1 + CHECKSUM, "one byte always goes");
     }
 
@@ -362,7 +365,7 @@ mod tests {
 
     #[test]
     fn several_frames_are_read_and_a_signature_is_kept() {
-        let text = Message::new(STATUSTEXT).u8(6).text("hello", 50);
+        let text = MessageWriter::new(STATUSTEXT).u8(6).text("hello", 50);
         let mut signed = text.frame_to_sign(1, 255, 190);
         signed.extend([9, 1, 0, 0, 0, 0, 0, 1, 2, 3, 4, 5, 6]);
         let covered = signed[..signed.len() - 6].to_vec();

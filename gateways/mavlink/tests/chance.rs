@@ -3,8 +3,8 @@
 
 use fastrand::Rng;
 use ipc_types::code::{Reason, Stage};
-use mavlink_gateway::message::{self, Kind};
-use mavlink_gateway::wire::{MAX_FRAME, Message};
+use mavlink_gateway::message::{self, MessageKind};
+use mavlink_gateway::wire::{MAX_FRAME, MessageWriter};
 use mavlink_gateway::{Order, OrderKind, Settings};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -20,11 +20,13 @@ fn any_message() -> impl Strategy<Value = Vec<u8>> {
     );
     let kind = prop::sample::select(message::ALL.to_vec());
     // Nothing but a heartbeat makes a station.
-    let kind = kind.prop_filter("no heartbeat", |kind: &Kind| *kind != message::HEARTBEAT);
+    let kind = kind.prop_filter("no heartbeat", |kind: &MessageKind| {
+        *kind != message::HEARTBEAT
+    });
     (kind, fields).prop_map(|(kind, fields)| {
         let message = fields
             .iter()
-            .fold(Message::new(kind), |message, byte| message.u8(*byte));
+            .fold(MessageWriter::new(kind), |message, byte| message.u8(*byte));
         message.frame(0, 255, 190)
     })
 }
@@ -98,7 +100,7 @@ fn sequence(seed: u64) {
     world.heartbeat(SCRIPT);
     world.sent();
     let count = rng.usize(1..=4);
-    let commands: Vec<(Station, Message)> = (0..count)
+    let commands: Vec<(Station, MessageWriter)> = (0..count)
         .map(|number| {
             let station = if rng.bool() { QGC } else { SCRIPT };
             let x = 374_200_000 + number as i32;

@@ -3,7 +3,7 @@
 use ipc_types::code::{Functionality, ModuleStatus, PilotSwitch, Reason, Stage};
 use ipc_types::payload::WaypointPosition;
 use mavlink_gateway::message::{COMMAND_ACK, SET_MODE};
-use mavlink_gateway::wire::Message;
+use mavlink_gateway::wire::MessageWriter;
 use mavlink_gateway::{Mode, OrderKind, Settings, answer_of};
 
 use crate::common::{HERE, QGC, SCRIPT, World, acks, long, reposition, texts};
@@ -94,7 +94,7 @@ fn each_command_in_the_air() {
         latitude_deg: 37.42,
         ..above(60.0)
     };
-    let goto: [(Message, Option<WaypointPosition>, Option<u8>); 11] = [
+    let goto: [(MessageWriter, Option<WaypointPosition>, Option<u8>); 11] = [
         (reposition(0, x, y, 60.0), Some(there), None),
         (reposition(5, x, y, 60.0), Some(there), None),
         (reposition(3, x, y, 30.0), Some(there), None),
@@ -335,7 +335,7 @@ fn a_return_flies_home_and_lands_unless_something_else_comes() {
 #[test]
 fn set_mode_is_answered_by_the_heartbeat_and_refused_by_a_text() {
     let mut world = World::flying();
-    let mode = |mode: Mode| Message::new(SET_MODE).u32(mode.custom()).u8(1).u8(1);
+    let mode = |mode: Mode| MessageWriter::new(SET_MODE).u32(mode.custom()).u8(1).u8(1);
     for _ in 0..3 {
         world.receive(QGC, &QGC.frame(&mode(Mode::TakeOff)));
     }
@@ -412,7 +412,7 @@ fn only_stations_that_may_command_do() {
     assert_eq!(world.kinds(), [OrderKind::Hold]);
     // Those for another vehicle, or for another component, are nobody's.
     for (system, component) in [(2, 1), (0, 1), (1, 100)] {
-        let message = Message::new(mavlink_gateway::message::COMMAND_LONG);
+        let message = MessageWriter::new(mavlink_gateway::message::COMMAND_LONG);
         let message = (0..7).fold(message, |message, _| message.f32(0.0));
         let message = message.u16(21).u8(system).u8(component).u8(0);
         world.sent();

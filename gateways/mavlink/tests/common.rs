@@ -6,8 +6,8 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, LinkState, ModuleStatus, PilotSwitch, Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, ModuleState, RequestReport};
-use mavlink_gateway::message::{self, COMMAND_LONG, HEARTBEAT, Kind};
-use mavlink_gateway::wire::{Message, frames};
+use mavlink_gateway::message::{self, COMMAND_LONG, HEARTBEAT, MessageKind};
+use mavlink_gateway::wire::{MessageWriter, frames};
 use mavlink_gateway::{Gateway, Mission, Order, OrderKind, Settings, Task};
 
 /// A ground station, as an address and a system.
@@ -31,7 +31,7 @@ impl Station {
         ([127, 0, 0, 1], self.port).into()
     }
 
-    pub fn frame(self, message: &Message) -> Vec<u8> {
+    pub fn frame(self, message: &MessageWriter) -> Vec<u8> {
         message.frame(0, self.system, 190)
     }
 }
@@ -40,7 +40,7 @@ impl Station {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sent {
     pub to: SocketAddr,
-    pub kind: Kind,
+    pub kind: MessageKind,
     pub payload: Vec<u8>,
 }
 
@@ -159,7 +159,13 @@ impl World {
     }
 
     pub fn heartbeat(&mut self, from: Station) {
-        let heartbeat = Message::new(HEARTBEAT).u32(0).u8(6).u8(8).u8(0).u8(4).u8(3);
+        let heartbeat = MessageWriter::new(HEARTBEAT)
+            .u32(0)
+            .u8(6)
+            .u8(8)
+            .u8(0)
+            .u8(4)
+            .u8(3);
         self.receive(from, &from.frame(&heartbeat));
     }
 
@@ -229,19 +235,19 @@ impl World {
     }
 }
 
-pub fn long(command: u16, [a, b, c, d, x, y, z]: [f32; 7]) -> Message {
+pub fn long(command: u16, [a, b, c, d, x, y, z]: [f32; 7]) -> MessageWriter {
     let params = [a, b, c, d, x, y, z];
     let message = params
         .iter()
-        .fold(Message::new(COMMAND_LONG), |message, param| {
+        .fold(MessageWriter::new(COMMAND_LONG), |message, param| {
             message.f32(*param)
         });
     message.u16(command).u8(1).u8(1).u8(0)
 }
 
 /// COMMAND_INT of a reposition without speed and heading.
-pub fn reposition(frame: u8, x: i32, y: i32, z: f32) -> Message {
-    let message = Message::new(message::COMMAND_INT)
+pub fn reposition(frame: u8, x: i32, y: i32, z: f32) -> MessageWriter {
+    let message = MessageWriter::new(message::COMMAND_INT)
         .f32(-1.0)
         .f32(0.0)
         .f32(0.0)

@@ -7,7 +7,7 @@ use mavlink_gateway::message::{
     MISSION_REQUEST_LIST,
 };
 use mavlink_gateway::number::MissionResult;
-use mavlink_gateway::wire::Message;
+use mavlink_gateway::wire::MessageWriter;
 use mavlink_gateway::{FenceRefusal, Order, OrderKind, Settings};
 
 use crate::common::{QGC, Sent, Station, World, texts};
@@ -73,17 +73,17 @@ fn fenced() -> World {
     world
 }
 
-fn ask(world: &mut World, by: Station, message: Message) -> Vec<Sent> {
+fn ask(world: &mut World, by: Station, message: MessageWriter) -> Vec<Sent> {
     world.receive(by, &by.frame(&message.u8(1).u8(1).u8(FENCE)));
     world.sent()
 }
 
 fn list(world: &mut World, by: Station) -> Vec<Sent> {
-    ask(world, by, Message::new(MISSION_REQUEST_LIST))
+    ask(world, by, MessageWriter::new(MISSION_REQUEST_LIST))
 }
 
 fn item(world: &mut World, by: Station, sequence: u16) -> Vec<Sent> {
-    let request = Message::new(MISSION_REQUEST_INT).u16(sequence);
+    let request = MessageWriter::new(MISSION_REQUEST_INT).u16(sequence);
     ask(world, by, request)
 }
 
@@ -154,10 +154,10 @@ fn a_fence_that_is_not_known_is_not_shown_as_none() {
 #[test]
 fn nothing_takes_a_fence_away() {
     let mut world = fenced();
-    let sent = ask(&mut world, QGC, Message::new(MISSION_CLEAR_ALL));
+    let sent = ask(&mut world, QGC, MessageWriter::new(MISSION_CLEAR_ALL));
     assert_eq!(ack(&sent), [14, FENCE]);
     assert!(texts(&sent)[0].1.contains("never removed"));
-    let sent = ask(&mut world, QGC, Message::new(MISSION_COUNT).u16(3));
+    let sent = ask(&mut world, QGC, MessageWriter::new(MISSION_COUNT).u16(3));
     assert_eq!(ack(&sent), [14, FENCE]);
     assert!(texts(&sent)[0].1.contains("ril plan fly --fence"));
     assert_eq!(world.kinds(), []);
@@ -172,7 +172,7 @@ fn nothing_takes_a_fence_away() {
     world.state.outline = 9;
     world.tick(20);
     world.sent();
-    let sent = ask(&mut world, QGC, Message::new(MISSION_CLEAR_ALL));
+    let sent = ask(&mut world, QGC, MessageWriter::new(MISSION_CLEAR_ALL));
     assert_eq!(ack(&sent), [0, FENCE]);
     assert_eq!(list(&mut world, QGC)[0].bytes::<2>(0), [0, 0]);
 }
@@ -226,12 +226,14 @@ fn in_force(world: &mut World, number: u64, radii: &[f32]) {
 }
 
 fn count(world: &mut World, count: u16) -> Vec<Sent> {
-    ask(world, QGC, Message::new(MISSION_COUNT).u16(count))
+    ask(world, QGC, MessageWriter::new(MISSION_COUNT).u16(count))
 }
 
 /// A circle to stay outside, or what this command means.
 fn circle(world: &mut World, sequence: u16, command: u16, radius_m: f32) {
-    let message = Message::new(MISSION_ITEM_INT).f32(radius_m).f32s(0.0, 3);
+    let message = MessageWriter::new(MISSION_ITEM_INT)
+        .f32(radius_m)
+        .f32s(0.0, 3);
     let message = message.i32(371_500_000).i32(-60_500_000).f32(0.0);
     let message = message.u16(sequence).u16(command).u8(1).u8(1);
     let message = message.u8(5).u8(0).u8(1).u8(FENCE);
@@ -337,7 +339,7 @@ fn an_answer_comes_when_the_bridge_has_the_fence_in_force_or_has_refused_it() {
         (
             "the station ends it",
             |world, _| {
-                let end = Message::new(MISSION_ACK).u8(1).u8(1).u8(15).u8(FENCE);
+                let end = MessageWriter::new(MISSION_ACK).u8(1).u8(1).u8(15).u8(FENCE);
                 world.receive(QGC, &QGC.frame(&end));
                 in_force(world, 8, &[20.0, 30.5]);
             },
@@ -393,8 +395,8 @@ fn a_station_s_areas_are_cleared_and_those_of_the_operator_stay() {
     in_force(&mut world, 8, &[20.0]);
     let mut said = Vec::new();
     for message in [
-        Message::new(MISSION_CLEAR_ALL),
-        Message::new(MISSION_COUNT).u16(0),
+        MessageWriter::new(MISSION_CLEAR_ALL),
+        MessageWriter::new(MISSION_COUNT).u16(0),
     ] {
         world.sent();
         assert_eq!(ask(&mut world, QGC, message), []);
@@ -440,7 +442,11 @@ fn a_fence_is_refused_in_flight_of_strangers_and_with_what_is_none() {
     let mut world = accepting();
     let stranger = Station { port: 9, system: 7 };
     world.sent();
-    let sent = ask(&mut world, stranger, Message::new(MISSION_COUNT).u16(1));
+    let sent = ask(
+        &mut world,
+        stranger,
+        MessageWriter::new(MISSION_COUNT).u16(1),
+    );
     assert_eq!(ack(&sent), [DENIED, FENCE]);
     // Too many; a waypoint; and a return point, which is left out.
     assert_eq!(ack(&count(&mut world, 5_000)), [4, FENCE]);

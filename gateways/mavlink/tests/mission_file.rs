@@ -33,25 +33,28 @@ pub fn check(bytes: &[u8]) {
 /// A station sends the mission, and it is checked.
 fn upload(mission: &Mission) {
     use mavlink_gateway::message::{HEARTBEAT, MISSION_COUNT, MISSION_ITEM_INT};
-    use mavlink_gateway::wire::Message;
+    use mavlink_gateway::wire::MessageWriter;
     let station = ([127, 0, 0, 1], 1).into();
     let mut gateway = Gateway::new(Settings::default(), 1);
     let now = MonotonicNs(1_000_000_000);
-    let receive = |gateway: &mut Gateway, message: &Message| {
+    let receive = |gateway: &mut Gateway, message: &MessageWriter| {
         gateway.datagram(station, &message.frame(0, 255, 190), now);
     };
-    receive(&mut gateway, &Message::new(HEARTBEAT).u32(0).u8(6).u8(8));
-    let count = Message::new(MISSION_COUNT).u16(mission.count());
+    receive(
+        &mut gateway,
+        &MessageWriter::new(HEARTBEAT).u32(0).u8(6).u8(8),
+    );
+    let count = MessageWriter::new(MISSION_COUNT).u16(mission.count());
     receive(&mut gateway, &count.u8(1).u8(1).u8(0));
     let encoded = mission.encode();
     let items = encoded[HEADER..].as_chunks::<ITEM>().0;
     for (number, item) in items.iter().take(mission.count().into()).enumerate() {
-        let add = |message: Message, bytes: &[u8]| {
+        let add = |message: MessageWriter, bytes: &[u8]| {
             bytes
                 .iter()
                 .fold(message, |message, byte| message.u8(*byte))
         };
-        let message = add(Message::new(MISSION_ITEM_INT), &item[..28]).u16(number as u16);
+        let message = add(MessageWriter::new(MISSION_ITEM_INT), &item[..28]).u16(number as u16);
         let message = add(message, &item[28..30]).u8(1).u8(1);
         receive(&mut gateway, &add(message, &item[30..]).u8(0));
     }

@@ -6,7 +6,7 @@ use mavlink_gateway::message::{
     self, MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_CURRENT, MISSION_ITEM_INT,
     MISSION_ITEM_REACHED, MISSION_REQUEST_INT, MISSION_REQUEST_LIST, MISSION_SET_CURRENT, SET_MODE,
 };
-use mavlink_gateway::wire::Message;
+use mavlink_gateway::wire::MessageWriter;
 use mavlink_gateway::{Mission, Mode, Order, OrderKind, Settings, StationLost};
 
 use crate::common::{HERE, QGC, SCRIPT, Sent, Station, World, acks, reposition, texts};
@@ -24,12 +24,12 @@ const DENIED: u8 = 14;
 const CANCELLED: u8 = 15;
 
 /// An item in a frame above home.
-fn item(sequence: u16, command: u16, first: f32, (north, z): (i32, f32)) -> Message {
+fn item(sequence: u16, command: u16, first: f32, (north, z): (i32, f32)) -> MessageWriter {
     let (x, y) = match north {
         0 => (0, 0),
         north => ((HERE.0 * 1e7) as i32 + north, (HERE.1 * 1e7) as i32),
     };
-    let message = Message::new(MISSION_ITEM_INT)
+    let message = MessageWriter::new(MISSION_ITEM_INT)
         .f32(first)
         .f32(0.0)
         .f32(0.0)
@@ -39,8 +39,8 @@ fn item(sequence: u16, command: u16, first: f32, (north, z): (i32, f32)) -> Mess
 }
 
 /// Take off, two waypoints with a hover at the second, a speed, a third waypoint, and land.
-fn survey() -> Vec<Message> {
-    let speed = Message::new(MISSION_ITEM_INT)
+fn survey() -> Vec<MessageWriter> {
+    let speed = MessageWriter::new(MISSION_ITEM_INT)
         .f32(1.0)
         .f32(4.0)
         .f32(-1.0)
@@ -56,11 +56,15 @@ fn survey() -> Vec<Message> {
     ]
 }
 
-fn count(count: u16) -> Message {
-    Message::new(MISSION_COUNT).u16(count).u8(1).u8(1).u8(0)
+fn count(count: u16) -> MessageWriter {
+    MessageWriter::new(MISSION_COUNT)
+        .u16(count)
+        .u8(1)
+        .u8(1)
+        .u8(0)
 }
 
-fn of_kind(sent: &[Sent], kind: message::Kind) -> Vec<&Sent> {
+fn of_kind(sent: &[Sent], kind: message::MessageKind) -> Vec<&Sent> {
     sent.iter().filter(|one| one.kind == kind).collect()
 }
 
@@ -104,7 +108,7 @@ fn mode(world: &mut World) -> u32 {
 }
 
 /// Sends items as they are asked for, and gives what was sent after the last one.
-fn upload(world: &mut World, from: Station, items: &[Message], rules: &str) -> Vec<Sent> {
+fn upload(world: &mut World, from: Station, items: &[MessageWriter], rules: &str) -> Vec<Sent> {
     world.receive(from, &from.frame(&count(items.len() as u16)));
     for (number, item) in items.iter().enumerate() {
         assert_eq!(requests(&world.sent()), [number as u16]);
@@ -121,7 +125,7 @@ fn with_survey(mut world: World) -> World {
 }
 
 fn choose_mission(world: &mut World, from: Station) {
-    let message = Message::new(SET_MODE)
+    let message = MessageWriter::new(SET_MODE)
         .u32(Mode::Mission.custom())
         .u8(1)
         .u8(1);
@@ -193,7 +197,7 @@ fn a_mission_comes_is_kept_and_is_read_bit_by_bit() {
         .restore(Mission::decode(&mission.encode()).unwrap());
     again.heartbeat(SCRIPT);
     again.sent();
-    let list = Message::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
+    let list = MessageWriter::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
     again.receive(SCRIPT, &SCRIPT.frame(&list));
     let sent = again.sent();
     let answer = of_kind(&sent, MISSION_COUNT)[0];
@@ -202,7 +206,7 @@ fn a_mission_comes_is_kept_and_is_read_bit_by_bit() {
         (SCRIPT.address(), [6, 0], id)
     );
     for (number, uploaded) in survey().iter().enumerate() {
-        let request = Message::new(MISSION_REQUEST_INT)
+        let request = MessageWriter::new(MISSION_REQUEST_INT)
             .u16(number as u16)
             .u8(1)
             .u8(1)
@@ -215,7 +219,11 @@ fn a_mission_comes_is_kept_and_is_read_bit_by_bit() {
         assert_eq!(item.bytes::<2>(32), [245, 190]);
         assert_eq!(item.bytes::<3>(34), expected[34..37]);
     }
-    let beyond = Message::new(MISSION_REQUEST_INT).u16(6).u8(1).u8(1).u8(0);
+    let beyond = MessageWriter::new(MISSION_REQUEST_INT)
+        .u16(6)
+        .u8(1)
+        .u8(1)
+        .u8(0);
     again.receive(SCRIPT, &SCRIPT.frame(&beyond));
     assert_eq!(results(&again.sent()), [INVALID_SEQUENCE]);
 }
@@ -224,13 +232,17 @@ fn a_mission_comes_is_kept_and_is_read_bit_by_bit() {
 fn a_station_reads_the_mission_with_which_it_began() {
     let mut world = with_survey(World::with_station());
     world.heartbeat(SCRIPT);
-    let list = Message::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
+    let list = MessageWriter::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
     world.receive(SCRIPT, &SCRIPT.frame(&list));
     upload(&mut world, QGC, &[item(0, 22, 0.0, (0, 9.0))], "");
-    let request = Message::new(MISSION_REQUEST_INT).u16(5).u8(1).u8(1).u8(0);
+    let request = MessageWriter::new(MISSION_REQUEST_INT)
+        .u16(5)
+        .u8(1)
+        .u8(1)
+        .u8(0);
     world.receive(SCRIPT, &SCRIPT.frame(&request));
     assert_eq!(of_kind(&world.sent(), MISSION_ITEM_INT).len(), 1);
-    let thanks = Message::new(MISSION_ACK).u8(1).u8(1).u8(0).u8(0);
+    let thanks = MessageWriter::new(MISSION_ACK).u8(1).u8(1).u8(0).u8(0);
     world.receive(SCRIPT, &SCRIPT.frame(&thanks));
     world.receive(SCRIPT, &SCRIPT.frame(&request));
     assert_eq!(
@@ -255,7 +267,7 @@ fn a_refused_mission_leaves_the_one_of_before() {
     assert!(text.ends_with("by 5.0 m"), "{text}");
     assert_eq!((world.disk.clone(), current(&mut world)), (before, (0, 2)));
 
-    let rally_points = Message::new(MISSION_COUNT).u16(3).u8(1).u8(1).u8(2);
+    let rally_points = MessageWriter::new(MISSION_COUNT).u16(3).u8(1).u8(1).u8(2);
     let many = count(2049);
     for (message, result) in [(&rally_points, UNSUPPORTED), (&many, NO_SPACE)] {
         world.receive(QGC, &QGC.frame(message));
@@ -303,8 +315,8 @@ fn what_is_remarkable_is_a_notice_and_an_empty_mission_is_none() {
     assert!(texts(&sent).contains(&notice), "{:?}", texts(&sent));
     for clear in [
         count(0),
-        Message::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(0),
-        Message::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(255),
+        MessageWriter::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(0),
+        MessageWriter::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(255),
     ] {
         world = with_survey(world);
         world.receive(QGC, &QGC.frame(&clear));
@@ -598,13 +610,13 @@ fn no_mission_is_sent_while_one_is_flown() {
     let (mut world, _) = on_path();
     world.heartbeat(SCRIPT);
     world.sent();
-    let clear = Message::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(0);
+    let clear = MessageWriter::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(0);
     for (from, message) in [(QGC, count(3)), (SCRIPT, count(3)), (QGC, clear)] {
         world.receive(from, &from.frame(&message));
         assert_eq!(results(&world.sent()), [DENIED]);
     }
     // It can be read.
-    let list = Message::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
+    let list = MessageWriter::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
     world.receive(SCRIPT, &SCRIPT.frame(&list));
     assert_eq!(
         of_kind(&world.sent(), MISSION_COUNT)[0].bytes::<2>(0),
@@ -616,7 +628,10 @@ fn no_mission_is_sent_while_one_is_flown() {
 fn a_jump_replaces_the_path_and_before_the_start_it_chooses_the_first_item() {
     let (mut world, path) = on_path();
     let jump = |world: &mut World, number: u16| {
-        let message = Message::new(MISSION_SET_CURRENT).u16(number).u8(1).u8(1);
+        let message = MessageWriter::new(MISSION_SET_CURRENT)
+            .u16(number)
+            .u8(1)
+            .u8(1);
         world.receive(QGC, &QGC.frame(&message));
         world.serve("");
     };
@@ -732,7 +747,7 @@ fn a_station_that_clears_everything_does_not_change_the_answer_to_the_transfer_o
     world.heartbeat(SCRIPT);
     world.sent();
     world.receive(QGC, &QGC.frame(&count(2)));
-    let clear = Message::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(ALL);
+    let clear = MessageWriter::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(ALL);
     world.receive(SCRIPT, &SCRIPT.frame(&clear));
     let answer = |sent: &[Sent]| {
         let ack = of_kind(sent, MISSION_ACK)[0].bytes::<4>(0);

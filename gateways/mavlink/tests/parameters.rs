@@ -6,7 +6,7 @@ use mavlink_gateway::message::{
     FILE_TRANSFER_PROTOCOL, PARAM_ERROR, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET,
     PARAM_VALUE,
 };
-use mavlink_gateway::wire::Message;
+use mavlink_gateway::wire::MessageWriter;
 use mavlink_gateway::{Order, OrderKind, Settings};
 
 use crate::common::{QGC, SCRIPT, Sent, Station, World, texts};
@@ -15,17 +15,20 @@ const REAL: u8 = 9;
 const INT: u8 = 6;
 
 fn list(world: &mut World, by: Station) {
-    let message = Message::new(PARAM_REQUEST_LIST).u8(1).u8(0);
+    let message = MessageWriter::new(PARAM_REQUEST_LIST).u8(1).u8(0);
     world.receive(by, &by.frame(&message));
 }
 
 fn read(world: &mut World, by: Station, index: i16, name: &str) {
-    let message = Message::new(PARAM_REQUEST_READ).i16(index).u8(1).u8(1);
+    let message = MessageWriter::new(PARAM_REQUEST_READ)
+        .i16(index)
+        .u8(1)
+        .u8(1);
     world.receive(by, &by.frame(&message.text(name, 16)));
 }
 
 fn set(world: &mut World, by: Station, name: &str, bits: u32, kind: u8) {
-    let message = Message::new(PARAM_SET).u32(bits).u8(1).u8(1);
+    let message = MessageWriter::new(PARAM_SET).u32(bits).u8(1).u8(1);
     world.receive(by, &by.frame(&message.text(name, 16).u8(kind)));
 }
 
@@ -233,7 +236,10 @@ fn what_is_refused_here_is_an_error_with_its_reason_and_no_order() {
 fn a_request_for_a_file_is_refused_at_once() {
     let mut world = World::with_station();
     let request = |system: u8, opcode: u8| {
-        let message = Message::new(FILE_TRANSFER_PROTOCOL).u8(0).u8(system).u8(1);
+        let message = MessageWriter::new(FILE_TRANSFER_PROTOCOL)
+            .u8(0)
+            .u8(system)
+            .u8(1);
         QGC.frame(&message.u16(8).u8(3).u8(opcode))
     };
     world.receive(QGC, &request(1, 4));

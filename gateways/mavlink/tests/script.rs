@@ -19,7 +19,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, LinkState, Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, ModuleState, RequestReport};
 use mavlink_gateway::message::{ALL, HEARTBEAT};
-use mavlink_gateway::wire::{MAX_FRAME, Message, frames};
+use mavlink_gateway::wire::{MAX_FRAME, MessageWriter, frames};
 use mavlink_gateway::{Gateway, Mission, Order, Settings, Task};
 
 struct Play {
@@ -73,7 +73,7 @@ impl Play {
                 let kind = ALL[usize::from(*kind) % ALL.len()];
                 let message = fields
                     .iter()
-                    .fold(Message::new(kind), |message, byte| message.u8(*byte));
+                    .fold(MessageWriter::new(kind), |message, byte| message.u8(*byte));
                 self.datagram(from, &message.frame(0, 255, what >> 5));
             }
             2 => {

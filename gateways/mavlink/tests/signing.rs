@@ -6,8 +6,8 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::ModuleStatus;
 use ipc_types::payload::MavlinkStations;
 use mavlink_gateway::message::HEARTBEAT;
-use mavlink_gateway::wire::{Message, frames};
-use mavlink_gateway::{Key, OrderKind, Settings, Signing};
+use mavlink_gateway::wire::{MessageWriter, frames};
+use mavlink_gateway::{OrderKind, Settings, Signing, SigningKey};
 
 use crate::common::{QGC, World, acks, long};
 
@@ -19,7 +19,7 @@ fn away() -> SocketAddr {
 }
 
 fn signing(key: &str, now: MonotonicNs) -> Signing {
-    Signing::new(Key::of(key), CLOCK, 0, now)
+    Signing::new(SigningKey::of(key), CLOCK, 0, now)
 }
 
 fn signed_world(settings: Settings) -> World {
@@ -33,11 +33,17 @@ fn signed_world(settings: Settings) -> World {
     world
 }
 
-fn heartbeat() -> Message {
-    Message::new(HEARTBEAT).u32(0).u8(6).u8(8).u8(0).u8(4).u8(3)
+fn heartbeat() -> MessageWriter {
+    MessageWriter::new(HEARTBEAT)
+        .u32(0)
+        .u8(6)
+        .u8(8)
+        .u8(0)
+        .u8(4)
+        .u8(3)
 }
 
-fn hold() -> Message {
+fn hold() -> MessageWriter {
     long(193, [0.0; 7])
 }
 
@@ -46,7 +52,7 @@ fn send(world: &mut World, from: SocketAddr, bytes: &[u8]) {
     world.gateway.advance(world.now);
 }
 
-fn signed(station: &mut Signing, message: &Message, now: MonotonicNs) -> Vec<u8> {
+fn signed(station: &mut Signing, message: &MessageWriter, now: MonotonicNs) -> Vec<u8> {
     let mut frame = message.frame_to_sign(0, QGC.system, 190);
     station.sign(&mut frame, now);
     frame
@@ -150,7 +156,7 @@ fn without_signatures_another_machine_watches_and_commands_only_if_it_is_named()
         world.state.blocked = 0;
         world.telemetry.flying = 1;
         world.tick(20);
-        let frame = |message: Message| message.frame(0, QGC.system, 190);
+        let frame = |message: MessageWriter| message.frame(0, QGC.system, 190);
         send(&mut world, away(), &frame(heartbeat()));
         world.tick(20);
         assert!(!world.sent().is_empty(), "it watches");

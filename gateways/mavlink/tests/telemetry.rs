@@ -5,12 +5,12 @@ use mavlink_gateway::message::{
     ATTITUDE, AUTOPILOT_VERSION, AVAILABLE_MODES, COMMAND_ACK, GLOBAL_POSITION_INT, HEARTBEAT,
     MESSAGE_INTERVAL, MISSION_ACK, MISSION_COUNT, PING, STATUSTEXT, TIMESYNC,
 };
-use mavlink_gateway::wire::Message;
-use mavlink_gateway::{MAX_STATIONS, Mode, Settings, Stream};
+use mavlink_gateway::wire::MessageWriter;
+use mavlink_gateway::{MAX_STATIONS, Mode, Settings, StreamId};
 
 use crate::common::{QGC, SCRIPT, Sent, Station, World, acks, texts};
 
-fn count(sent: &[Sent], stream: Stream) -> usize {
+fn count(sent: &[Sent], stream: StreamId) -> usize {
     sent.iter().filter(|one| one.kind == stream.kind()).count()
 }
 
@@ -26,9 +26,9 @@ fn a_named_address_gets_heartbeats_alone_until_a_station_is_there() {
     assert_eq!(sent.len(), 3);
     world.heartbeat(QGC);
     let sent = world.run(500);
-    assert_eq!(count(&sent, Stream::Attitude), 101);
-    assert_eq!(count(&sent, Stream::GlobalPosition), 51);
-    assert_eq!(count(&sent, Stream::AttitudeQuaternion), 0);
+    assert_eq!(count(&sent, StreamId::Attitude), 101);
+    assert_eq!(count(&sent, StreamId::GlobalPosition), 51);
+    assert_eq!(count(&sent, StreamId::AttitudeQuaternion), 0);
     // The station is gone after 30 s, and with it everything but the heartbeat.
     world.run(1_600);
     let sent = world.run(100);
@@ -41,7 +41,7 @@ fn a_named_address_gets_heartbeats_alone_until_a_station_is_there() {
 #[test]
 fn nothing_is_sent_of_a_helicopter_that_is_not_heard() {
     let mut world = World::with_station();
-    assert_eq!(count(&world.run(50), Stream::Heartbeat), 1);
+    assert_eq!(count(&world.run(50), StreamId::Heartbeat), 1);
     world.pass(2_000);
     world.sent();
     world.pass(10);
@@ -59,7 +59,7 @@ fn nothing_is_sent_of_a_helicopter_that_is_not_heard() {
     world.gateway.advance(world.now);
     assert_eq!(world.sent(), []);
     world.tick(20);
-    assert!(count(&world.sent(), Stream::Heartbeat) == 1);
+    assert!(count(&world.sent(), StreamId::Heartbeat) == 1);
     // A line that is down is the same at once.
     world.state.link.state = LinkState::Silent.code();
     world.tick(20);
@@ -75,8 +75,8 @@ fn no_sample_goes_twice_and_a_change_of_mode_goes_at_once() {
     world.sent();
     world.pass(1_900);
     let sent = world.sent();
-    assert_eq!(count(&sent, Stream::GlobalPosition), 1, "{sent:?}");
-    assert_eq!(count(&sent, Stream::Heartbeat), 1);
+    assert_eq!(count(&sent, StreamId::GlobalPosition), 1, "{sent:?}");
+    assert_eq!(count(&sent, StreamId::Heartbeat), 1);
     world.tick(10);
     world.sent();
     world.state.functionality = Functionality::TakingOff.code();
@@ -106,8 +106,8 @@ fn a_station_chooses_messages_and_rates() {
     let sent = world.run(50);
     assert_eq!(
         (
-            count(&sent, Stream::Attitude),
-            count(&sent, Stream::GlobalPosition)
+            count(&sent, StreamId::Attitude),
+            count(&sent, StreamId::GlobalPosition)
         ),
         (50, 0)
     );
@@ -129,7 +129,7 @@ fn a_station_chooses_messages_and_rates() {
             .count(),
         8
     );
-    assert_eq!(count(&sent, Stream::AttitudeQuaternion), 1);
+    assert_eq!(count(&sent, StreamId::AttitudeQuaternion), 1);
     let results: Vec<u8> = acks(&sent).iter().map(|ack| ack.1).collect();
     assert_eq!(results, [0, 0, 0, 0, 0, 3]);
 }
@@ -138,13 +138,13 @@ fn a_station_chooses_messages_and_rates() {
 fn clocks_and_fences_are_answered_so_that_no_station_waits() {
     let mut world = World::with_station();
     let messages = [
-        Message::new(PING).u64(5).u32(6).u8(0).u8(0),
-        Message::new(TIMESYNC).i64(0).i64(77),
-        Message::new(mavlink_gateway::message::MISSION_REQUEST_LIST)
+        MessageWriter::new(PING).u64(5).u32(6).u8(0).u8(0),
+        MessageWriter::new(TIMESYNC).i64(0).i64(77),
+        MessageWriter::new(mavlink_gateway::message::MISSION_REQUEST_LIST)
             .u8(1)
             .u8(1)
             .u8(2),
-        Message::new(MISSION_COUNT).u16(12).u8(1).u8(1).u8(2),
+        MessageWriter::new(MISSION_COUNT).u16(12).u8(1).u8(1).u8(2),
     ];
     for message in messages {
         world.receive(QGC, &QGC.frame(&message));
@@ -191,6 +191,6 @@ fn the_ninth_station_gets_no_telemetry_and_is_refused() {
     });
     world.sent();
     world.tick(1_000);
-    assert_eq!(count(&world.sent(), Stream::Heartbeat), 1);
+    assert_eq!(count(&world.sent(), StreamId::Heartbeat), 1);
     assert!(world.sent().iter().all(|one| one.kind != COMMAND_ACK));
 }

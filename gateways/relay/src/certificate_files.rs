@@ -22,7 +22,7 @@ const CERTIFICATE: &str = "CERTIFICATE";
 const KEYS: [&str; 3] = ["PRIVATE KEY", "EC PRIVATE KEY", "RSA PRIVATE KEY"];
 
 /// What a certificate says.
-pub struct Facts {
+pub struct CertificateFacts {
     /// The key that belongs to it, in DER.
     pub public_key: Vec<u8>,
     /// Whether it may sign others.
@@ -52,7 +52,7 @@ pub fn check(security: &SecurityConfig) -> Result<(), Fault> {
 /// # Errors
 ///
 /// What is wrong with the file, and what to do.
-pub fn certificate(path: &Path) -> Result<Facts, String> {
+pub fn certificate(path: &Path) -> Result<CertificateFacts, String> {
     let blocks = blocks(path)?;
     let block = blocks.iter().find(|block| block.label == CERTIFICATE);
     let block = block.ok_or_else(|| {
@@ -62,7 +62,7 @@ pub fn certificate(path: &Path) -> Result<Facts, String> {
         )
     })?;
     let certificate = block.parse_x509().map_err(|error| damaged(path, &error))?;
-    Ok(Facts {
+    Ok(CertificateFacts {
         public_key: certificate.public_key().raw.to_vec(),
         is_authority: certificate.is_ca(),
         until: certificate.validity().not_after.to_datetime(),

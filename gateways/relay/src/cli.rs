@@ -25,7 +25,7 @@ use crate::station::StationSide;
 
 /// What the relay is for.
 #[derive(Subcommand, Clone, Debug)]
-pub enum Command {
+pub enum RelayCommand {
     /// Runs beside the robot: sends its telemetry, and takes requests from stations that may command
     Robot(RobotArgs),
     /// Runs at a ground station: provides the services of robots on this machine
@@ -114,22 +114,22 @@ pub struct Ros2PackagesArgs {
 ///
 /// # Errors
 /// Exit code 78 when the configuration is wrong, 1 when shared memory, the network or the folder cannot be used.
-pub fn run(command: Command) -> Result<(), Failure> {
-    if matches!(command, Command::Robot(_) | Command::Station(_)) {
+pub fn run(command: RelayCommand) -> Result<(), Failure> {
+    if matches!(command, RelayCommand::Robot(_) | RelayCommand::Station(_)) {
         network::share_one_thread();
     }
     // Each service takes some 22.
     allow_many_files();
     match command {
-        Command::Robot(args) => robot(args),
-        Command::Station(args) => station(args),
-        Command::Router(args) => router(args),
-        Command::Certify(args) => {
+        RelayCommand::Robot(args) => robot(args),
+        RelayCommand::Station(args) => station(args),
+        RelayCommand::Router(args) => router(args),
+        RelayCommand::Certify(args) => {
             let text = certify(&args, SystemTime::now().into())?;
             let written = std::io::stdout().write_all(text.as_bytes());
             written.map_err(Failure::output)
         }
-        Command::Ros2Packages(args) => ros2_packages(&args),
+        RelayCommand::Ros2Packages(args) => ros2_packages(&args),
     }
 }
 

@@ -14,7 +14,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Program {
     #[command(flatten)]
-    Relay(relay::cli::Command),
+    Relay(relay::cli::RelayCommand),
     /// Write the pages of the manual, for packages
     #[command(hide = true)]
     Man(ManualArgs),

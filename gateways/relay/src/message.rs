@@ -1,6 +1,6 @@
 //! What relays say to one another, and how it is written: a version, then the message as `postcard` has it.
 //!
-//! `docs/network.md` shows the same for other languages. A station asks for a [`Page`] of descriptions in [`Part`]s, one after the
+//! `docs/network.md` shows the same for other languages. A station asks for a [`ServicesPage`] of descriptions in [`Part`]s, one after the
 //! other, because a slow link has no room for a schema of 256 KiB at once. Every message fits into [`MAX_BYTES`], and bytes of any kind are read
 //! without a panic: what is no message is an error that the receiver counts.
 
@@ -37,7 +37,7 @@ pub const PART_BYTES: usize = 4096;
 /// Most services of a robot: three of its own, and some of each of some twenty modules. It has as many pages at most.
 pub const MAX_SERVICES: u16 = 128;
 
-/// Longest [`Page`] before it is packed, bytes: the two longest schemas that there may be.
+/// Longest [`ServicesPage`] before it is packed, bytes: the two longest schemas that there may be.
 pub const MAX_PAGE_TEXT: usize = 2 * MAX_TEXT_LEN;
 
 /// The same, packed: what cannot be made shorter becomes longer by 5 bytes of each 32 KiB, 6 bytes, and what is begun of each.
@@ -60,22 +60,22 @@ pub struct Service {
 /// Services of the robot, packed: those that its relay has found together. Of similar texts hardly more than one is left, and over a
 /// narrow or far link a station needs few questions.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Page(Vec<u8>);
+pub struct ServicesPage(Vec<u8>);
 
-impl Page {
+impl ServicesPage {
     /// Packs all of `services`, as few to a page as make each short enough, and in their order.
-    pub fn of(services: &[Service]) -> Vec<Page> {
+    pub fn of(services: &[Service]) -> Vec<ServicesPage> {
         let written = |services: &[Service]| {
             postcard::to_extend(services, Vec::new()).expect("a vector takes what is written")
         };
         let text = written(services);
         if text.len() > MAX_PAGE_TEXT && services.len() > 1 {
             let (first, rest) = services.split_at(services.len() / 2);
-            return [Page::of(first), Page::of(rest)].concat();
+            return [ServicesPage::of(first), ServicesPage::of(rest)].concat();
         }
         match services.is_empty() {
             true => Vec::new(),
-            false => vec![Page(compress_to_vec_zlib(&text, PACKING))],
+            false => vec![ServicesPage(compress_to_vec_zlib(&text, PACKING))],
         }
     }
 
@@ -106,7 +106,7 @@ impl Page {
     }
 }
 
-/// A part of a [`Page`].
+/// A part of a [`ServicesPage`].
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Part {
     /// Instance of the robot's relay.
@@ -284,17 +284,17 @@ mod tests {
         let services: Vec<_> = ["a", "b/c", "d"]
             .map(|key| service(key, layout(key)))
             .into();
-        let pages = Page::of(&services);
+        let pages = ServicesPage::of(&services);
         assert_eq!(pages.len(), 1);
         let page = &pages[0];
         assert!(page.0.len() < 300, "{} of 8 kB", page.0.len());
-        assert_eq!(Page::unpack(&page.0), Some(services));
+        assert_eq!(ServicesPage::unpack(&page.0), Some(services));
         let part = page.part(1, 0, 20).unwrap();
         assert_eq!((part.from, &part.bytes[..]), (20, &page.0[20..]));
         for from in [page.0.len() as u32, u32::MAX] {
             assert_eq!(page.part(1, 0, from), None, "{from}");
         }
-        assert!(Page::of(&[]).is_empty());
+        assert!(ServicesPage::of(&[]).is_empty());
     }
 
     #[test]
@@ -302,11 +302,11 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(1);
         let mut text = || -> String { (0..MAX_TEXT_LEN).map(|_| random.alphanumeric()).collect() };
         let services: Vec<_> = ["a", "b", "c"].map(|key| service(key, text())).into();
-        let pages = Page::of(&services);
+        let pages = ServicesPage::of(&services);
         assert_eq!(pages.len(), 3);
         let unpacked = pages.iter().flat_map(|page| {
-            assert!(Page::may_have(page.0.len() as u32));
-            Page::unpack(&page.0).expect("a page")
+            assert!(ServicesPage::may_have(page.0.len() as u32));
+            ServicesPage::unpack(&page.0).expect("a page")
         });
         assert_eq!(unpacked.collect::<Vec<_>>(), services);
     }
@@ -316,10 +316,10 @@ mod tests {
         let bomb = compress_to_vec_zlib(&vec![0; 10 * MAX_PAGE_TEXT], PACKING);
         let many = vec![service("a", String::new()); usize::from(MAX_SERVICES) + 1];
         let long = [service("a", "x".repeat(MAX_TEXT_LEN + 1))];
-        let (many, long) = (&Page::of(&many)[0].0, &Page::of(&long)[0].0);
+        let (many, long) = (&ServicesPage::of(&many)[0].0, &ServicesPage::of(&long)[0].0);
         for bytes in [&bomb, many, long, &vec![], &vec![0; 50]] {
-            assert_eq!(Page::unpack(bytes), None);
+            assert_eq!(ServicesPage::unpack(bytes), None);
         }
-        assert!(!Page::may_have(0) && !Page::may_have(u32::MAX));
+        assert!(!ServicesPage::may_have(0) && !ServicesPage::may_have(u32::MAX));
     }
 }

@@ -192,14 +192,14 @@ impl SampleSender {
 pub struct SampleReceiver {
     robot_instance: u64,
     number: u64,
-    counts: Counts,
+    counts: SampleCounts,
     /// What earlier instances of the robot's relay have counted.
-    former: Counts,
+    former: SampleCounts,
 }
 
 /// Samples of a topic, counted apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counts {
+pub struct SampleCounts {
     /// Taken.
     pub received: u64,
     /// Sent by the robot and not received.
@@ -210,11 +210,11 @@ pub struct Counts {
     pub left_out: u64,
 }
 
-impl Counts {
+impl SampleCounts {
     /// Both together.
     #[must_use]
-    pub fn plus(self, other: Counts) -> Counts {
-        Counts {
+    pub fn plus(self, other: SampleCounts) -> SampleCounts {
+        SampleCounts {
             received: self.received.saturating_add(other.received),
             lost_on_air: self.lost_on_air.saturating_add(other.lost_on_air),
             lost_in_relay: self.lost_in_relay.saturating_add(other.lost_in_relay),
@@ -230,7 +230,7 @@ impl SampleReceiver {
     pub fn take(&mut self, header: &SampleHeader) -> bool {
         if header.robot_instance != self.robot_instance {
             self.former = self.counts();
-            self.counts = Counts::default();
+            self.counts = SampleCounts::default();
             self.robot_instance = header.robot_instance;
             // What was sent before this station listened is no loss.
             self.number = header.number.saturating_sub(1);
@@ -248,7 +248,7 @@ impl SampleReceiver {
     }
 
     /// What was counted so far.
-    pub fn counts(&self) -> Counts {
+    pub fn counts(&self) -> SampleCounts {
         self.former.plus(self.counts)
     }
 }

@@ -5,12 +5,12 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use tungstenite::{Bytes, Message};
 
-use crate::http::answer::Answer;
+use crate::http::answer::Response;
 use crate::http::refusal::Refusal;
-use crate::http::request::{Request, RequestReader, Upgrade};
-use crate::pace::{MESSAGES_PER_S, Pace};
+use crate::http::request::{HttpRequest, RequestReader, Upgrade};
+use crate::pace::{MESSAGES_PER_S, RateLimit};
 use crate::settings::Peer;
-use crate::websocket::{Close, Received, WebSocket};
+use crate::websocket::{Close, WebSocket, WebSocketMessage};
 
 /// How long a head may take; then it is answered with 408.
 pub const HEAD_TIME: Duration = Duration::from_secs(5);
@@ -36,8 +36,8 @@ const MAX_OUTPUT_BYTES: usize = 256 << 10;
 /// What the other end wants.
 #[derive(Debug)]
 pub(crate) enum Input {
-    Request(Request),
-    Message(Received),
+    Request(HttpRequest),
+    Message(WebSocketMessage),
 }
 
 /// Why a connection was ended here.
@@ -58,12 +58,12 @@ impl Ending {
 }
 
 #[derive(Debug)]
-enum Stage {
+enum ConnectionStage {
     /// Waits for requests.
     Http(RequestReader),
     Socket {
         socket: Box<WebSocket>,
-        pace: Pace,
+        pace: RateLimit,
         next_ping: MonotonicNs,
     },
     /// The connection reads no further bytes.
@@ -74,7 +74,7 @@ enum Stage {
 #[derive(Debug)]
 pub(crate) struct Connection {
     pub peer: Peer,
-    stage: Stage,
+    stage: ConnectionStage,
     /// Bytes to write, of which the first `written` are gone.
     output: Vec<u8>,
     written: usize,
@@ -92,7 +92,7 @@ impl Connection {
     pub fn new(peer: Peer, now: MonotonicNs) -> Connection {
         Connection {
             peer,
-            stage: Stage::Http(RequestReader::default()),
+            stage: ConnectionStage::Http(RequestReader::default()),
             output: Vec::new(),
             written: 0,
             body: Bytes::new(),
@@ -112,12 +112,12 @@ impl Connection {
 
     /// Whether it is a WebSocket that is open.
     pub fn is_socket(&self) -> bool {
-        matches!(self.stage, Stage::Socket { .. })
+        matches!(self.stage, ConnectionStage::Socket { .. })
     }
 
     /// Whether it ends when its output is gone.
     pub fn is_ended(&self) -> bool {
-        matches!(self.stage, Stage::Ended)
+        matches!(self.stage, ConnectionStage::Ended)
     }
 
     /// Whether it has ended and all its bytes are written.
@@ -128,9 +128,9 @@ impl Connection {
     /// Since when it has been waiting for a request, or for its last bytes to be read; `None` if it is neither.
     pub fn idle_since(&self) -> Option<MonotonicNs> {
         let is_idle = match &self.stage {
-            Stage::Http(reader) => !reader.has_begun() && self.answer_began.is_none(),
-            Stage::Socket { .. } => false,
-            Stage::Ended => self.has_output(),
+            ConnectionStage::Http(reader) => !reader.has_begun() && self.answer_began.is_none(),
+            ConnectionStage::Socket { .. } => false,
+            ConnectionStage::Ended => self.has_output(),
         };
         is_idle.then_some(self.heard_at)
     }
@@ -145,8 +145,8 @@ impl Connection {
             self.heard_at = now;
         }
         match &mut self.stage {
-            Stage::Ended => *input = &[],
-            Stage::Http(reader) => {
+            ConnectionStage::Ended => *input = &[],
+            ConnectionStage::Http(reader) => {
                 let has_room = reader.receive(std::mem::take(input));
                 if !has_room {
                     return Err(self.refuse(Refusal::TooLarge, now));
@@ -165,7 +165,7 @@ impl Connection {
                     None => {}
                 }
             }
-            Stage::Socket { socket, pace, .. } => {
+            ConnectionStage::Socket { socket, pace, .. } => {
                 let received = socket.receive(input, &mut self.output);
                 let is_open = socket.is_open();
                 match received {
@@ -197,11 +197,13 @@ impl Connection {
 
     /// Whether a request is to be answered that was read before.
     pub fn is_waiting(&self) -> bool {
-        matches!(self.stage, Stage::Http(_)) && self.answer_began.is_some() && !self.has_output()
+        matches!(self.stage, ConnectionStage::Http(_))
+            && self.answer_began.is_some()
+            && !self.has_output()
     }
 
     /// Answers a request.
-    pub fn answer(&mut self, answer: Answer, now: MonotonicNs) {
+    pub fn answer(&mut self, answer: Response, now: MonotonicNs) {
         self.output.extend_from_slice(answer.head.as_bytes());
         self.body = answer.body;
         self.answer_began = Some(now);
@@ -220,14 +222,14 @@ impl Connection {
     /// Becomes a WebSocket. Gives what came behind the request.
     pub fn upgrade(&mut self, upgrade: &Upgrade, protocol: &str, now: MonotonicNs) -> Vec<u8> {
         let rest = match &mut self.stage {
-            Stage::Http(reader) => reader.take_rest(),
+            ConnectionStage::Http(reader) => reader.take_rest(),
             _ => Vec::new(),
         };
-        let answer = Answer::upgraded(upgrade, protocol);
+        let answer = Response::upgraded(upgrade, protocol);
         self.output.extend_from_slice(answer.head.as_bytes());
-        self.stage = Stage::Socket {
+        self.stage = ConnectionStage::Socket {
             socket: Box::new(WebSocket::new()),
-            pace: Pace::new(MESSAGES_PER_S),
+            pace: RateLimit::new(MESSAGES_PER_S),
             next_ping: now + PING_PERIOD,
         };
         rest
@@ -254,14 +256,14 @@ impl Connection {
     }
 
     fn send(&mut self, message: Message) {
-        if let Stage::Socket { socket, .. } = &mut self.stage {
+        if let ConnectionStage::Socket { socket, .. } = &mut self.stage {
             socket.send(message, &mut self.output);
         }
     }
 
     /// Ends a WebSocket and says why.
     pub fn close(&mut self, close: Close, now: MonotonicNs) {
-        if let Stage::Socket { socket, .. } = &mut self.stage {
+        if let ConnectionStage::Socket { socket, .. } = &mut self.stage {
             socket.close(close, &mut self.output);
         }
         self.ends(now);
@@ -269,7 +271,7 @@ impl Connection {
 
     /// Reads nothing any more; what waits has the time of an answer to be written.
     fn ends(&mut self, now: MonotonicNs) {
-        self.stage = Stage::Ended;
+        self.stage = ConnectionStage::Ended;
         self.answer_began = Some(now);
     }
 
@@ -279,7 +281,7 @@ impl Connection {
         self.written = 0;
         self.body = Bytes::new();
         self.answer_began = None;
-        self.stage = Stage::Ended;
+        self.stage = ConnectionStage::Ended;
     }
 
     /// The bytes to write next.
@@ -311,11 +313,15 @@ impl Connection {
     /// When [`Connection::advance`] has something to do.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         match &self.stage {
-            Stage::Socket { next_ping, .. } => Some((*next_ping).min(self.heard_at + SILENCE)),
+            ConnectionStage::Socket { next_ping, .. } => {
+                Some((*next_ping).min(self.heard_at + SILENCE))
+            }
             _ if self.answer_began.is_some() => self.answer_began.map(|at| at + ANSWER_TIME),
-            Stage::Http(_) if self.head_began.is_some() => self.head_began.map(|at| at + HEAD_TIME),
-            Stage::Http(_) => Some(self.heard_at + IDLE_TIME),
-            Stage::Ended => None,
+            ConnectionStage::Http(_) if self.head_began.is_some() => {
+                self.head_began.map(|at| at + HEAD_TIME)
+            }
+            ConnectionStage::Http(_) => Some(self.heard_at + IDLE_TIME),
+            ConnectionStage::Ended => None,
         }
     }
 
@@ -325,19 +331,21 @@ impl Connection {
             return Ok(());
         }
         match &mut self.stage {
-            Stage::Socket { .. } if now >= self.heard_at + SILENCE => {
+            ConnectionStage::Socket { .. } if now >= self.heard_at + SILENCE => {
                 // What waits would not be read, and neither would be the reason.
                 self.end();
                 Err(Ending::Closed(Close::SILENT))
             }
-            Stage::Socket {
+            ConnectionStage::Socket {
                 socket, next_ping, ..
             } => {
                 *next_ping = now + PING_PERIOD;
                 socket.send(Message::Ping(Bytes::new()), &mut self.output);
                 Ok(())
             }
-            Stage::Http(_) if self.answer_began.is_none() && self.head_began.is_some() => {
+            ConnectionStage::Http(_)
+                if self.answer_began.is_none() && self.head_began.is_some() =>
+            {
                 Err(self.refuse(Refusal::TooSlow, now))
             }
             _ => {

@@ -45,7 +45,7 @@ pub enum Event {
         /// Why it was not sent.
         text: String,
     },
-    /// A question before an order. It is to be answered with a [`Check`](crate::page::Check).
+    /// A question before an order. It is to be answered with a [`CheckResult`](crate::page::CheckResult).
     Check {
         /// The page.
         viewer: ViewerId,

@@ -32,7 +32,7 @@ pub use authority::orders::{MAX_ORDERS, MEMORY};
 pub use connection::{ANSWER_TIME, HEAD_TIME, IDLE_TIME, PING_PERIOD, SILENCE};
 pub use event::Event;
 pub use foxglove::channels::{Channel, MAX_CHANNELS};
-pub use foxglove::services::Service;
+pub use foxglove::services::OfferedService;
 pub use http::refusal::{BUSY, PLAIN};
 pub use http::request::MAX_HEAD_BYTES;
 pub use http::tile::{Tile, TileRequest};

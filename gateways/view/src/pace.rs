@@ -16,15 +16,15 @@ pub const MESSAGES_PER_S: usize = 200;
 
 /// Allows so many within each second.
 #[derive(Debug)]
-pub(crate) struct Pace {
+pub(crate) struct RateLimit {
     most: usize,
     /// When those within the last second were, at most `most`.
     past: VecDeque<MonotonicNs>,
 }
 
-impl Pace {
-    pub fn new(most: usize) -> Pace {
-        Pace {
+impl RateLimit {
+    pub fn new(most: usize) -> RateLimit {
+        RateLimit {
             most,
             past: VecDeque::new(),
         }

@@ -12,11 +12,11 @@ use crate::authority::orders::{OrderBook, is_number};
 use crate::event::{Event, Events};
 use crate::id::ViewerId;
 use crate::outbox::{NowText, Outbox};
-use crate::pace::{ORDERS_PER_S, Pace};
+use crate::pace::{ORDERS_PER_S, RateLimit};
 use crate::page::{self, CheckRequest, Incoming, LeaseAction, OrderRequest, OrderStage, Outgoing};
 use crate::settings::Peer;
 use crate::viewer::{
-    Greeting, ONLY_LOOKS, OTHER_ROBOT, Page, REPLAYED, lease_message, millis, refusal,
+    ConnectedPage, Greeting, ONLY_LOOKS, OTHER_ROBOT, REPLAYED, lease_message, millis, refusal,
 };
 use crate::websocket::Close;
 
@@ -33,7 +33,7 @@ const MAX_PING_ID: usize = 64;
 #[derive(Debug)]
 pub(crate) struct Pages {
     greeting: Greeting,
-    pages: BTreeMap<ViewerId, Page>,
+    pages: BTreeMap<ViewerId, ConnectedPage>,
     /// The robots that are shown.
     robots: Vec<u32>,
     /// Of each robot that a page commands.
@@ -63,14 +63,14 @@ impl Pages {
         if self.pages.is_empty() {
             self.next_beat = now + BEAT_PERIOD;
         }
-        let page = Page {
+        let page = ConnectedPage {
             peer,
             connected: now,
             permit: None,
             robot: None,
             is_hidden: false,
             has_joined: false,
-            orders: Pace::new(ORDERS_PER_S),
+            orders: RateLimit::new(ORDERS_PER_S),
             outbox: Outbox::default(),
         };
         self.pages.insert(viewer, page);
@@ -317,7 +317,7 @@ impl Pages {
             text: refusal.to_owned(),
             next_step: None,
         };
-        page.send(&Outgoing::Check(&page::Check {
+        page.send(&Outgoing::Check(&page::CheckResult {
             order: check.order,
             robot: check.robot,
             severity,
@@ -454,7 +454,8 @@ impl Pages {
             let sent_ms = millis(now);
             self.say(None, &Outgoing::Beat { sent_ms });
         }
-        let is_late = |page: &Page| page.permit.is_none() && now >= page.connected + OPEN_TIME;
+        let is_late =
+            |page: &ConnectedPage| page.permit.is_none() && now >= page.connected + OPEN_TIME;
         self.pages
             .iter()
             .filter(|(_, page)| is_late(page))
@@ -496,7 +497,7 @@ impl Pages {
     /// Puts the newest values before all pages that look at the robot.
     pub fn now(&mut self, values: &page::Now, now: MonotonicNs) {
         let mut text: Option<NowText> = None;
-        let meant = |page: &&mut Page| page.robot == Some(values.robot) && !page.is_hidden;
+        let meant = |page: &&mut ConnectedPage| page.robot == Some(values.robot) && !page.is_hidden;
         for page in self.pages.values_mut().filter(meant) {
             let text = text.get_or_insert_with(|| {
                 let whole = page::Now {

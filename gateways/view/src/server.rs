@@ -11,12 +11,12 @@ use crate::authority::access::Access;
 use crate::connection::{Connection, Ending, Input};
 use crate::event::{Event, Events};
 use crate::foxglove::channels::{Channel, Sample};
-use crate::foxglove::client::Frame;
+use crate::foxglove::client::ClientFrame;
 use crate::foxglove::hub::Hub;
-use crate::foxglove::services::Service;
-use crate::http::answer::Answer;
+use crate::foxglove::services::OfferedService;
+use crate::http::answer::Response;
 use crate::http::refusal::Refusal;
-use crate::http::request::{Method, Request};
+use crate::http::request::{HttpRequest, Method};
 use crate::http::tile::{Tile, TileRequest};
 use crate::id::{Call, ChannelId, ConnectionId, ViewerId};
 use crate::page::{self, Outgoing};
@@ -24,7 +24,7 @@ use crate::pages::Pages;
 use crate::settings::{Instance, Peer, Settings};
 use crate::speaks::{Speaks, protocol};
 use crate::viewer::{Greeting, from};
-use crate::websocket::{Close, Received};
+use crate::websocket::{Close, WebSocketMessage};
 
 /// Most pages and Foxglove clients. At the bound the page that has been here longest without a word is closed; if all have said what
 /// they want, the new one is refused.
@@ -35,7 +35,7 @@ pub const MAX_VIEWERS: usize = 32;
 pub const MAX_HTTP: usize = 128;
 
 #[derive(Debug)]
-struct Entry {
+struct ConnectionEntry {
     connection: Connection,
     /// `None` until it is a viewer.
     speaks: Option<Speaks>,
@@ -51,7 +51,7 @@ pub struct Server {
     access: Access,
     assets: Assets,
     has_tiles: bool,
-    connections: BTreeMap<ConnectionId, Entry>,
+    connections: BTreeMap<ConnectionId, ConnectionEntry>,
     next_id: u64,
     pages: Pages,
     foxglove: Hub,
@@ -106,7 +106,7 @@ impl Server {
             .connections
             .values_mut()
             .filter(|entry| entry.speaks.is_none() && !entry.connection.is_gone());
-        let plain: Vec<&mut Entry> = plain.collect();
+        let plain: Vec<&mut ConnectionEntry> = plain.collect();
         if plain.len() >= MAX_HTTP {
             let idle = plain
                 .into_iter()
@@ -118,7 +118,7 @@ impl Server {
         self.next_id += 1;
         self.connections.insert(
             id,
-            Entry {
+            ConnectionEntry {
                 connection: Connection::new(peer, now),
                 speaks: None,
             },
@@ -164,7 +164,7 @@ impl Server {
     fn request(
         &mut self,
         id: ConnectionId,
-        request: &Request,
+        request: &HttpRequest,
         now: MonotonicNs,
     ) -> Result<(), Ending> {
         let answered = self.try_request(id, request, now);
@@ -178,10 +178,10 @@ impl Server {
     fn try_request(
         &mut self,
         id: ConnectionId,
-        request: &Request,
+        request: &HttpRequest,
         now: MonotonicNs,
     ) -> Result<(), Refusal> {
-        let Some(Entry { connection, .. }) = self.connections.get_mut(&id) else {
+        let Some(ConnectionEntry { connection, .. }) = self.connections.get_mut(&id) else {
             return Ok(());
         };
         let peer = connection.peer.clone();
@@ -204,7 +204,7 @@ impl Server {
                 self.events.push_back(event);
                 return Ok(());
             }
-            let answer = Answer::file(request, &self.assets, peer.is_encrypted)?;
+            let answer = Response::file(request, &self.assets, peer.is_encrypted)?;
             connection.answer(answer, now);
             return Ok(());
         };
@@ -216,7 +216,7 @@ impl Server {
         if !self.makes_room(now) {
             return Err(Refusal::Busy);
         }
-        let Some(Entry { connection, speaks }) = self.connections.get_mut(&id) else {
+        let Some(ConnectionEntry { connection, speaks }) = self.connections.get_mut(&id) else {
             return Ok(());
         };
         let viewer = id.viewer();
@@ -254,7 +254,7 @@ impl Server {
     fn message(
         &mut self,
         id: ConnectionId,
-        message: Received,
+        message: WebSocketMessage,
         now: MonotonicNs,
     ) -> Result<(), Ending> {
         let viewer = id.viewer();
@@ -262,15 +262,15 @@ impl Server {
             self.connections.get(&id).and_then(|entry| entry.speaks),
             message,
         ) {
-            (_, Received::Sign) => Ok(()),
-            (Some(Speaks::Page), Received::Text(text)) => {
+            (_, WebSocketMessage::Sign) => Ok(()),
+            (Some(Speaks::Page), WebSocketMessage::Text(text)) => {
                 self.pages
                     .take(viewer, &text, &self.access, now, &mut self.events)
             }
             (Some(Speaks::Foxglove), message) => {
                 self.foxglove.take(viewer, &message, now, &mut self.events)
             }
-            (Some(Speaks::Page), Received::Binary(_)) => Err(Close::MEANING),
+            (Some(Speaks::Page), WebSocketMessage::Binary(_)) => Err(Close::MEANING),
             (None, _) => Ok(()),
         };
         taken.map_err(|close| {
@@ -326,7 +326,7 @@ impl Server {
     /// 16 KiB and what does not fit at once: so it is as new as it can be.
     pub fn output(&mut self, id: ConnectionId) -> &[u8] {
         let now = self.clock;
-        let Some(Entry { connection, speaks }) = self.connections.get_mut(&id) else {
+        let Some(ConnectionEntry { connection, speaks }) = self.connections.get_mut(&id) else {
             return &[];
         };
         if connection.is_free() {
@@ -340,8 +340,8 @@ impl Server {
                         None => break,
                     },
                     Some(Speaks::Foxglove) => match self.foxglove.next(id.viewer()) {
-                        Some(Frame::Text(text)) => connection.send_text(&text),
-                        Some(Frame::Binary(bytes)) => connection.send_binary(bytes),
+                        Some(ClientFrame::Text(text)) => connection.send_text(&text),
+                        Some(ClientFrame::Binary(bytes)) => connection.send_binary(bytes),
                         None => break,
                     },
                     None => break,
@@ -449,7 +449,7 @@ impl Server {
         if let Some(entry) = self.connections.get_mut(&id)
             && entry.connection.is_waiting()
         {
-            entry.connection.answer(Answer::tile(request, image), now);
+            entry.connection.answer(Response::tile(request, image), now);
         }
     }
 
@@ -464,7 +464,7 @@ impl Server {
     }
 
     /// Says a robot's state to the pages that look at it.
-    pub fn robot(&mut self, robot: &page::Robot) {
+    pub fn robot(&mut self, robot: &page::RobotStatus) {
         self.pages.say(Some(robot.robot), &Outgoing::Robot(robot));
     }
 
@@ -490,7 +490,7 @@ impl Server {
     }
 
     /// Says what a check has found to the page that asked, if it still looks at this robot.
-    pub fn check(&mut self, viewer: ViewerId, check: &page::Check) {
+    pub fn check(&mut self, viewer: ViewerId, check: &page::CheckResult) {
         self.pages
             .say_to(viewer, check.robot, &Outgoing::Check(check));
     }
@@ -501,7 +501,7 @@ impl Server {
     }
 
     /// Says where the recording is to all pages, and to Foxglove clients that control it.
-    pub fn replay(&mut self, replay: &page::Replay) {
+    pub fn replay(&mut self, replay: &page::ReplayStatus) {
         self.foxglove.replay(replay);
         self.pages.say(None, &Outgoing::Replay(replay));
     }
@@ -559,7 +559,7 @@ impl Server {
     }
 
     /// Offers these services, and no others, to Foxglove clients that may order.
-    pub fn services(&mut self, services: &[Service]) {
+    pub fn services(&mut self, services: &[OfferedService]) {
         self.foxglove.services(services);
     }
 

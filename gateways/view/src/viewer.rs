@@ -1,4 +1,4 @@
-//! [`Page`]: one page that is connected, and why it may not give an order.
+//! [`ConnectedPage`]: one page that is connected, and why it may not give an order.
 
 use std::sync::Arc;
 
@@ -8,7 +8,7 @@ use crate::authority::access::Permit;
 use crate::authority::lease::Lease;
 use crate::id::ViewerId;
 use crate::outbox::Outbox;
-use crate::pace::Pace;
+use crate::pace::RateLimit;
 use crate::page::{self, Holder, OrderRequest, Outgoing, Role};
 use crate::settings::Peer;
 
@@ -39,7 +39,7 @@ impl Greeting {
 
 /// A page that is connected.
 #[derive(Debug)]
-pub(crate) struct Page {
+pub(crate) struct ConnectedPage {
     pub peer: Peer,
     pub connected: MonotonicNs,
     /// What it may do; `None` until it has opened.
@@ -49,11 +49,11 @@ pub(crate) struct Page {
     pub is_hidden: bool,
     /// Whether `Event::Joined` is to be emitted.
     pub has_joined: bool,
-    pub orders: Pace,
+    pub orders: RateLimit,
     pub outbox: Outbox,
 }
 
-impl Page {
+impl ConnectedPage {
     /// Address and name of its token, for the log.
     pub fn from(&self) -> String {
         let name = self
@@ -88,7 +88,7 @@ pub(crate) const OTHER_ROBOT: &str = "this page looks at another robot";
 
 /// Why an order may not be given; `None` if it may.
 pub(crate) fn refusal(
-    page: &Page,
+    page: &ConnectedPage,
     viewer: ViewerId,
     order: &OrderRequest,
     lease: Lease,

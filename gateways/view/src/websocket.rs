@@ -48,7 +48,7 @@ impl Close {
 
 /// What has come.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Received {
+pub(crate) enum WebSocketMessage {
     Text(String),
     Binary(Vec<u8>),
     /// A ping or a pong, which is answered already.
@@ -113,7 +113,7 @@ impl WebSocket {
         &mut self,
         input: &mut &[u8],
         output: &mut Vec<u8>,
-    ) -> Result<Option<Received>, Close> {
+    ) -> Result<Option<WebSocketMessage>, Close> {
         while self.is_open {
             let mut memory = Memory {
                 input,
@@ -123,10 +123,12 @@ impl WebSocket {
             *input = memory.input;
             let close = match read {
                 Ok(Message::Text(text)) => {
-                    return Ok(Some(Received::Text(text.as_str().to_owned())));
+                    return Ok(Some(WebSocketMessage::Text(text.as_str().to_owned())));
                 }
-                Ok(Message::Binary(bytes)) => return Ok(Some(Received::Binary(bytes.to_vec()))),
-                Ok(Message::Ping(_) | Message::Pong(_)) => return Ok(Some(Received::Sign)),
+                Ok(Message::Binary(bytes)) => {
+                    return Ok(Some(WebSocketMessage::Binary(bytes.to_vec())));
+                }
+                Ok(Message::Ping(_) | Message::Pong(_)) => return Ok(Some(WebSocketMessage::Sign)),
                 // The answer goes out with the next turn, which ends the connection.
                 Ok(Message::Close(_) | Message::Frame(_)) => continue,
                 Err(Error::Io(_)) => return Ok(None),
@@ -195,7 +197,7 @@ mod tests {
         socket: &mut WebSocket,
         mut bytes: &[u8],
         output: &mut Vec<u8>,
-    ) -> Result<Vec<Received>, Close> {
+    ) -> Result<Vec<WebSocketMessage>, Close> {
         let mut all = Vec::new();
         while let Some(one) = socket.receive(&mut bytes, output)? {
             all.push(one);
@@ -212,11 +214,11 @@ mod tests {
         bytes.extend(frame(0x80, "grü".as_bytes().split_at(3).1));
         bytes.extend(frame(0x82, &[7; 300]));
         let expected = vec![
-            Received::Text("{\"a\":1}".into()),
-            Received::Sign,
-            Received::Sign,
-            Received::Text("grü".into()),
-            Received::Binary(vec![7; 300]),
+            WebSocketMessage::Text("{\"a\":1}".into()),
+            WebSocketMessage::Sign,
+            WebSocketMessage::Sign,
+            WebSocketMessage::Text("grü".into()),
+            WebSocketMessage::Binary(vec![7; 300]),
         ];
         for at in 0..=bytes.len() {
             let (mut socket, mut output) = (WebSocket::new(), Vec::new());

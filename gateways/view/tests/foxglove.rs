@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use serde_json::{Value, json};
-use view::page::{Replay, ReplayAction, ReplayInfo};
-use view::{Channel, ChannelId, Event, Service, Settings};
+use view::page::{ReplayAction, ReplayInfo, ReplayStatus};
+use view::{Channel, ChannelId, Event, OfferedService, Settings};
 
 use crate::common::{
     BINARY, CLOSE, Client, SECRET, TEXT, WATCH, World, frame, own, peer, replay, settings, upgrade,
@@ -146,7 +146,7 @@ fn a_recording_is_played_by_foxgloves_controls() {
         json!({"sec": 1_700_000_010, "nsec": 0})
     );
     world.messages(&mut other);
-    let state = |position_s, playing, speed| Replay {
+    let state = |position_s, playing, speed| ReplayStatus {
         position_s,
         playing,
         speed,
@@ -517,8 +517,8 @@ fn parameters_are_answered_from_what_is_known() {
     assert!(world.events().is_empty());
 }
 
-fn service(name: &str) -> Service {
-    Service {
+fn service(name: &str) -> OfferedService {
+    OfferedService {
         name: name.into(),
         kind: "hero/Order".into(),
         request: Arc::from("{}"),

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use view::page::{
-    Check, Event as PageEvent, EventSeverity, OrderKind, OrderReport, OrderStage, Past, Replay,
-    Robots, Severity,
+    CheckResult, Event as PageEvent, EventSeverity, OrderKind, OrderReport, OrderStage, Past,
+    ReplayStatus, Robots, Severity,
 };
 use view::{
     BEAT_PERIOD, Event, LEASE_TIME, MAX_TEXTS, MEMORY, OPEN_TIME, PING_PERIOD, SILENCE, Settings,
@@ -148,7 +148,7 @@ fn what_is_said_reaches_those_who_look_at_the_robot() {
     world.server.past(viewer, &past(1));
     // It is late for a page that looks at another robot by now.
     world.server.past(viewer, &past(2));
-    world.server.replay(&Replay {
+    world.server.replay(&ReplayStatus {
         position_s: 1.0,
         playing: true,
         speed: 2.0,
@@ -577,7 +577,7 @@ fn a_check_is_answered_to_the_page_that_asked() {
         (check.position, check.altitude_m),
         (Some([48.0, 11.0]), Some(5.0))
     );
-    let answer = Check {
+    let answer = CheckResult {
         order: "c".into(),
         robot: 1,
         severity: Severity::Ok,

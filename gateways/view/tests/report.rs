@@ -9,9 +9,9 @@ use view::page::Area;
 use view::report::bins::Bins;
 use view::report::envelope::Envelope;
 use view::report::flight::{
-    Curve, Event, Ink, Lane, Limit, Map, Outcome, Plot, Request, Scale, Span, Table, Weight,
+    Curve, Event, Ink, Lane, Limit, Map, Outcome, Plot, RequestRow, Scale, Span, Table, Weight,
 };
-use view::report::{Flight, page};
+use view::report::{FlightReport, page};
 
 fn span(from_s: f64, to_s: f64, name: &str, ink: Ink) -> Span {
     Span {
@@ -32,7 +32,7 @@ fn event(at_s: f64, weight: Weight, text: &str, place: Option<[f64; 2]>) -> Even
 }
 
 /// Two minutes with everything that a report can show. Each text of it is made by `text` of a usual one.
-fn flight(text: impl Fn(&str) -> String) -> Flight {
+fn flight(text: impl Fn(&str) -> String) -> FlightReport {
     let mut altitude = Envelope::new(1.0);
     let mut samples = Bins::default();
     for index in 0..6000 {
@@ -42,7 +42,7 @@ fn flight(text: impl Fn(&str) -> String) -> Flight {
             samples.add(at_s, 1.0);
         }
     }
-    let mut flight = Flight::new(text("Flight of robot 1"), 120.0);
+    let mut flight = FlightReport::new(text("Flight of robot 1"), 120.0);
     flight.lead = vec![text("2026-11-22 11:54:43 to 11:56:43 UTC")];
     flight.summary = vec![text("The helicopter took off once.")];
     flight.facts = vec![(text("duration"), text("2m00s, 5800 rows"))];
@@ -55,7 +55,7 @@ fn flight(text: impl Fn(&str) -> String) -> Flight {
         name: text("link"),
         spans: vec![span(0.0, 60.0, &text("up"), Ink::Green)],
     }];
-    flight.requests = vec![Request {
+    flight.requests = vec![RequestRow {
         from_s: 9.0,
         to_s: Some(95.0),
         name: text("goto, 4 waypoints"),
@@ -291,8 +291,8 @@ fn a_page_loads_nothing_and_runs_only_what_it_brings_along() {
 
 #[test]
 fn an_hour_at_50_hz_is_a_page_of_bounded_size() {
-    let empty = page(&Flight::new("Nothing", 1.0)).len();
-    let mut flight = Flight::new("An hour", 3600.0);
+    let empty = page(&FlightReport::new("Nothing", 1.0)).len();
+    let mut flight = FlightReport::new("An hour", 3600.0);
     for id in ["altitude", "speed", "battery", "fuel", "rotor", "ages"] {
         let mut values = Envelope::new(1.0);
         for index in 0..180_000_u32 {
@@ -332,7 +332,7 @@ fn megabytes_of_text_do_not_make_a_page_of_megabytes() {
 #[test]
 fn nothing_at_all_is_a_page_too() {
     for duration_s in [0.0, f64::NAN, f64::INFINITY, -1.0] {
-        let data = data(&page(&Flight::new("", duration_s)));
+        let data = data(&page(&FlightReport::new("", duration_s)));
         let span_s = data["span_s"].as_f64().unwrap();
         assert!((1.0..=1e9).contains(&span_s));
         assert_eq!(data["plots"], serde_json::json!([]));
@@ -357,7 +357,7 @@ proptest! {
         numbers in proptest::collection::vec((any_number(), any_number()), 0..20),
         duration_s in any_number(),
     ) {
-        let mut flight = Flight::new("Any", duration_s);
+        let mut flight = FlightReport::new("Any", duration_s);
         let (mut values, mut counts) = (Envelope::new(1.0), Bins::default());
         for (at_s, value) in &numbers {
             values.push(*at_s, *value);

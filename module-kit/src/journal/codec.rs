@@ -1,4 +1,4 @@
-//! [`Record`]: an entry of a journal and its time; [`Codec`]: records to bytes and back.
+//! [`JournalRecord`]: an entry of a journal and its time; [`Codec`]: records to bytes and back.
 //!
 //! A record is a byte for its kind, a time, and a body: the entry in postcard's format. Times are written as what has passed since
 //! the record before, bodies as what has changed since the last one of their kind: samples and states change little.
@@ -28,7 +28,7 @@ pub struct Malformed;
 
 /// An entry of a journal, and when it was. `I` is the input of the core, `O` its output.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Record<'a, I, O> {
+pub struct JournalRecord<'a, I, O> {
     /// Host monotonic; of an output the time of the input that caused it.
     pub at: MonotonicNs,
     /// What.

@@ -9,10 +9,10 @@
 //! A journal begins with a snapshot of the core, and has another one every ten seconds or so. Inputs and outputs are types of the
 //! module: here they are values of serde. `docs/journal.md` has every byte.
 //!
-//! * [`Record`], [`Entry`], [`LogLine`]: what a journal has;
-//! * [`Writer`]: entries to pieces, bounded; a pure value;
-//! * [`Port`]: publishes the pieces, while there is a subscriber, and adds the lines of the process's log;
-//! * [`Reader`]: pieces to entries, however many were lost; a pure value;
+//! * [`JournalRecord`], [`Entry`], [`LogLine`]: what a journal has;
+//! * [`JournalWriter`]: entries to pieces, bounded; a pure value;
+//! * [`JournalPort`]: publishes the pieces, while there is a subscriber, and adds the lines of the process's log;
+//! * [`JournalReader`]: pieces to entries, however many were lost; a pure value;
 //! * [`raw`]: structs of shared memory as values of serde.
 
 mod codec;
@@ -23,7 +23,7 @@ mod reader;
 mod tests;
 mod writer;
 
-pub use codec::{Entry, LogLine, MAX_RECORD, Malformed, Record};
-pub use port::Port;
-pub use reader::{Break, Reader};
-pub use writer::{CHECKPOINT, DELAY, MAX_WAITING, Piece, Writer};
+pub use codec::{Entry, JournalRecord, LogLine, MAX_RECORD, Malformed};
+pub use port::JournalPort;
+pub use reader::{Break, JournalReader};
+pub use writer::{CHECKPOINT, DELAY, JournalWriter, MAX_WAITING, Piece};

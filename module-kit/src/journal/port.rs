@@ -1,4 +1,4 @@
-//! [`Port`]: the topic of a journal. Pieces are published while there is a subscriber; without one, a wake of the process costs a
+//! [`JournalPort`]: the topic of a journal. Pieces are published while there is a subscriber; without one, a wake of the process costs a
 //! look at their number. Lines of the process's log are records among the others.
 
 use std::time::Duration;
@@ -8,7 +8,7 @@ use ipc_types::{Ipc, JournalPiece, JournalTail, MonotonicNs, OpenError, Publishe
 use runtime::logging::LogLines;
 
 use super::codec::LogLine;
-use super::writer::{Piece, Writer};
+use super::writer::{JournalWriter, Piece};
 
 /// Pieces of one burst: a quarter of what can wait for a subscriber, so that a long snapshot does not push out its own beginning.
 const BURST: usize = SUBSCRIBER_BUFFER / 4;
@@ -21,7 +21,7 @@ const REST: Duration = Duration::from_millis(20);
 const MAX_BEGINNING: usize = 128 << 10;
 
 /// The publisher of a journal.
-pub struct Port<P: JournalPiece> {
+pub struct JournalPort<P: JournalPiece> {
     /// Its place for former generations makes it large, and the process that owns this port is moved: a thread's stack has 2 MiB.
     publisher: Box<Publisher<P>>,
     /// The publisher's count of joins when it was last looked at.
@@ -38,13 +38,13 @@ pub struct Port<P: JournalPiece> {
     tail: JournalTail,
 }
 
-impl<P: JournalPiece> Port<P> {
+impl<P: JournalPiece> JournalPort<P> {
     /// Opens the topic.
     ///
     /// # Errors
     /// See [`OpenError`]; another process may publish it.
-    pub fn open(ipc: &Ipc) -> Result<Port<P>, OpenError> {
-        let port = Port {
+    pub fn open(ipc: &Ipc) -> Result<JournalPort<P>, OpenError> {
+        let port = JournalPort {
             publisher: Box::new(ipc.publisher::<P>()?),
             tail: ipc.journal_tail::<P>()?,
             joins: 0,
@@ -58,8 +58,8 @@ impl<P: JournalPiece> Port<P> {
     }
 
     /// A writer whose pieces fit. It is started, so that the journal has the process from its beginning.
-    pub fn writer() -> Writer {
-        let mut writer = Writer::new(P::ROOM);
+    pub fn writer() -> JournalWriter {
+        let mut writer = JournalWriter::new(P::ROOM);
         writer.start();
         writer
     }
@@ -70,7 +70,7 @@ impl<P: JournalPiece> Port<P> {
     }
 
     /// To be called before the inputs of a wake: starts the journal when a subscriber has joined, and stops it when none is left.
-    pub fn follow(&mut self, writer: &mut Writer) {
+    pub fn follow(&mut self, writer: &mut JournalWriter) {
         if self.publisher.subscribers() == 0 {
             self.is_beginning &= writer.waiting() <= MAX_BEGINNING;
             if writer.is_started() && !self.is_beginning {
@@ -96,7 +96,7 @@ impl<P: JournalPiece> Port<P> {
 
     /// To be called after the inputs of a wake: publishes the pieces that are complete. A piece that cannot be published is lost,
     /// and the journal begins again.
-    pub fn publish(&mut self, writer: &mut Writer, now: MonotonicNs) {
+    pub fn publish(&mut self, writer: &mut JournalWriter, now: MonotonicNs) {
         self.record_log(writer, now);
         if !writer.is_started() || self.is_beginning {
             return;
@@ -111,7 +111,7 @@ impl<P: JournalPiece> Port<P> {
             .keep(now, stamps, open.begins, open.beginnings, &open.bytes);
     }
 
-    fn publish_pieces(&mut self, writer: &mut Writer, now: MonotonicNs) {
+    fn publish_pieces(&mut self, writer: &mut JournalWriter, now: MonotonicNs) {
         for _ in 0..BURST {
             let Some(piece) = writer.next(now) else {
                 return;
@@ -124,7 +124,7 @@ impl<P: JournalPiece> Port<P> {
     }
 
     /// The process ends: publishes all that is left.
-    pub fn finish(&mut self, writer: &mut Writer, now: MonotonicNs) {
+    pub fn finish(&mut self, writer: &mut JournalWriter, now: MonotonicNs) {
         self.record_log(writer, now);
         if writer.is_started() {
             if !self.is_beginning {
@@ -142,7 +142,7 @@ impl<P: JournalPiece> Port<P> {
     }
 
     /// Writes the lines of the log that wait. Before the first snapshot they go on waiting.
-    fn record_log(&self, writer: &mut Writer, now: MonotonicNs) {
+    fn record_log(&self, writer: &mut JournalWriter, now: MonotonicNs) {
         let Some(log) = self.log.as_ref().filter(|_| writer.is_on()) else {
             return;
         };
@@ -169,8 +169,8 @@ impl<P: JournalPiece> Port<P> {
         }
     }
 
-    /// When [`Port::publish`] has something to do.
-    pub fn deadline(&self, writer: &Writer) -> Option<MonotonicNs> {
+    /// When [`JournalPort::publish`] has something to do.
+    pub fn deadline(&self, writer: &JournalWriter) -> Option<MonotonicNs> {
         match writer.has_full() {
             _ if self.is_beginning => None,
             true => Some(self.next),

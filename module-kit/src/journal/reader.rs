@@ -1,9 +1,9 @@
-//! [`Reader`]: pieces to records. It notices what is missing, and goes on at the next snapshot.
+//! [`JournalReader`]: pieces to records. It notices what is missing, and goes on at the next snapshot.
 
 use ipc_types::JournalPiece;
 use serde::Deserialize;
 
-use super::codec::{Codec, MAX_RECORD, Malformed, Record};
+use super::codec::{Codec, JournalRecord, MAX_RECORD, Malformed};
 
 /// Why the records before a piece do not go on in it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,7 +28,7 @@ struct PieceIndex {
 ///
 /// It keeps at most one record that is not complete: [`MAX_RECORD`] bytes.
 #[derive(Clone, Debug, Default)]
-pub struct Reader {
+pub struct JournalReader {
     last: Option<PieceIndex>,
     /// `None` if no record can be read: before the first piece that begins, after a loss, after damage.
     unread: Option<Unread>,
@@ -44,21 +44,21 @@ struct Unread {
     given: usize,
 }
 
-impl Reader {
+impl JournalReader {
     /// Nothing was read.
-    pub fn new() -> Reader {
-        Reader::default()
+    pub fn new() -> JournalReader {
+        JournalReader::default()
     }
 
     /// A reader of bytes that begin with a snapshot: the pieces of one journal, one after the other.
-    pub fn of(bytes: Vec<u8>) -> Reader {
-        Reader {
+    pub fn of(bytes: Vec<u8>) -> JournalReader {
+        JournalReader {
             unread: Some(Unread { bytes, given: 0 }),
-            ..Reader::default()
+            ..JournalReader::default()
         }
     }
 
-    /// Takes the next piece; afterwards call [`Reader::next`] until there is nothing. A piece that was there before is ignored.
+    /// Takes the next piece; afterwards call [`JournalReader::next`] until there is nothing. A piece that was there before is ignored.
     /// Says when the records before it do not go on.
     pub fn take<P: JournalPiece>(&mut self, piece: &P) -> Option<Break> {
         let place = PieceIndex {
@@ -98,12 +98,12 @@ impl Reader {
     /// # Errors
     /// The bytes are no record of this version: the rest of what was taken is dropped, and reading goes on at the next snapshot.
     #[allow(clippy::should_implement_trait)] // What it gives is borrowed.
-    pub fn next<'a, I, O>(&'a mut self) -> Result<Option<Record<'a, I, O>>, Malformed>
+    pub fn next<'a, I, O>(&'a mut self) -> Result<Option<JournalRecord<'a, I, O>>, Malformed>
     where
         I: Deserialize<'a>,
         O: Deserialize<'a>,
     {
-        let Reader { unread, codec, .. } = self;
+        let JournalReader { unread, codec, .. } = self;
         let kind = match unread
             .as_mut()
             .map_or(Ok(None), |unread| unread.next(codec))
@@ -117,7 +117,7 @@ impl Reader {
         };
         let codec: &'a Codec = codec;
         match codec.entry(kind) {
-            Ok(entry) => Ok(Some(Record {
+            Ok(entry) => Ok(Some(JournalRecord {
                 at: codec.at(),
                 entry,
             })),

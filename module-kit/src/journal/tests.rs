@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::codec::put;
 use super::{
-    Break, CHECKPOINT, DELAY, Entry, MAX_RECORD, MAX_WAITING, Malformed, Piece, Reader, Record,
-    Writer,
+    Break, CHECKPOINT, DELAY, Entry, JournalReader, JournalRecord, JournalWriter, MAX_RECORD,
+    MAX_WAITING, Malformed, Piece,
 };
 
 const START: MonotonicNs = MonotonicNs(1_000_000_000);
@@ -26,18 +26,18 @@ fn sample(piece: &Piece, sequence: u64) -> StatusJournal {
     sample
 }
 
-fn started() -> Writer {
-    let mut writer = Writer::new(STATUS_JOURNAL_ROOM);
+fn started() -> JournalWriter {
+    let mut writer = JournalWriter::new(STATUS_JOURNAL_ROOM);
     writer.start();
     writer
 }
 
-fn write(writer: &mut Writer, now: MonotonicNs, record: &[u8]) {
+fn write(writer: &mut JournalWriter, now: MonotonicNs, record: &[u8]) {
     writer.input(now, &Input::Bytes(record));
 }
 
 /// All whole records that a reader finds after it took `piece`.
-fn read(reader: &mut Reader, piece: &StatusJournal) -> (Option<Break>, Vec<Vec<u8>>) {
+fn read(reader: &mut JournalReader, piece: &StatusJournal) -> (Option<Break>, Vec<Vec<u8>>) {
     let broken = reader.take(piece);
     let mut records = Vec::new();
     while let Some(record) = next(reader).expect("no damage") {
@@ -47,8 +47,8 @@ fn read(reader: &mut Reader, piece: &StatusJournal) -> (Option<Break>, Vec<Vec<u
 }
 
 /// The bytes of the next snapshot or input.
-fn next(reader: &mut Reader) -> Result<Option<Vec<u8>>, Malformed> {
-    let record: Option<Record<'_, Input<'_>, ()>> = reader.next()?;
+fn next(reader: &mut JournalReader) -> Result<Option<Vec<u8>>, Malformed> {
+    let record: Option<JournalRecord<'_, Input<'_>, ()>> = reader.next()?;
     Ok(record.map(|record| match record.entry {
         Entry::Snapshot(bytes) | Entry::Input(Input::Bytes(bytes)) => bytes.to_vec(),
         entry => panic!("nobody has written {entry:?}"),
@@ -57,7 +57,7 @@ fn next(reader: &mut Reader) -> Result<Option<Vec<u8>>, Malformed> {
 
 #[test]
 fn a_writer_that_is_off_takes_nothing() {
-    let mut writer = Writer::new(STATUS_JOURNAL_ROOM);
+    let mut writer = JournalWriter::new(STATUS_JOURNAL_ROOM);
     assert!(!writer.wants_snapshot(START) && !writer.is_on());
     writer.snapshot(START, b"snapshot");
     write(&mut writer, START, b"record");
@@ -78,7 +78,7 @@ fn a_journal_begins_with_a_snapshot_and_waits_a_moment_for_more() {
     let piece = writer.next(START + DELAY).unwrap();
     assert!(piece.begins);
     assert_eq!(piece.beginnings, 1);
-    let (broken, records) = read(&mut Reader::new(), &sample(&piece, 1));
+    let (broken, records) = read(&mut JournalReader::new(), &sample(&piece, 1));
     assert_eq!(broken, None);
     assert_eq!(records, [b"snapshot".to_vec(), b"record".to_vec()]);
 }
@@ -89,7 +89,7 @@ fn a_record_may_be_longer_than_a_piece() {
     let mut writer = started();
     writer.snapshot(START, &long);
     write(&mut writer, START, b"after");
-    let (mut reader, mut records) = (Reader::new(), Vec::new());
+    let (mut reader, mut records) = (JournalReader::new(), Vec::new());
     for (piece, sequence) in writer.take_all().zip(1..) {
         assert!(piece.bytes.len() <= STATUS_JOURNAL_ROOM);
         records.extend(read(&mut reader, &sample(&piece, sequence)).1);
@@ -124,7 +124,8 @@ fn a_reader_that_comes_gets_a_snapshot_and_breaks_nothing() {
     writer.snapshot(START, b"second");
     assert!(!writer.wants_snapshot(START));
     write(&mut writer, START, b"two");
-    let (mut reader, mut late, mut records) = (Reader::new(), Reader::new(), Vec::new());
+    let (mut reader, mut late, mut records) =
+        (JournalReader::new(), JournalReader::new(), Vec::new());
     for (piece, sequence) in writer.take_all().zip(1..) {
         let piece = sample(&piece, sequence);
         let (broken, found) = read(&mut reader, &piece);
@@ -135,7 +136,7 @@ fn a_reader_that_comes_gets_a_snapshot_and_breaks_nothing() {
         }
     }
     assert_eq!(records.len(), 4);
-    let mut off = Writer::new(STATUS_JOURNAL_ROOM);
+    let mut off = JournalWriter::new(STATUS_JOURNAL_ROOM);
     off.ask_for_snapshot();
     assert!(!off.wants_snapshot(START));
 }
@@ -160,7 +161,7 @@ fn a_loss_is_noticed_and_reading_goes_on_at_the_next_snapshot() {
     let begins: Vec<_> = samples.iter().map(|piece| piece.begins()).collect();
     assert_eq!(begins[..6], [true, false, false, false, true, false]);
 
-    let mut reader = Reader::new();
+    let mut reader = JournalReader::new();
     let (broken, records) = read(&mut reader, &samples[0]);
     assert_eq!((broken, records.len()), (None, 2));
     // A piece that was there before changes nothing.
@@ -204,7 +205,7 @@ fn another_process_and_another_beginning_are_breaks() {
         sample.epoch_ns = epoch_ns;
         sample
     };
-    let mut reader = Reader::new();
+    let mut reader = JournalReader::new();
     let table = [
         (piece(1, 5, 1), None),
         (piece(1, 6, 1), None),
@@ -224,7 +225,7 @@ fn a_length_that_no_record_has_is_damage() {
     writer.snapshot(START, b"first");
     let mut piece = writer.take_all().next().unwrap();
     put(&mut piece.bytes, &(MAX_RECORD + 1)).unwrap();
-    let mut reader = Reader::new();
+    let mut reader = JournalReader::new();
     reader.take(&sample(&piece, 1));
     assert_eq!(next(&mut reader), Ok(Some(b"first".to_vec())));
     assert_eq!(next(&mut reader), Err(Malformed));
@@ -242,7 +243,7 @@ proptest! {
         for record in &records[1..] {
             write(&mut writer, START, record);
         }
-        let (mut reader, mut found) = (Reader::new(), Vec::new());
+        let (mut reader, mut found) = (JournalReader::new(), Vec::new());
         for (piece, sequence) in writer.take_all().zip(1..) {
             found.extend(read(&mut reader, &sample(&piece, sequence)).1);
         }
@@ -256,7 +257,7 @@ proptest! {
             0..40,
         ),
     ) {
-        let mut reader = Reader::new();
+        let mut reader = JournalReader::new();
         for (begins, beginnings, sequence, bytes) in pieces {
             let piece = Piece { begins, beginnings, bytes };
             reader.take(&sample(&piece, sequence));

@@ -1,4 +1,4 @@
-//! [`Writer`]: entries to pieces. A pure value; while nothing is recorded it is asked one question for each input.
+//! [`JournalWriter`]: entries to pieces. A pure value; while nothing is recorded it is asked one question for each input.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -42,7 +42,7 @@ enum WriterState {
 
 /// See the module's documentation.
 #[derive(Clone, Debug)]
-pub struct Writer {
+pub struct JournalWriter {
     room: usize,
     state: WriterState,
     /// The piece that is being filled, and when it got its first byte.
@@ -61,10 +61,10 @@ pub struct Writer {
     record: Vec<u8>,
 }
 
-impl Writer {
+impl JournalWriter {
     /// A writer that is off; its pieces have room for so many bytes.
-    pub fn new(room: usize) -> Writer {
-        Writer {
+    pub fn new(room: usize) -> JournalWriter {
+        JournalWriter {
             room: room.max(1),
             state: WriterState::Off,
             open: Piece::default(),
@@ -214,7 +214,7 @@ impl Writer {
         (self.full.len() as u64, &self.open)
     }
 
-    /// When [`Writer::next`] has a piece that was not full.
+    /// When [`JournalWriter::next`] has a piece that was not full.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         self.open_since.map(|since| since + DELAY)
     }

@@ -9,12 +9,12 @@ use serde_json::Value;
 use super::shapes::{Feature, Properties, Shapes, Vertex};
 use super::syntax::json;
 use crate::error::ReadError;
-use crate::format::Format;
+use crate::format::PlanFormat;
 use crate::model::{Altitude, Plan};
 
 pub fn read(text: &str) -> Result<Plan, ReadError> {
     let geojson: GeoJson = json(text)?;
-    let mut plan = Plan::empty(Format::GeoJson);
+    let mut plan = Plan::empty(PlanFormat::GeoJson);
     match geojson {
         GeoJson::FeatureCollection(collection) => {
             for (index, feature) in collection.features.iter().enumerate() {

@@ -5,7 +5,7 @@ use ::gpx::{Gpx, Waypoint};
 use super::items::{clean_reason, push};
 use super::syntax::check_xml;
 use crate::error::ReadError;
-use crate::format::Format;
+use crate::format::PlanFormat;
 use crate::model::{Action, Altitude, LeftOut, OtherKind, Plan, Position};
 
 /// A list of points that could be what is meant.
@@ -22,7 +22,7 @@ pub fn read(text: &str) -> Result<Plan, ReadError> {
     let gpx = ::gpx::read(text.as_bytes())
         .map_err(|error| ReadError::file(clean_reason(&format!("not valid GPX: {error}"))))?;
     let mut candidates = candidates(&gpx).into_iter();
-    let mut plan = Plan::empty(Format::Gpx);
+    let mut plan = Plan::empty(PlanFormat::Gpx);
     let Some(path) = candidates.next() else {
         return Ok(plan);
     };

@@ -1,7 +1,7 @@
 //! The items of a plan while it is read: numbered, and bounded.
 
 use crate::error::{MAX_AREAS, MAX_ITEMS, MAX_NAME_CHARS, MAX_REASON_CHARS, ReadError};
-use crate::format::Format;
+use crate::format::PlanFormat;
 use crate::mavlink::MissionItem;
 use crate::meaning::Meaning;
 use crate::model::{Action, FenceArea, Item, Plan};
@@ -13,7 +13,7 @@ impl Plan {
     ///
     /// The first item that cannot be read, by its number, and why: a coordinate that is none. Also more than [`MAX_ITEMS`].
     pub fn from_items(items: impl IntoIterator<Item = MissionItem>) -> Result<Plan, ReadError> {
-        let mut plan = Plan::empty(Format::QgcPlan);
+        let mut plan = Plan::empty(PlanFormat::QgcPlan);
         for item in items {
             let origin = format!("item {}", plan.items.len() + 1);
             push_mavlink(&mut plan, &origin, item)?;

@@ -10,7 +10,7 @@ use super::items::clean_reason;
 use super::shapes::{Feature, Properties, Shapes, Vertex};
 use super::syntax::check_xml;
 use crate::error::ReadError;
-use crate::format::Format;
+use crate::format::PlanFormat;
 use crate::model::{Altitude, Plan};
 
 pub fn read(text: &str) -> Result<Plan, ReadError> {
@@ -19,7 +19,7 @@ pub fn read(text: &str) -> Result<Plan, ReadError> {
         .read()
         .map_err(|error| ReadError::file(clean_reason(&format!("not valid KML: {error}"))))?;
     let mut reader = Placemarks {
-        plan: Plan::empty(Format::Kml),
+        plan: Plan::empty(PlanFormat::Kml),
         count: 0,
     };
     reader.read(&root)?;

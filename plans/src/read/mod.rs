@@ -12,7 +12,7 @@ mod waypoint_list;
 use std::path::Path;
 
 use crate::error::{MAX_FILE_BYTES, ReadError};
-use crate::format::Format;
+use crate::format::PlanFormat;
 use crate::model::Plan;
 
 const UNKNOWN_FORMAT: &str = "neither content nor name is that of a plan: QGroundControl .plan, QGC WPL 110, GeoJSON, KML and GPX are read";
@@ -42,11 +42,11 @@ pub fn read(name: &Path, bytes: &[u8]) -> Result<Plan, ReadError> {
         ReadError::line(line + 1, "the bytes are not UTF-8 text")
     })?;
     let text = text.trim_start_matches('\u{feff}');
-    match Format::of(text, name).ok_or_else(|| ReadError::new(UNKNOWN_FORMAT))? {
-        Format::QgcPlan => qgc_plan::read(text),
-        Format::WaypointList => waypoint_list::read(text),
-        Format::GeoJson => geojson::read(text),
-        Format::Kml => kml::read(text),
-        Format::Gpx => gpx::read(text),
+    match PlanFormat::of(text, name).ok_or_else(|| ReadError::new(UNKNOWN_FORMAT))? {
+        PlanFormat::QgcPlan => qgc_plan::read(text),
+        PlanFormat::WaypointList => waypoint_list::read(text),
+        PlanFormat::GeoJson => geojson::read(text),
+        PlanFormat::Kml => kml::read(text),
+        PlanFormat::Gpx => gpx::read(text),
     }
 }

@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use super::items::{clean, push, push_area, push_mavlink};
 use super::syntax::json;
 use crate::error::ReadError;
-use crate::format::Format;
+use crate::format::PlanFormat;
 use crate::mavlink::{FRAMES_TERRAIN, MissionItem};
 use crate::model::{
     Action, FenceArea, FenceShape, LeftOut, OtherKind, Plan, PlannedHome, Position,
@@ -32,7 +32,7 @@ type Object = Map<String, Value>;
 pub fn read(text: &str) -> Result<Plan, ReadError> {
     let value = json(text)?;
     let file = object(&value, "the file")?;
-    let mut plan = Plan::empty(Format::QgcPlan);
+    let mut plan = Plan::empty(PlanFormat::QgcPlan);
     match file.get("mission") {
         Some(mission) => {
             check_version(file, "the file", &[1])?;

@@ -8,7 +8,7 @@ use std::str::FromStr;
 
 use super::items::push_mavlink;
 use crate::error::ReadError;
-use crate::format::Format;
+use crate::format::PlanFormat;
 use crate::mavlink::{FRAMES_SEA, MissionItem, command};
 use crate::model::{LeftOut, OtherKind, Plan, PlannedHome, Position};
 
@@ -25,7 +25,7 @@ pub fn read(text: &str) -> Result<Plan, ReadError> {
         .ok_or_else(|| ReadError::file("there is no header `QGC WPL 110`"))?;
     check_header(header).map_err(|reason| ReadError::line(number, reason))?;
 
-    let mut plan = Plan::empty(Format::WaypointList);
+    let mut plan = Plan::empty(PlanFormat::WaypointList);
     let mut expected = None;
     for (number, line) in lines {
         let wrong = |reason| ReadError::line(number, reason);

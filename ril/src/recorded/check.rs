@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use recording::EventKind;
-use recording::read::{Check, RecordedEvent};
+use recording::read::{RecordCheck, RecordedEvent};
 use serde::Serialize;
 use status::log::clock::IsoTime;
 
@@ -41,7 +41,7 @@ pub struct FileCheck {
     /// Missing messages of which no event of the record says anything.
     pub unexplained: u64,
     /// By topic.
-    pub topics: BTreeMap<String, Topic>,
+    pub topics: BTreeMap<String, TopicCheck>,
     /// What happened to the recording.
     pub events: Vec<Event>,
     /// Records of metadata, by name.
@@ -52,7 +52,7 @@ pub struct FileCheck {
 
 /// What a record has of a topic.
 #[derive(Debug, Serialize)]
-pub struct Topic {
+pub struct TopicCheck {
     /// Type of the messages.
     #[serde(rename = "type")]
     pub type_name: String,
@@ -85,14 +85,14 @@ pub struct Event {
 
 impl FileCheck {
     /// Of the file called `file`.
-    pub fn new(file: String, check: Check) -> FileCheck {
+    pub fn new(file: String, check: RecordCheck) -> FileCheck {
         let explained = explained(&check.events);
-        let topics: BTreeMap<String, Topic> = check
+        let topics: BTreeMap<String, TopicCheck> = check
             .topics
             .into_iter()
             .map(|(name, topic)| {
                 let explained = explained.get(&name).copied().unwrap_or_default();
-                let topic = Topic {
+                let topic = TopicCheck {
                     type_name: topic.schema_name,
                     messages: topic.messages,
                     missing: topic.missing,
@@ -220,7 +220,7 @@ impl FileCheck {
     }
 }
 
-/// A text of the file for a terminal, which would obey control characters. JSON has it as it is.
+/// A text of the file for a terminal, which would obey control characters. JSON has it is.
 fn plain(text: &str) -> String {
     let mut plain = String::new();
     for letter in text.chars() {
@@ -272,13 +272,13 @@ mod tests {
             restarts: 0,
             dropped: 0,
         };
-        let check = Check {
+        let check = RecordCheck {
             is_complete: true,
             topics: [("/robot1/a".to_owned(), topic)].into(),
             first_ns: Some(1_156_797_566_000_000_000),
             last_ns: Some(1_156_797_570_000_000_000),
             events,
-            ..Check::default()
+            ..RecordCheck::default()
         };
         FileCheck::new("x.mcap".to_owned(), check)
     }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use ipc_types::payload::RelayLink;
 use ipc_types::{Module, MonotonicNs, RelayModule, RobotId};
-use runtime::duration::Shown;
+use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure};
 
 use super::relay_link::LinkReport;
@@ -74,7 +74,7 @@ pub(crate) fn nothing_came(
     timeout: Duration,
 ) -> Result<Failure, Failure> {
     let robot = session.ipc.robot();
-    let timeout = Shown(timeout);
+    let timeout = DurationText(timeout);
     let Some(provider) = session.provider(key)? else {
         return Ok(absent(session, key));
     };

@@ -52,7 +52,7 @@ impl From<&Fence> for FenceFile {
 
 /// An area of the fence as a closed line.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outline {
+pub struct AreaOutline {
     /// Its name.
     pub name: String,
     /// Whether the robot must stay inside.
@@ -69,7 +69,7 @@ pub struct Outline {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chart {
     /// The areas of the fence.
-    pub fence: Vec<Outline>,
+    pub fence: Vec<AreaOutline>,
     /// Lowest altitude everywhere, m.
     pub floor_m: Option<f64>,
     /// Highest altitude everywhere, m.
@@ -82,7 +82,7 @@ impl Chart {
     /// The chart of a fence, which the bridge's own code has checked, and of a path.
     pub fn new(file: &FenceFile, path: &[WaypointPosition]) -> Chart {
         Chart {
-            fence: file.fence.area.iter().map(Outline::of).collect(),
+            fence: file.fence.area.iter().map(AreaOutline::of).collect(),
             floor_m: file.fence.floor_m,
             ceiling_m: file.fence.ceiling_m,
             path: places(path),
@@ -94,7 +94,7 @@ impl Chart {
 impl From<&outline::Outline> for Chart {
     fn from(held: &outline::Outline) -> Chart {
         Chart {
-            fence: held.areas.iter().map(Outline::from).collect(),
+            fence: held.areas.iter().map(AreaOutline::from).collect(),
             floor_m: held.floor_m,
             ceiling_m: held.ceiling_m,
             path: places(&held.path),
@@ -153,13 +153,13 @@ pub fn read_plan(file: &Path) -> Result<Plan, Failure> {
     plans::read(file, &bytes).map_err(|error| Failure::usage(format!("{name}: {error}")))
 }
 
-impl Outline {
-    fn of(area: &AreaConfig) -> Outline {
+impl AreaOutline {
+    fn of(area: &AreaConfig) -> AreaOutline {
         let corners = match (area.centre, area.radius_m) {
             (Some(centre), Some(radius_m)) => circle(centre, radius_m),
             _ => corners(area.polygon.as_deref().unwrap_or_default()),
         };
-        Outline {
+        AreaOutline {
             name: area.name.clone(),
             is_inclusion: area.kind == AreaKind::Inclusion,
             floor_m: area.floor_m,
@@ -170,8 +170,8 @@ impl Outline {
 }
 
 /// As the page draws it.
-impl From<Outline> for view::page::Area {
-    fn from(area: Outline) -> Self {
+impl From<AreaOutline> for view::page::Area {
+    fn from(area: AreaOutline) -> Self {
         let corners = area.corners.into_iter();
         view::page::Area {
             name: area.name,
@@ -183,9 +183,9 @@ impl From<Outline> for view::page::Area {
     }
 }
 
-impl From<&OutlineArea> for Outline {
-    fn from(area: &OutlineArea) -> Outline {
-        Outline {
+impl From<&OutlineArea> for AreaOutline {
+    fn from(area: &OutlineArea) -> AreaOutline {
+        AreaOutline {
             name: area.name.clone(),
             is_inclusion: area.is_inclusion,
             floor_m: area.floor_m,

@@ -2,7 +2,7 @@
 
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{ControlSender, ControlState, ModuleState, RelayStations};
-use runtime::duration::Shown;
+use runtime::duration::DurationText;
 use std::time::Duration;
 
 use crate::render::fields::Tree;
@@ -60,7 +60,7 @@ impl Senders<'_> {
         };
         let mut text = self.name(&holder);
         if let Some(ms) = age_ms(MonotonicNs(control.since_ns), now) {
-            text += &format!(", for {}", Shown(Duration::from_millis(ms)));
+            text += &format!(", for {}", DurationText(Duration::from_millis(ms)));
         }
         if let Some(asker) = state.asker() {
             text += &format!("; {} asks for it", self.name(&asker));

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use ipc_types::inspect::{Entry, Inspection, Life};
 use ipc_types::service::SERVICES;
 use ipc_types::{Domain, DomainError, Provider, RobotId, ServiceId};
-use runtime::duration::Shown;
+use runtime::duration::DurationText;
 use runtime::exit::Failure;
 
 /// How long looks may take that begin together. They take milliseconds; a machine that is overloaded a thousand times
@@ -42,7 +42,7 @@ impl fmt::Display for Trouble {
     /// The end of a sentence that begins with what was looked at.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Trouble::TookTooLong(limit) => write!(f, "was given up after {}", Shown(*limit)),
+            Trouble::TookTooLong(limit) => write!(f, "was given up after {}", DurationText(*limit)),
             Trouble::Failed(reason) => write!(f, "failed: {reason}"),
         }
     }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use ipc_types::code::{Reason, RelayLinkState};
 use ipc_types::payload::RelayLink;
 use ipc_types::{MonotonicNs, Source};
-use runtime::duration::Shown;
+use runtime::duration::DurationText;
 use runtime::exit::Failure;
 
 use crate::render::fields::Tree;
@@ -322,8 +322,8 @@ fn clock(link: &RelayLink) -> String {
     )
 }
 
-pub(crate) fn shown(ms: u64) -> Shown {
-    Shown(Duration::from_millis(ms))
+pub(crate) fn shown(ms: u64) -> DurationText {
+    DurationText(Duration::from_millis(ms))
 }
 
 /// Seconds as milliseconds, with the digits that mean something.

@@ -14,7 +14,7 @@ use bridge::BridgeConfig;
 use bridge::journal::{Record, Snapshot};
 use ipc_types::payload::BridgeJournal;
 use ipc_types::{Ipc, MonotonicNs, OpenError, Provider, Source, Subscriber, Topic};
-use module_kit::journal::{Entry, Reader};
+use module_kit::journal::{Entry, JournalReader};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::session::{Session, Topics};
@@ -40,7 +40,7 @@ impl fmt::Display for ConfigOrigin {
 /// The configuration of a live bridge. A bridge writes a snapshot, which has it, when a program subscribes to its journal.
 pub(crate) struct RunningBridge {
     port: Subscriber<BridgeJournal>,
-    reader: Reader,
+    reader: JournalReader,
     /// What a subscriber gets first is the last piece of before, perhaps with the snapshot that another one has asked for.
     opened: MonotonicNs,
     config: Option<BridgeConfig>,
@@ -55,7 +55,7 @@ impl RunningBridge {
     pub fn open(ipc: &Ipc) -> Result<RunningBridge, OpenError> {
         Ok(RunningBridge {
             port: ipc.subscriber()?,
-            reader: Reader::new(),
+            reader: JournalReader::new(),
             opened: MonotonicNs::now(),
             config: None,
         })

@@ -18,7 +18,7 @@ const MAX_TABLE_BYTES: u64 = 8 << 20;
 const LISTENS: u8 = 0x0a;
 
 /// A row of the table.
-struct Row {
+struct SocketRow {
     local: SocketAddr,
     remote: SocketAddr,
     state: u8,
@@ -86,10 +86,10 @@ fn of_user(table: &str, uid: u32) -> HashSet<(SocketAddr, SocketAddr)> {
     of_user.map(|row| (row.local, row.remote)).collect()
 }
 
-fn rows(table: &str) -> impl Iterator<Item = Row> {
+fn rows(table: &str) -> impl Iterator<Item = SocketRow> {
     table.lines().skip(1).filter_map(|line| {
         let mut words = line.split_ascii_whitespace().skip(1);
-        Some(Row {
+        Some(SocketRow {
             local: address(words.next()?)?,
             remote: address(words.next()?)?,
             state: u8::from_str_radix(words.next()?, 16).ok()?,

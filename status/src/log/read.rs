@@ -40,7 +40,7 @@ const MAX_EXCERPT_CHARS: usize = 40;
 
 /// Why a file cannot be read, or not any further.
 #[derive(Debug, thiserror::Error)]
-pub enum ReadError {
+pub enum LogReadError {
     /// The operating system says so.
     #[error("it cannot be read")]
     Unreadable(#[from] io::Error),
@@ -51,7 +51,7 @@ pub enum ReadError {
 
 /// A line after the first.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Entry<'a> {
+pub enum LogEntry<'a> {
     /// A row.
     Row(Row<'a>),
     /// A line that is no row.
@@ -198,10 +198,10 @@ impl<R: BufRead> LogReader<R> {
     /// # Errors
     ///
     /// The input cannot be read, or its first line is not that of a log.
-    pub fn begin(&mut self) -> Result<bool, ReadError> {
+    pub fn begin(&mut self) -> Result<bool, LogReadError> {
         if self.columns.is_none() && self.read_line()? {
             self.is_given = true;
-            self.columns = Some(self.header().map_err(ReadError::NoLog)?);
+            self.columns = Some(self.header().map_err(LogReadError::NoLog)?);
         }
         Ok(self.columns.is_some())
     }
@@ -212,7 +212,7 @@ impl<R: BufRead> LogReader<R> {
     ///
     /// The input cannot be read, or its first line is not that of a log.
     #[expect(clippy::should_implement_trait, reason = "it lends its line")]
-    pub fn next(&mut self) -> Result<Option<Entry<'_>>, ReadError> {
+    pub fn next(&mut self) -> Result<Option<LogEntry<'_>>, LogReadError> {
         if !self.begin()? || !self.read_line()? {
             return Ok(None);
         }
@@ -226,8 +226,8 @@ impl<R: BufRead> LogReader<R> {
         };
         let line = self.lines;
         Ok(Some(row.map_or_else(
-            |reason| Entry::Damaged(Damage { line, reason }),
-            Entry::Row,
+            |reason| LogEntry::Damaged(Damage { line, reason }),
+            LogEntry::Row,
         )))
     }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use recording::read::{self, ReadError, Source};
+use recording::read::{self, ReadError, RecordSource};
 use sha2::{Digest, Sha256};
 
 /// The messages of a topic.
@@ -26,7 +26,7 @@ pub struct Sums {
 
 impl Sums {
     /// What this workspace's own reader finds. Like the others, it does not complain that the file was not finished.
-    pub fn of<'a>(source: impl Into<Source<'a>>) -> Sums {
+    pub fn of<'a>(source: impl Into<RecordSource<'a>>) -> Sums {
         let mut digests = BTreeMap::<String, (u64, Sha256)>::new();
         let mut error = None;
         for message in read::messages(source) {

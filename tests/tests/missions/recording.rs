@@ -4,7 +4,7 @@ use bridge::BridgeConfig;
 use bridge::journal::Journaled;
 use ipc_types::payload::BridgeJournal;
 use ipc_types::{JournalPiece, MonotonicNs};
-use module_kit::journal::{Piece, Writer};
+use module_kit::journal::{JournalWriter, Piece};
 use replay::Verifier;
 
 /// The recorder of one journal of a mission.
@@ -37,8 +37,8 @@ pub fn bridge(config: &BridgeConfig) -> Journaled {
 }
 
 /// A writer that waits for its first snapshot.
-pub fn started<P: JournalPiece>() -> Writer {
-    let mut writer = Writer::new(P::ROOM);
+pub fn started<P: JournalPiece>() -> JournalWriter {
+    let mut writer = JournalWriter::new(P::ROOM);
     writer.start();
     writer
 }
@@ -55,7 +55,7 @@ impl<P: JournalPiece> Recording<P> {
     }
 
     /// Verifies what has been written so far.
-    pub fn take(&mut self, writer: &mut Writer, now: MonotonicNs) {
+    pub fn take(&mut self, writer: &mut JournalWriter, now: MonotonicNs) {
         self.now = now;
         while let Some(piece) = writer.next(now) {
             self.verify(&piece);
@@ -63,7 +63,7 @@ impl<P: JournalPiece> Recording<P> {
     }
 
     /// Verifies all that is left. The process is gone; its successor has a journal of its own.
-    pub fn process_gone(&mut self, writer: &mut Writer) {
+    pub fn process_gone(&mut self, writer: &mut JournalWriter) {
         let pieces: Vec<_> = writer.take_all().collect();
         for piece in pieces {
             self.verify(&piece);

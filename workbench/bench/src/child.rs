@@ -76,7 +76,7 @@ enum Role {
     #[cfg(feature = "peers")]
     Relay {
         #[command(subcommand)]
-        command: relay::cli::Command,
+        command: relay::cli::RelayCommand,
     },
     /// The RIL's processes and the operator's tool
     Ril {

@@ -8,7 +8,7 @@ use std::thread;
 use std::time::Duration;
 
 use dsp_sim::faults::{self, Fault, PortState, Script};
-use dsp_sim::port::{Port, Terminal};
+use dsp_sim::port::{Terminal, VirtualPort};
 use dsp_sim::pty::PtyPort;
 use dsp_sim::random::Random;
 use dsp_sim::simulator::{Setup, Simulator};
@@ -130,7 +130,7 @@ struct NotedPort {
     returns: Sender<MonotonicNs>,
 }
 
-impl Port for NotedPort {
+impl VirtualPort for NotedPort {
     fn follow(&mut self, state: PortState) -> io::Result<()> {
         self.port.follow(state)?;
         if state != self.seen && !state.is_gone {

@@ -1,7 +1,7 @@
 //! The C ABI. `include/hero_ril.h` is its contract; a test compares the two.
 //!
 //! Each function converts its arguments, calls safe code and returns a code. No panic leaves it: it becomes
-//! [`Kind::Panic`], with its text as the thread's last error. Here are the conversions; the functions are in
+//! [`ErrorKind::Panic`], with its text as the thread's last error. Here are the conversions; the functions are in
 //!
 //! * [`robot`]: taking part;
 //! * [`topics`]: subscribing and publishing;
@@ -28,7 +28,7 @@ use std::ffi::{CStr, CString, c_char, c_int};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
-use crate::error::{Error, Kind};
+use crate::error::{Error, ErrorKind};
 use crate::service::ServiceName;
 use crate::topic::FOREVER;
 
@@ -83,7 +83,7 @@ fn guard(act: impl FnOnce() -> Result<c_int, Error>) -> c_int {
                 .or(panic.downcast_ref::<&str>().copied())
                 .unwrap_or("no reason");
             remember(&format!("a bug in the library: {text}; close the handle"));
-            Kind::Panic as c_int
+            ErrorKind::Panic as c_int
         }
     }
 }

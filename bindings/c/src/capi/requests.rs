@@ -13,7 +13,7 @@ use super::{
     timeout, write,
 };
 use crate::error::Error;
-use crate::requests::{Answer, Requests, check_waypoints, reason_name, stage_name};
+use crate::requests::{ReportWait, Requests, check_waypoints, reason_name, stage_name};
 
 /// `hero_ril_waypoint`
 #[repr(C)]
@@ -182,12 +182,12 @@ pub unsafe extern "C" fn hero_ril_next_report(
             return Err(null("report"));
         }
         match client.next_report(request_id, timeout(timeout_ms))? {
-            Answer::Report(answer) => {
+            ReportWait::Report(answer) => {
                 write(report, answer, "report")?;
                 Ok(OK)
             }
-            Answer::Nothing => Ok(NOTHING),
-            Answer::Interrupted => Ok(INTERRUPTED),
+            ReportWait::Nothing => Ok(NOTHING),
+            ReportWait::Interrupted => Ok(INTERRUPTED),
         }
     })
 }

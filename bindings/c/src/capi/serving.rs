@@ -12,7 +12,7 @@ use super::{
     timeout, write,
 };
 use crate::error::Error;
-use crate::serving::{Order, Reported, Serving};
+use crate::serving::{Reported, Serving, ServingEvent};
 
 /// See the header.
 #[unsafe(no_mangle)]
@@ -60,18 +60,18 @@ pub unsafe extern "C" fn hero_ril_take(
             )));
         }
         match server.take(timeout(timeout_ms))? {
-            Order::Request(of, bytes) => {
+            ServingEvent::Request(of, bytes) => {
                 write(ticket, of.to_bits(), "ticket")?;
                 // SAFETY: not null, and the caller has `size` bytes there, as many as a request has.
                 std::ptr::copy_nonoverlapping(bytes.as_ptr(), request.cast(), size);
                 Ok(OK)
             }
-            Order::Gone(of) => {
+            ServingEvent::Gone(of) => {
                 write(ticket, of.to_bits(), "ticket")?;
                 Ok(GONE)
             }
-            Order::Nothing => Ok(NOTHING),
-            Order::Interrupted => Ok(INTERRUPTED),
+            ServingEvent::Nothing => Ok(NOTHING),
+            ServingEvent::Interrupted => Ok(INTERRUPTED),
         }
     })
 }

@@ -11,11 +11,11 @@ use super::{
     timeout, write,
 };
 use crate::error::Error;
-use crate::topic::{self, Received};
+use crate::topic::{self, SampleWait};
 
 /// `hero_ril_losses`
 #[repr(C)]
-pub struct Counts {
+pub struct LossCounts {
     received: u64,
     lost: u64,
     repeated: u64,
@@ -88,9 +88,9 @@ pub unsafe extern "C" fn hero_ril_receive(
         let to = Buffer::of(subscriber, sample, size)?;
         Ok(
             match topic::receive(subscriber, timeout(timeout_ms), |sample| to.fill(sample))? {
-                Received::Sample => OK,
-                Received::Nothing => NOTHING,
-                Received::Interrupted => INTERRUPTED,
+                SampleWait::Sample => OK,
+                SampleWait::Nothing => NOTHING,
+                SampleWait::Interrupted => INTERRUPTED,
             },
         )
     })
@@ -138,7 +138,7 @@ pub unsafe extern "C" fn hero_ril_sample_size(subscriber: *const DynamicSubscrib
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_count(
     subscriber: *mut DynamicSubscriber,
-    losses: *mut Counts,
+    losses: *mut LossCounts,
 ) -> c_int {
     guard(|| unsafe {
         let Losses {
@@ -147,7 +147,7 @@ pub unsafe extern "C" fn hero_ril_count(
             repeated,
             publisher_restarts,
         } = handle(subscriber, "subscriber")?.losses();
-        let counts = Counts {
+        let counts = LossCounts {
             received,
             lost,
             repeated,

@@ -162,7 +162,7 @@ impl Holders {
     fn look_at(&mut self, process: &Path, pid: u32, terminal: &TerminalDevice, has_lock: bool) {
         let Some(session) = fs::read_to_string(process.join("stat"))
             .ok()
-            .and_then(|stat| Session::parse(&stat))
+            .and_then(|stat| ProcessSession::parse(&stat))
         else {
             return;
         };
@@ -260,14 +260,14 @@ impl OpenFiles {
 
 /// Session and controlling terminal of a process.
 #[derive(Debug, PartialEq)]
-struct Session {
+struct ProcessSession {
     id: u32,
     terminal: (u32, u32),
 }
 
-impl Session {
+impl ProcessSession {
     /// From `/proc/PID/stat`.
-    fn parse(stat: &str) -> Option<Session> {
+    fn parse(stat: &str) -> Option<ProcessSession> {
         // The program's name, in parentheses, may have any character in it.
         let (_, rest) = stat.rsplit_once(')')?;
         // State, parent, process group, session, terminal.
@@ -280,7 +280,7 @@ impl Session {
             (number >> 8) & 0xfff,
             (number & 0xff) | ((number >> 12) & 0xf_ff00),
         );
-        Some(Session { id, terminal })
+        Some(ProcessSession { id, terminal })
     }
 }
 
@@ -376,8 +376,8 @@ mod tests {
             ("7 (bash) S 1", None),
             ("", None),
         ] {
-            let expected = expected.map(|(id, terminal)| Session { id, terminal });
-            assert_eq!(Session::parse(stat), expected, "{stat}");
+            let expected = expected.map(|(id, terminal)| ProcessSession { id, terminal });
+            assert_eq!(ProcessSession::parse(stat), expected, "{stat}");
         }
     }
 

@@ -16,41 +16,41 @@ fn ms(count: u64) -> Duration {
 }
 
 /// The kind of the table that a fault was read from.
-fn kind_of(fault: &Fault) -> Kind {
+fn kind_of(fault: &Fault) -> FaultKind {
     match fault {
         Fault::Bytes { damage, .. } => match damage {
-            Damage::FlipBits { .. } => Kind::FlipBits,
-            Damage::Drop { .. } => Kind::DropBytes,
-            Damage::Duplicate { .. } => Kind::DuplicateBytes,
-            Damage::Insert { .. } => Kind::InsertBytes,
-            Damage::Delay { .. } => Kind::DelayBytes,
-            Damage::Split { .. } => Kind::SplitBytes,
-            Damage::Burst { .. } => Kind::Burst,
-            Damage::Stall { .. } => Kind::Stall,
-            Damage::Outage => Kind::Outage,
+            Damage::FlipBits { .. } => FaultKind::FlipBits,
+            Damage::Drop { .. } => FaultKind::DropBytes,
+            Damage::Duplicate { .. } => FaultKind::DuplicateBytes,
+            Damage::Insert { .. } => FaultKind::InsertBytes,
+            Damage::Delay { .. } => FaultKind::DelayBytes,
+            Damage::Split { .. } => FaultKind::SplitBytes,
+            Damage::Burst { .. } => FaultKind::Burst,
+            Damage::Stall { .. } => FaultKind::Stall,
+            Damage::Outage => FaultKind::Outage,
         },
         Fault::Messages { act, .. } => match act {
-            Act::Drop => Kind::Drop,
-            Act::Repeat => Kind::Repeat,
-            Act::Late(_) => Kind::Late,
-            Act::Reorder => Kind::Reorder,
+            Act::Drop => FaultKind::Drop,
+            Act::Repeat => FaultKind::Repeat,
+            Act::Late(_) => FaultKind::Late,
+            Act::Reorder => FaultKind::Reorder,
         },
         Fault::Dsp { event, .. } => match event {
-            DspEvent::RaiseError(_) => Kind::RaiseError,
-            DspEvent::Reboot => Kind::Reboot,
-            DspEvent::StopStatus => Kind::StopStatus,
-            DspEvent::Hang(_) => Kind::Hang,
-            DspEvent::ClockJump(_) => Kind::ClockJump,
-            DspEvent::ChangeMask(_) => Kind::ChangeMask,
+            DspEvent::RaiseError(_) => FaultKind::RaiseError,
+            DspEvent::Reboot => FaultKind::Reboot,
+            DspEvent::StopStatus => FaultKind::StopStatus,
+            DspEvent::Hang(_) => FaultKind::Hang,
+            DspEvent::ClockJump(_) => FaultKind::ClockJump,
+            DspEvent::ChangeMask(_) => FaultKind::ChangeMask,
         },
         Fault::Helicopter { event, .. } => match event {
-            HelicopterEvent::PilotTakesOver(_) => Kind::PilotTakesOver,
-            HelicopterEvent::BatteryLow { .. } => Kind::BatteryLow,
-            HelicopterEvent::FuelLow { .. } => Kind::FuelLow,
-            HelicopterEvent::GpsAltitudeDrift { .. } => Kind::GpsAltitudeDrift,
-            HelicopterEvent::LoseFix(_) => Kind::LoseFix,
+            HelicopterEvent::PilotTakesOver(_) => FaultKind::PilotTakesOver,
+            HelicopterEvent::BatteryLow { .. } => FaultKind::BatteryLow,
+            HelicopterEvent::FuelLow { .. } => FaultKind::FuelLow,
+            HelicopterEvent::GpsAltitudeDrift { .. } => FaultKind::GpsAltitudeDrift,
+            HelicopterEvent::LoseFix(_) => FaultKind::LoseFix,
         },
-        Fault::HangUp { .. } => Kind::HangUp,
+        Fault::HangUp { .. } => FaultKind::HangUp,
     }
 }
 
@@ -58,14 +58,14 @@ fn kind_of(fault: &Fault) -> Kind {
 fn the_annotated_example_has_every_kind_and_every_key() {
     let example = include_str!("../../../faults.toml");
     let script = parse(example).unwrap();
-    for &kind in Kind::ALL {
+    for &kind in FaultKind::ALL {
         assert!(
             script.faults.iter().any(|fault| kind_of(fault) == kind),
             "{} is not in the example",
             kind.name()
         );
     }
-    assert_eq!(script.faults.len(), Kind::ALL.len());
+    assert_eq!(script.faults.len(), FaultKind::ALL.len());
     let keys = "direction message from_s until_s at_s every_s for_s rate bit_error_rate length_bytes chunk_bytes \
                 delay_ms jitter_ms gap_ms then code jump_ms elsewhere mask volts percent drift_mps seed";
     for key in keys.split_whitespace() {
@@ -249,10 +249,10 @@ fn every_mistake_is_reported_with_its_line() {
 #[test]
 fn every_kind_says_what_it_needs() {
     // With nothing but its name, each kind but the outage misses something.
-    for &kind in Kind::ALL {
+    for &kind in FaultKind::ALL {
         let outcome = parse(&format!("[[fault]]\nkind = '{}'", kind.name()));
         match kind {
-            Kind::Outage => assert!(outcome.is_ok()),
+            FaultKind::Outage => assert!(outcome.is_ok()),
             _ => {
                 let error = outcome.unwrap_err();
                 let needed = format!("a fault of kind `{}` needs `", kind.name());

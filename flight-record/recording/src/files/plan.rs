@@ -2,7 +2,7 @@
 
 use ipc_types::MonotonicNs;
 
-use crate::action::Action;
+use crate::action::FileAction;
 use crate::encoder::Encoder;
 use crate::notes::file_metadata;
 
@@ -61,7 +61,7 @@ impl Files {
         let is_finishing = matches!(self.goal, Goal::Split(_) | Goal::End);
         let is_due = self.flush_at().is_some_and(|at| at <= self.now) || is_finishing;
         if !is_finishing && self.sync_at().is_some_and(|at| at <= self.now) {
-            self.then(Action::Sync, Then::Synced);
+            self.then(FileAction::Sync, Then::Synced);
         } else if is_due && max_entries > 0 && self.inbox.queue.len() > 0 {
             self.plan_chunk(max_entries);
         } else if is_finishing {
@@ -69,7 +69,7 @@ impl Files {
         }
     }
 
-    pub(super) fn then(&mut self, action: Action, then: Then) {
+    pub(super) fn then(&mut self, action: FileAction, then: Then) {
         self.steps.push_back(FileStep { action, then });
     }
 
@@ -83,8 +83,8 @@ impl Files {
             Ok((encoder, parts)) => {
                 let len = encoder.len();
                 self.file = Some(OpenFile::new(encoder, index, self.now));
-                self.then(Action::Open { index }, Then::Created);
-                self.then(Action::Write { parts }, Then::Written(len));
+                self.then(FileAction::Open { index }, Then::Created);
+                self.then(FileAction::Write { parts }, Then::Written(len));
             }
             Err(error) => self.give_up(&error.to_string()),
         }
@@ -99,7 +99,7 @@ impl Files {
         match described.and_then(|()| encoder.chunk(self.inbox.channels.all(), entries)) {
             Ok(parts) => {
                 let len = encoder.len();
-                self.then(Action::Write { parts }, Then::Written(len));
+                self.then(FileAction::Write { parts }, Then::Written(len));
             }
             Err(error) => self.give_up(&error.to_string()),
         }
@@ -114,10 +114,10 @@ impl Files {
         let is_whole = true;
         match encoder.finish() {
             Ok((len, parts)) => {
-                self.then(Action::Write { parts }, Then::Written(len));
-                self.then(Action::Truncate { len }, Then::Written(len));
-                self.then(Action::Sync, Then::Synced);
-                self.then(Action::Close { is_whole, messages }, Then::Closed);
+                self.then(FileAction::Write { parts }, Then::Written(len));
+                self.then(FileAction::Truncate { len }, Then::Written(len));
+                self.then(FileAction::Sync, Then::Synced);
+                self.then(FileAction::Close { is_whole, messages }, Then::Closed);
             }
             Err(error) => self.give_up(&error.to_string()),
         }

@@ -1,4 +1,4 @@
-//! [`Flight`]: what a recording has to play.
+//! [`PlayableFlight`]: what a recording has to play.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -10,7 +10,7 @@ use ipc_types::{MonotonicNs, RobotId, Schema, ServiceId};
 use super::timeline::FlightNs;
 use crate::notes::FILE_METADATA;
 use crate::read::store::room_for;
-use crate::read::{ReadError, RecordFile, RecordedMessage, Source, messages, summary_of};
+use crate::read::{ReadError, RecordFile, RecordSource, RecordedMessage, messages, summary_of};
 use crate::settings::Anchor;
 
 /// Type of the messages that say which requests came, and what became of them. They are no samples.
@@ -26,13 +26,13 @@ const MAX_AHEAD_NS: u64 = 1_000_000_000;
 
 /// A recording that can be played, in memory.
 #[derive(Debug)]
-pub struct Flight {
+pub struct PlayableFlight {
     /// All that is played, one after the other.
     bytes: Vec<u8>,
     robot: RobotId,
     topics: Vec<PlayedTopic>,
     /// In the order of their times.
-    entries: Vec<Entry>,
+    entries: Vec<IndexEntry>,
     left_out: Vec<LeftOut>,
     errors: Vec<ReadError>,
 }
@@ -65,7 +65,7 @@ pub struct LeftOut {
 
 /// What a message is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Content<'a> {
+pub enum PlayedContent<'a> {
     /// A sample of the topic with this index, as it lay in shared memory.
     Sample(usize, &'a [u8]),
     /// A [`REQUEST_EVENT`] in CDR, with its header.
@@ -87,7 +87,7 @@ pub enum FlightError {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Entry {
+struct IndexEntry {
     at: FlightNs,
     /// Index of the topic; `None` of a request.
     topic: Option<u16>,
@@ -95,22 +95,22 @@ struct Entry {
     len: usize,
 }
 
-impl Flight {
+impl PlayableFlight {
     /// Reads a file.
     ///
     /// # Errors
-    /// See [`FlightError`]. A damaged file is played without what is damaged; [`Flight::errors`] has the reasons.
-    pub fn open(path: &Path) -> Result<Flight, FlightError> {
-        Flight::new(&RecordFile::open(path)?)
+    /// See [`FlightError`]. A damaged file is played without what is damaged; [`PlayableFlight::errors`] has the reasons.
+    pub fn open(path: &Path) -> Result<PlayableFlight, FlightError> {
+        PlayableFlight::new(&RecordFile::open(path)?)
     }
 
     /// Reads a recording, of robot N what lies below `/robotN/`; when there are several robots, of that of the first sample.
     ///
     /// # Errors
-    /// As [`Flight::open`].
-    pub fn new<'a>(source: impl Into<Source<'a>>) -> Result<Flight, FlightError> {
+    /// As [`PlayableFlight::open`].
+    pub fn new<'a>(source: impl Into<RecordSource<'a>>) -> Result<PlayableFlight, FlightError> {
         let source = source.into();
-        let mut reader = Reader::new(&source)?;
+        let mut reader = MessageReader::new(&source)?;
         for message in messages(source) {
             match message {
                 Ok(message) => reader.take(&message),
@@ -118,7 +118,7 @@ impl Flight {
                 Err(error) => reader.errors.push(error),
             }
         }
-        let Reader {
+        let MessageReader {
             bytes,
             robot,
             topics,
@@ -133,7 +133,7 @@ impl Flight {
         };
         // Of equal times, the file's order.
         entries.sort_by_key(|entry| entry.at);
-        Ok(Flight {
+        Ok(PlayableFlight {
             bytes,
             robot,
             topics,
@@ -174,12 +174,12 @@ impl Flight {
     }
 
     /// The message with this index.
-    pub fn content(&self, index: usize) -> Option<Content<'_>> {
+    pub fn content(&self, index: usize) -> Option<PlayedContent<'_>> {
         let entry = self.entries.get(index)?;
         let data = self.bytes.get(entry.start..entry.start + entry.len)?;
         Some(match entry.topic {
-            Some(topic) => Content::Sample(usize::from(topic), data),
-            None => Content::Request(data),
+            Some(topic) => PlayedContent::Sample(usize::from(topic), data),
+            None => PlayedContent::Request(data),
         })
     }
 
@@ -209,23 +209,23 @@ impl Flight {
 }
 
 /// Reads the messages of a file.
-struct Reader {
+struct MessageReader {
     bytes: Vec<u8>,
     anchor: Option<Anchor>,
     robot: Option<RobotId>,
     topics: Vec<PlayedTopic>,
     /// What became of each topic: its index, or `None` if it is not played.
     known: HashMap<String, (Option<u16>, String)>,
-    entries: Vec<Entry>,
+    entries: Vec<IndexEntry>,
     left_out: Vec<LeftOut>,
     errors: Vec<ReadError>,
 }
 
-impl Reader {
+impl MessageReader {
     /// # Errors
     /// What is played may have no room in memory.
-    fn new(source: &Source<'_>) -> Result<Reader, std::io::Error> {
-        Ok(Reader {
+    fn new(source: &RecordSource<'_>) -> Result<MessageReader, std::io::Error> {
+        Ok(MessageReader {
             bytes: room_for(source.len())?,
             anchor: anchor_of(source.clone()),
             robot: None,
@@ -272,7 +272,7 @@ impl Reader {
     fn push(&mut self, at: FlightNs, topic: Option<u16>, data: &[u8]) {
         let start = self.bytes.len();
         self.bytes.extend_from_slice(data);
-        self.entries.push(Entry {
+        self.entries.push(IndexEntry {
             at,
             topic,
             start,
@@ -347,7 +347,7 @@ pub(super) fn flight_ns(anchor: Anchor, unix_ns: u64) -> FlightNs {
 }
 
 /// The moment by both clocks that the file's metadata has.
-pub fn anchor_of<'a>(source: impl Into<Source<'a>>) -> Option<Anchor> {
+pub fn anchor_of<'a>(source: impl Into<RecordSource<'a>>) -> Option<Anchor> {
     let metadata = summary_of(source).ok()?.metadata;
     let (_, entries) = metadata.iter().find(|(name, _)| name == FILE_METADATA)?;
     let number = |key| entries.get(key)?.parse().ok();

@@ -1,6 +1,6 @@
 //! Playing a recording: its samples onto live services, as if the robot were there.
 //!
-//! * [`Flight`]: what a file has to play;
+//! * [`PlayableFlight`]: what a file has to play;
 //! * [`Player`]: which message is due when, with speed, section, loop, pause and steps; a pure value that is given the time;
 //! * [`Timeline`]: moments of the flight as moments of now;
 //! * [`PlayedServices`]: the services of the robot in shared memory. Requests to it are refused;
@@ -20,7 +20,8 @@ mod stream;
 mod timeline;
 
 pub use flight::{
-    Content, Flight, FlightError, LeftOut, PlayedTopic, REQUEST_EVENT, anchor_of, key_of,
+    FlightError, LeftOut, PlayableFlight, PlayedContent, PlayedTopic, REQUEST_EVENT, anchor_of,
+    key_of,
 };
 pub use player::{Due, EmptySection, Player, Section};
 pub use playhead::{Playhead, SPEEDS};

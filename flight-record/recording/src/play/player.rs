@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use super::flight::Flight;
+use super::flight::PlayableFlight;
 use super::timeline::{FlightNs, Timeline};
 
 /// By how much a message may come late. After more, because the process was suspended or the machine is too slow for the speed, the
@@ -62,7 +62,7 @@ pub struct Due {
 /// sample of each topic before a section comes at its beginning.
 #[derive(Debug)]
 pub struct Player {
-    flight: Arc<Flight>,
+    flight: Arc<PlayableFlight>,
     section: Section,
     /// The messages of the section.
     first: usize,
@@ -83,7 +83,7 @@ impl Player {
     /// # Errors
     /// When no message lies in the section.
     pub fn new(
-        flight: Arc<Flight>,
+        flight: Arc<PlayableFlight>,
         section: Section,
         now: MonotonicNs,
     ) -> Result<Player, EmptySection> {
@@ -117,7 +117,7 @@ impl Player {
     }
 
     /// The flight.
-    pub fn flight(&self) -> &Arc<Flight> {
+    pub fn flight(&self) -> &Arc<PlayableFlight> {
         &self.flight
     }
 

@@ -9,7 +9,7 @@ use ipc_types::{
     ServeError, Server, ServiceId, Source, Ticket,
 };
 
-use super::flight::{Content, Flight, LeftOut};
+use super::flight::{LeftOut, PlayableFlight, PlayedContent};
 use super::player::Due;
 
 /// What the process is called that provides the services: consumers that look for it see that this is no robot.
@@ -28,16 +28,16 @@ pub enum ServicesError {
 
 /// The services of a robot that is played: every topic of the recording, and the bridge's request services, which refuse all.
 pub struct PlayedServices {
-    flight: Arc<Flight>,
+    flight: Arc<PlayableFlight>,
     /// At the places of the flight's topics; `None` for those that are left out.
-    topics: Vec<Option<Topic>>,
+    topics: Vec<Option<ServedTopic>>,
     left_out: Vec<LeftOut>,
     control: Refusing<ModuleControl>,
     movement: Refusing<MovementData>,
     parameters: Refusing<ParameterRequest>,
 }
 
-struct Topic {
+struct ServedTopic {
     publisher: DynamicPublisher,
     /// Offset of the field by which the bridge's state says that it is replayed; nothing in other topics.
     replayed: Option<usize>,
@@ -48,7 +48,7 @@ impl PlayedServices {
     ///
     /// # Errors
     /// See [`ServicesError`].
-    pub fn open(flight: &Arc<Flight>, ipc: &Ipc) -> Result<PlayedServices, ServicesError> {
+    pub fn open(flight: &Arc<PlayableFlight>, ipc: &Ipc) -> Result<PlayedServices, ServicesError> {
         // Requests first: what says that a robot lives is whether its movements are served.
         let (control, movement, parameters) = (
             Refusing::open(ipc)?,
@@ -65,7 +65,7 @@ impl PlayedServices {
         };
         for played in flight.topics() {
             let topic = match DynamicPublisher::open(ipc, &played.key, &played.schema_text) {
-                Ok(publisher) => Some(Topic {
+                Ok(publisher) => Some(ServedTopic {
                     replayed: replayed_offset(&played.key, publisher.schema()),
                     publisher,
                 }),
@@ -93,7 +93,7 @@ impl PlayedServices {
     /// # Errors
     /// See [`PublishError`].
     pub fn publish(&mut self, due: &Due, now: MonotonicNs) -> Result<bool, PublishError> {
-        let Some(Content::Sample(index, sample)) = self.flight.content(due.index) else {
+        let Some(PlayedContent::Sample(index, sample)) = self.flight.content(due.index) else {
             return Ok(false);
         };
         let Some(Some(topic)) = self.topics.get_mut(index) else {

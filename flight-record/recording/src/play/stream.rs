@@ -8,7 +8,7 @@ use ipc_types::{MonotonicNs, RobotId, Schema};
 
 use super::flight::{FlightError, anchor_of, flight_ns, key_of, latest};
 use super::timeline::FlightNs;
-use crate::read::{Mark, Messages, ReadError, RecordFile, RecordedMessage, messages};
+use crate::read::{FileMark, Messages, ReadError, RecordFile, RecordedMessage, messages};
 use crate::settings::Anchor;
 
 /// See the module's documentation.
@@ -23,7 +23,7 @@ pub struct FlightStream {
 /// A place between two messages of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FlightMark {
-    mark: Mark,
+    mark: FileMark,
     last: FlightNs,
 }
 

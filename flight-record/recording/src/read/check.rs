@@ -7,8 +7,8 @@ use crate::event_message;
 
 use super::message::{ReadError, RecordedMessage};
 use super::record::{self, AttachmentRecord};
-use super::store::Source;
-use super::walk::{Item, Walk};
+use super::store::RecordSource;
+use super::walk::{Walk, WalkItem};
 
 /// Errors that are listed at most.
 const MAX_ERRORS: usize = 1000;
@@ -55,7 +55,7 @@ pub struct TopicCheck {
 
 /// What [`check`] has found.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Check {
+pub struct RecordCheck {
     /// Whether the file was finished and nothing in it is damaged.
     pub is_complete: bool,
     /// What is wrong, in the order of the file; empty when it is complete. At most 1000 are listed.
@@ -79,34 +79,34 @@ pub struct Check {
 }
 
 /// Reads the whole file and says what is in it, and what is missing.
-pub fn check<'a>(source: impl Into<Source<'a>>) -> Check {
+pub fn check<'a>(source: impl Into<RecordSource<'a>>) -> RecordCheck {
     check_with(source.into(), |_| {})
 }
 
 /// As [`check`], and gives the files within the file.
 pub(super) fn check_with(
-    source: Source<'_>,
+    source: RecordSource<'_>,
     mut attachment: impl FnMut(AttachmentRecord<'_>),
-) -> Check {
-    let mut check = Check::default();
+) -> RecordCheck {
+    let mut check = RecordCheck::default();
     let mut sequences = HashMap::new();
     let mut walk = Walk::new(source);
     for item in walk.by_ref() {
         match item {
-            Item::Message(message, channel) => {
+            WalkItem::Message(message, channel) => {
                 let sequence = sequences.entry(channel).or_insert(None);
                 check.message(&message, sequence);
             }
-            Item::Chunk => check.whole_chunks += 1,
-            Item::Metadata(name, entries) => check.metadata.push((name, entries)),
-            Item::Attachment(content) => {
+            WalkItem::Chunk => check.whole_chunks += 1,
+            WalkItem::Metadata(name, entries) => check.metadata.push((name, entries)),
+            WalkItem::Attachment(content) => {
                 if let Some(file) = record::attachment(&content) {
                     let len = file.data.len() as u64;
                     check.attachments.push((file.name.to_owned(), len));
                     attachment(file);
                 }
             }
-            Item::Error(error) => check.error(error),
+            WalkItem::Error(error) => check.error(error),
         }
     }
     if check.errors.is_empty() && !walk.is_finished() {
@@ -124,7 +124,7 @@ pub(super) fn check_with(
     check
 }
 
-impl Check {
+impl RecordCheck {
     fn error(&mut self, error: ReadError) {
         if self.errors.len() < MAX_ERRORS {
             self.errors.push(error);

@@ -16,9 +16,9 @@ pub(crate) mod store;
 mod summary;
 mod walk;
 
-pub use check::{Check, RecordedEvent, TopicCheck, check};
+pub use check::{RecordCheck, RecordedEvent, TopicCheck, check};
 pub use message::{ReadError, RecordedMessage};
 pub use recover::{RECOVERED_METADATA, Recovered, extract, recover};
-pub use store::{RecordFile, Source};
-pub use summary::{Summary, summary_of};
-pub use walk::{Mark, Messages, messages};
+pub use store::{RecordFile, RecordSource};
+pub use summary::{RecordSummary, summary_of};
+pub use walk::{FileMark, Messages, messages};

@@ -12,16 +12,16 @@ const MAX_SCHEMA_NAME_LEN: usize = 256;
 
 /// A record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Record<'a> {
+pub(super) struct McapRecord<'a> {
     pub(super) opcode: u8,
     pub(super) content: &'a [u8],
 }
 
-impl<'a> Record<'a> {
+impl<'a> McapRecord<'a> {
     /// The record at the beginning of `bytes`; `None` if it does not lie there as a whole.
-    pub(super) fn first(bytes: &'a [u8]) -> Option<Record<'a>> {
+    pub(super) fn first(bytes: &'a [u8]) -> Option<McapRecord<'a>> {
         let (opcode, len) = head(bytes)?;
-        Some(Record {
+        Some(McapRecord {
             opcode,
             content: bytes.get(HEAD_LEN..)?.get(..usize::try_from(len).ok()?)?,
         })
@@ -249,7 +249,7 @@ pub(super) const FOOTER_LEN: usize = HEAD_LEN + 20 + mcap::MAGIC.len();
 
 /// Where the summary begins, by the footer and mark that `bytes` are: 0 without a summary. `None` if they are something else.
 pub(super) fn summary_start(bytes: &[u8]) -> Option<u64> {
-    let footer = Record::first(bytes)?;
+    let footer = McapRecord::first(bytes)?;
     let is_footer = footer.opcode == op::FOOTER && footer.content.len() == 20;
     let has_mark = bytes.get(footer.len()..)? == mcap::MAGIC;
     if is_footer && has_mark {

@@ -11,8 +11,8 @@ use crate::sink::Counted;
 
 use super::message::{ReadError, RecordedMessage};
 use super::record::{self, ChannelFacts};
-use super::store::Source;
-use super::walk::{Item, Walk};
+use super::store::RecordSource;
+use super::walk::{Walk, WalkItem};
 
 /// Name of the record of metadata that says what was wrong with the damaged file.
 pub const RECOVERED_METADATA: &str = "ril.recovered";
@@ -25,7 +25,7 @@ const MAX_ERRORS: usize = 1000;
 pub struct Recovered {
     /// Messages in the new file.
     pub messages: u64,
-    /// What was wrong with the old one, as in [`Check::errors`](super::Check::errors).
+    /// What was wrong with the old one, as in [`RecordCheck::errors`](super::RecordCheck::errors).
     pub errors: Vec<ReadError>,
 }
 
@@ -35,7 +35,7 @@ pub struct Recovered {
 /// # Errors
 /// `source` is no MCAP file, or `to` does not take the new one.
 pub fn recover<'a>(
-    source: impl Into<Source<'a>>,
+    source: impl Into<RecordSource<'a>>,
     to: &mut impl Write,
 ) -> Result<Recovered, ReadError> {
     copy(source.into(), to, |_| true, true)
@@ -46,7 +46,7 @@ pub fn recover<'a>(
 /// # Errors
 /// As [`recover`].
 pub fn extract<'a>(
-    source: impl Into<Source<'a>>,
+    source: impl Into<RecordSource<'a>>,
     to: &mut impl Write,
     is_kept: impl Fn(&RecordedMessage) -> bool,
 ) -> Result<Recovered, ReadError> {
@@ -54,7 +54,7 @@ pub fn extract<'a>(
 }
 
 fn copy(
-    source: Source<'_>,
+    source: RecordSource<'_>,
     to: &mut impl Write,
     is_kept: impl Fn(&RecordedMessage) -> bool,
     has_note: bool,
@@ -68,8 +68,8 @@ fn copy(
     let mut walk = Walk::new(source);
     for item in walk.by_ref() {
         match item {
-            Item::Message(message, _) if !is_kept(&message) => {}
-            Item::Message(message, number) => {
+            WalkItem::Message(message, _) if !is_kept(&message) => {}
+            WalkItem::Message(message, number) => {
                 let header = MessageHeader {
                     channel_id: id(&mut writer, &mut ids, number, &message.channel)?,
                     sequence: message.sequence,
@@ -79,11 +79,11 @@ fn copy(
                 writer.write_to_known_channel(&header, message.data())?;
                 recovered.messages += 1;
             }
-            Item::Chunk => {}
-            Item::Metadata(name, metadata) => {
+            WalkItem::Chunk => {}
+            WalkItem::Metadata(name, metadata) => {
                 writer.write_metadata(&Metadata { name, metadata })?;
             }
-            Item::Attachment(content) => {
+            WalkItem::Attachment(content) => {
                 if let Some(file) = record::attachment(&content) {
                     writer.attach(&mcap::Attachment {
                         log_time: file.log_time_ns,
@@ -94,11 +94,11 @@ fn copy(
                     })?;
                 }
             }
-            Item::Error(ReadError::NotMcap) => return Err(ReadError::NotMcap),
-            Item::Error(error) if recovered.errors.len() < MAX_ERRORS => {
+            WalkItem::Error(ReadError::NotMcap) => return Err(ReadError::NotMcap),
+            WalkItem::Error(error) if recovered.errors.len() < MAX_ERRORS => {
                 recovered.errors.push(error);
             }
-            Item::Error(_) => {}
+            WalkItem::Error(_) => {}
         }
     }
     if recovered.errors.is_empty() && !walk.is_finished() {

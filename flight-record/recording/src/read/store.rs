@@ -1,4 +1,4 @@
-//! [`Source`]: what is read, piece by piece: a file, or bytes in memory. [`CachedSource`] keeps the last piece.
+//! [`RecordSource`]: what is read, piece by piece: a file, or bytes in memory. [`CachedSource`] keeps the last piece.
 
 use std::fs::{self, File};
 use std::io;
@@ -57,57 +57,57 @@ impl RecordFile {
 
 /// What is read: a [`RecordFile`], or bytes.
 #[derive(Clone, Debug)]
-pub enum Source<'a> {
+pub enum RecordSource<'a> {
     /// A file.
     File(RecordFile),
     /// Bytes in memory.
     Bytes(&'a [u8]),
 }
 
-impl From<&RecordFile> for Source<'_> {
+impl From<&RecordFile> for RecordSource<'_> {
     fn from(file: &RecordFile) -> Self {
-        Source::File(file.clone())
+        RecordSource::File(file.clone())
     }
 }
 
-impl<'a> From<&'a [u8]> for Source<'a> {
+impl<'a> From<&'a [u8]> for RecordSource<'a> {
     fn from(bytes: &'a [u8]) -> Self {
-        Source::Bytes(bytes)
+        RecordSource::Bytes(bytes)
     }
 }
 
-impl<'a> From<&'a Vec<u8>> for Source<'a> {
+impl<'a> From<&'a Vec<u8>> for RecordSource<'a> {
     fn from(bytes: &'a Vec<u8>) -> Self {
-        Source::Bytes(bytes)
+        RecordSource::Bytes(bytes)
     }
 }
 
-impl Source<'_> {
+impl RecordSource<'_> {
     /// Length, bytes.
     pub(crate) fn len(&self) -> u64 {
         match self {
-            Source::File(file) => file.len,
-            Source::Bytes(bytes) => bytes.len() as u64,
+            RecordSource::File(file) => file.len,
+            RecordSource::Bytes(bytes) => bytes.len() as u64,
         }
     }
 
     /// Where data lies, at `at` or behind: a hole of a file has none, and can be longer than a disk.
     fn data_from(&self, at: u64) -> u64 {
         match self {
-            Source::File(file) => match seek(&file.file, SeekFrom::Data(at)) {
+            RecordSource::File(file) => match seek(&file.file, SeekFrom::Data(at)) {
                 Ok(data) => data.max(at),
                 Err(rustix::io::Errno::NXIO) => file.len,
                 // Not every file system can say.
                 Err(_) => at,
             },
-            Source::Bytes(_) => at,
+            RecordSource::Bytes(_) => at,
         }
     }
 
     /// What the file does not have any more, because its recorder has just finished it, reads as zeros.
     fn read(&self, at: u64, mut bytes: &mut [u8]) -> io::Result<()> {
         match self {
-            Source::File(file) => {
+            RecordSource::File(file) => {
                 let mut at = at;
                 while !bytes.is_empty() {
                     match file.file.read_at(bytes, at) {
@@ -125,7 +125,7 @@ impl Source<'_> {
                 }
                 Ok(())
             }
-            Source::Bytes(all) => {
+            RecordSource::Bytes(all) => {
                 // The caller keeps to the length.
                 let at = at as usize;
                 bytes.copy_from_slice(&all[at..at + bytes.len()]);
@@ -138,13 +138,13 @@ impl Source<'_> {
 /// A source with the piece of it that was read last.
 #[derive(Debug)]
 pub(crate) struct CachedSource<'a> {
-    source: Source<'a>,
+    source: RecordSource<'a>,
     at: u64,
     piece: Vec<u8>,
 }
 
 impl<'a> CachedSource<'a> {
-    pub(crate) fn new(source: Source<'a>) -> CachedSource<'a> {
+    pub(crate) fn new(source: RecordSource<'a>) -> CachedSource<'a> {
         let (at, piece) = (0, Vec::new());
         CachedSource { source, at, piece }
     }
@@ -153,7 +153,7 @@ impl<'a> CachedSource<'a> {
         self.source.len()
     }
 
-    pub(crate) fn source(&self) -> &Source<'a> {
+    pub(crate) fn source(&self) -> &RecordSource<'a> {
         &self.source
     }
 

@@ -10,8 +10,8 @@ use crate::settings::Attachment;
 
 use super::check::check_with;
 use super::message::ReadError;
-use super::record::{self, AttachmentRecord, Fields, Record, SchemaFacts};
-use super::store::{CachedSource, Source};
+use super::record::{self, AttachmentRecord, Fields, McapRecord, SchemaFacts};
+use super::store::{CachedSource, RecordSource};
 use super::walk::summary_place;
 
 /// Length of the head of a record, bytes.
@@ -19,7 +19,7 @@ const HEAD: u64 = HEAD_LEN as u64;
 
 /// What a file says of itself.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Summary {
+pub struct RecordSummary {
     /// Whether the file was finished; otherwise the chunks were read.
     pub is_complete: bool,
     /// Records of metadata: name, and texts by key.
@@ -38,7 +38,7 @@ pub struct Summary {
 ///
 /// # Errors
 /// It is no MCAP file, cannot be read, or its summary is damaged.
-pub fn summary_of<'a>(source: impl Into<Source<'a>>) -> Result<Summary, ReadError> {
+pub fn summary_of<'a>(source: impl Into<RecordSource<'a>>) -> Result<RecordSummary, ReadError> {
     let mut window = CachedSource::new(source.into());
     if window.peek(0, mcap::MAGIC.len() as u64)? != Some(mcap::MAGIC) {
         return Err(ReadError::NotMcap);
@@ -50,9 +50,9 @@ pub fn summary_of<'a>(source: impl Into<Source<'a>>) -> Result<Summary, ReadErro
         // No part of the file is needed twice.
         budget: window.len(),
         window,
-        summary: Summary {
+        summary: RecordSummary {
             is_complete: true,
-            ..Summary::default()
+            ..RecordSummary::default()
         },
         schemas: HashMap::new(),
         topics: HashMap::new(),
@@ -65,7 +65,7 @@ struct Section<'a> {
     window: CachedSource<'a>,
     /// Bytes that may still be read.
     budget: u64,
-    summary: Summary,
+    summary: RecordSummary,
     /// By id.
     schemas: HashMap<u16, Arc<SchemaFacts>>,
     /// By id of the channel.
@@ -73,7 +73,7 @@ struct Section<'a> {
 }
 
 impl Section<'_> {
-    fn read(mut self, start: u64, end: u64) -> Result<Summary, ReadError> {
+    fn read(mut self, start: u64, end: u64) -> Result<RecordSummary, ReadError> {
         let mut at = start;
         while at < end {
             let damaged = ReadError::damaged(at, "the summary cannot be");
@@ -88,7 +88,8 @@ impl Section<'_> {
             if !matches!(opcode, op::CHUNK_INDEX | op::MESSAGE_INDEX) {
                 let content = self.take(at + HEAD, len)?;
                 let content = &content;
-                self.record(Record { opcode, content })?.ok_or(damaged)?;
+                self.record(McapRecord { opcode, content })?
+                    .ok_or(damaged)?;
             }
             at = next;
         }
@@ -96,7 +97,7 @@ impl Section<'_> {
     }
 
     /// A record of the summary; `None` if it cannot be.
-    fn record(&mut self, record: Record<'_>) -> Result<Option<()>, ReadError> {
+    fn record(&mut self, record: McapRecord<'_>) -> Result<Option<()>, ReadError> {
         Ok(match record.opcode {
             op::SCHEMA => self.schema(record.content),
             op::CHANNEL => self.channel(record.content),
@@ -160,7 +161,7 @@ impl Section<'_> {
             return Ok(None);
         };
         let bytes = self.take(at, len)?;
-        let record = Record::first(&bytes).filter(|record| record.opcode == opcode);
+        let record = McapRecord::first(&bytes).filter(|record| record.opcode == opcode);
         Ok(record.map(|record| record.content.to_vec()))
     }
 
@@ -183,11 +184,11 @@ fn owned(file: AttachmentRecord<'_>) -> Attachment {
 }
 
 /// What the chunks say, of a file that has no summary.
-fn unfinished(source: Source<'_>) -> Summary {
+fn unfinished(source: RecordSource<'_>) -> RecordSummary {
     let mut attachments = Vec::new();
     let checked = check_with(source, |file| attachments.push(owned(file)));
     let topics = checked.topics.into_iter();
-    Summary {
+    RecordSummary {
         is_complete: false,
         metadata: checked.metadata,
         attachments,

@@ -10,10 +10,10 @@ use crate::ending::HEAD_LEN;
 
 use super::message::{ReadError, RecordedMessage};
 use super::record::{
-    self, ChannelFacts, ChunkHead, FOOTER_LEN, MAX_CHUNK_HEAD_LEN, Record, SchemaFacts,
+    self, ChannelFacts, ChunkHead, FOOTER_LEN, MAX_CHUNK_HEAD_LEN, McapRecord, SchemaFacts,
     summary_start,
 };
-use super::store::{CachedSource, Source, room_for};
+use super::store::{CachedSource, RecordSource, room_for};
 
 /// How often the bytes of a file are summed up at most, while chunks are searched. A damaged file needs one; a file that was
 /// made to look like chunks everywhere could take hours.
@@ -27,7 +27,7 @@ const FOOTER: u64 = FOOTER_LEN as u64;
 
 /// All messages in the order of the file, events of the recording included. Damage is one error; what follows is the next whole
 /// chunk. That a file was not finished is no error here.
-pub fn messages<'a>(source: impl Into<Source<'a>>) -> Messages<'a> {
+pub fn messages<'a>(source: impl Into<RecordSource<'a>>) -> Messages<'a> {
     Messages(Walk::new(source.into()))
 }
 
@@ -43,12 +43,12 @@ impl Messages<'_> {
 
 impl Messages<'_> {
     /// Where the next message lies.
-    pub fn mark(&self) -> Mark {
+    pub fn mark(&self) -> FileMark {
         self.0.mark()
     }
 
     /// Goes on at a place of this file where it was before. The messages from there on are the same.
-    pub fn go_to(&mut self, mark: Mark) {
+    pub fn go_to(&mut self, mark: FileMark) {
         self.0.go_to(mark);
     }
 }
@@ -68,16 +68,16 @@ impl Iterator for Messages<'_> {
 
     fn next(&mut self) -> Option<Self::Item> {
         self.0.find_map(|item| match item {
-            Item::Message(message, _) => Some(Ok(message)),
-            Item::Error(error) => Some(Err(error)),
-            Item::Chunk | Item::Metadata(..) | Item::Attachment(_) => None,
+            WalkItem::Message(message, _) => Some(Ok(message)),
+            WalkItem::Error(error) => Some(Err(error)),
+            WalkItem::Chunk | WalkItem::Metadata(..) | WalkItem::Attachment(_) => None,
         })
     }
 }
 
 /// A place between two messages of a file: in the file, and in the records of a chunk that lies there. It keeps none of them in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Mark {
+pub struct FileMark {
     position: u64,
     in_chunk: Option<usize>,
     sound: u64,
@@ -85,7 +85,7 @@ pub struct Mark {
 
 /// What a file has at a place.
 #[derive(Debug)]
-pub(super) enum Item {
+pub(super) enum WalkItem {
     /// A message, and the number of its channel.
     Message(RecordedMessage, usize),
     /// A chunk begins that is whole.
@@ -130,7 +130,7 @@ pub(super) struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    pub(super) fn new(source: Source<'a>) -> Walk<'a> {
+    pub(super) fn new(source: RecordSource<'a>) -> Walk<'a> {
         Walk {
             budget: source.len().saturating_mul(MAX_SUMS),
             window: CachedSource::new(source),
@@ -148,15 +148,15 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn mark(&self) -> Mark {
+    fn mark(&self) -> FileMark {
         let sound = self.sound;
         match &self.chunk {
-            Some(chunk) => Mark {
+            Some(chunk) => FileMark {
                 position: chunk.at,
                 in_chunk: Some(chunk.next),
                 sound,
             },
-            None => Mark {
+            None => FileMark {
                 position: self.position,
                 in_chunk: self.skip,
                 sound,
@@ -164,7 +164,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    fn go_to(&mut self, mark: Mark) {
+    fn go_to(&mut self, mark: FileMark) {
         self.position = mark.position;
         self.skip = mark.in_chunk;
         self.sound = mark.sound;
@@ -184,7 +184,7 @@ impl<'a> Walk<'a> {
         self.window.len() - self.end
     }
 
-    fn begin(&mut self) -> io::Result<Option<Item>> {
+    fn begin(&mut self) -> io::Result<Option<WalkItem>> {
         self.has_begun = true;
         let magic = mcap::MAGIC;
         let has_magic = self.window.peek(0, magic.len() as u64)? == Some(magic);
@@ -196,7 +196,7 @@ impl<'a> Walk<'a> {
         }
         let Some(found) = self.chunk_from(0)? else {
             self.is_done = true;
-            return Ok(Some(Item::Error(ReadError::NotMcap)));
+            return Ok(Some(WalkItem::Error(ReadError::NotMcap)));
         };
         // When nothing but the mark is damaged, what lies before the first chunk can be read.
         let header = self.head()?.is_some_and(|(opcode, _)| opcode == op::HEADER);
@@ -204,7 +204,7 @@ impl<'a> Walk<'a> {
             self.position = found;
         }
         let reason = "it does not begin with the format's mark";
-        Ok(Some(Item::Error(ReadError::damaged(0, reason))))
+        Ok(Some(WalkItem::Error(ReadError::damaged(0, reason))))
     }
 
     /// A chunk that is damaged may have described channels of later ones; the summary describes all of them, before anything else.
@@ -220,7 +220,7 @@ impl<'a> Walk<'a> {
                 break;
             }
             let bytes = self.window.take(at, HEAD + len)?;
-            if let Some(record) = Record::first(&bytes) {
+            if let Some(record) = McapRecord::first(&bytes) {
                 self.describe(record);
             }
             at += HEAD + len;
@@ -229,7 +229,7 @@ impl<'a> Walk<'a> {
     }
 
     /// Takes note of a schema or a channel; `None` if it is neither, or cannot be.
-    fn describe(&mut self, record: Record<'_>) -> Option<()> {
+    fn describe(&mut self, record: McapRecord<'_>) -> Option<()> {
         match record.opcode {
             op::SCHEMA => {
                 let (id, schema) = record::schema(record.content)?;
@@ -249,7 +249,7 @@ impl<'a> Walk<'a> {
     }
 
     /// The message whose record's content lies there in `records`.
-    fn message(&self, records: &Arc<Vec<u8>>, from: usize, len: usize) -> Option<Item> {
+    fn message(&self, records: &Arc<Vec<u8>>, from: usize, len: usize) -> Option<WalkItem> {
         let record = record::message(records.get(from..from + len)?)?;
         let number = *self.numbers.get(&record.channel_id)?;
         let message = RecordedMessage {
@@ -260,11 +260,11 @@ impl<'a> Walk<'a> {
             records: Arc::clone(records),
             place: from + len - record.data.len()..from + len,
         };
-        Some(Item::Message(message, number))
+        Some(WalkItem::Message(message, number))
     }
 
     /// The next item of the present chunk.
-    fn next_in_chunk(&mut self) -> Option<Item> {
+    fn next_in_chunk(&mut self) -> Option<WalkItem> {
         loop {
             let chunk = self.chunk.as_mut()?;
             let (records, next, at) = (Arc::clone(&chunk.records), chunk.next, chunk.at);
@@ -272,8 +272,8 @@ impl<'a> Walk<'a> {
                 self.chunk = None;
                 return None;
             }
-            let damaged = |reason| Item::Error(ReadError::damaged(at, reason));
-            let Some(record) = Record::first(&records[next..]) else {
+            let damaged = |reason| WalkItem::Error(ReadError::damaged(at, reason));
+            let Some(record) = McapRecord::first(&records[next..]) else {
                 self.chunk = None;
                 return Some(damaged("a record of a chunk cannot be"));
             };
@@ -301,7 +301,7 @@ impl<'a> Walk<'a> {
     }
 
     /// The next item outside of chunks; `None` if the record says nothing.
-    fn next_record(&mut self) -> io::Result<Option<Item>> {
+    fn next_record(&mut self) -> io::Result<Option<WalkItem>> {
         let at = self.position;
         let Some((opcode, len)) = self.head()? else {
             return self.lost(at, "there is no record here");
@@ -323,24 +323,24 @@ impl<'a> Walk<'a> {
             };
         }
         let content = self.window.take(content_at, len)?;
-        let damaged = |reason| Some(Item::Error(ReadError::damaged(at, reason)));
+        let damaged = |reason| Some(WalkItem::Error(ReadError::damaged(at, reason)));
         Ok(match opcode {
             op::MESSAGE => {
                 let item = self.message(&Arc::new(content), 0, len as usize);
                 item.or_else(|| damaged(UNKNOWN_CHANNEL))
             }
             op::METADATA => match record::metadata(&content) {
-                Some((name, entries)) => Some(Item::Metadata(name, entries)),
+                Some((name, entries)) => Some(WalkItem::Metadata(name, entries)),
                 None => damaged("a record of metadata cannot be"),
             },
             op::ATTACHMENT if record::attachment(&content).is_some() => {
                 self.sound = self.position;
-                Some(Item::Attachment(content))
+                Some(WalkItem::Attachment(content))
             }
             op::ATTACHMENT => damaged("a file within the file is not what was written"),
             opcode => {
                 let content = &content;
-                match self.describe(Record { opcode, content }) {
+                match self.describe(McapRecord { opcode, content }) {
                     Some(()) => None,
                     None => damaged("a schema or a channel cannot be"),
                 }
@@ -354,19 +354,19 @@ impl<'a> Walk<'a> {
         Ok(beginning.and_then(|beginning| record::chunk(beginning, len)))
     }
 
-    fn begin_chunk(&mut self, at: u64, len: u64) -> io::Result<Item> {
+    fn begin_chunk(&mut self, at: u64, len: u64) -> io::Result<WalkItem> {
         let Some(head) = self.chunk_head(at, len)? else {
-            return Ok(Item::Error(ReadError::damaged(at, "a chunk cannot be")));
+            return Ok(WalkItem::Error(ReadError::damaged(at, "a chunk cannot be")));
         };
         if !head.compression.is_empty() {
-            return Ok(Item::Error(ReadError::Compressed(head.compression)));
+            return Ok(WalkItem::Error(ReadError::Compressed(head.compression)));
         }
         let records = self
             .window
             .take(at + HEAD + head.records_at, head.records_len)?;
         if head.crc != 0 && crc32fast::hash(&records) != head.crc {
             let reason = "a chunk is not what was written";
-            return Ok(Item::Error(ReadError::damaged(at, reason)));
+            return Ok(WalkItem::Error(ReadError::damaged(at, reason)));
         }
         self.sound = self.position;
         // A place between two records, as long as the file is the same.
@@ -376,12 +376,12 @@ impl<'a> Walk<'a> {
             next,
             at,
         });
-        Ok(Item::Chunk)
+        Ok(WalkItem::Chunk)
     }
 
     /// Behind the data comes the summary of a finished file. Behind an ending without one, a chunk may lie that was about to
     /// become part of the file.
-    fn end_of_data(&mut self, at: u64) -> io::Result<Option<Item>> {
+    fn end_of_data(&mut self, at: u64) -> io::Result<Option<WalkItem>> {
         let footer = self.window.peek(self.position, FOOTER)?;
         if footer.and_then(summary_start) == Some(0) {
             self.position += FOOTER;
@@ -400,7 +400,7 @@ impl<'a> Walk<'a> {
     }
 
     /// What is at `at` cannot be read: goes on with the next whole chunk.
-    fn lost(&mut self, at: u64, reason: &'static str) -> io::Result<Option<Item>> {
+    fn lost(&mut self, at: u64, reason: &'static str) -> io::Result<Option<WalkItem>> {
         let found = self.chunk_from(self.sound)?;
         let error = match found {
             Some(found) => {
@@ -412,7 +412,7 @@ impl<'a> Walk<'a> {
                 ReadError::Truncated { at }
             }
         };
-        Ok(Some(Item::Error(error)))
+        Ok(Some(WalkItem::Error(error)))
     }
 
     /// Where a chunk begins, at `from` or behind, whose checksum fits.
@@ -459,10 +459,10 @@ impl Walk<'static> {
         if self.is_finished {
             return Ok(());
         }
-        if let Source::File(file) = self.window.source() {
+        if let RecordSource::File(file) = self.window.source() {
             let file = file.refreshed()?;
             self.budget = file.len().saturating_mul(MAX_SUMS);
-            self.window = CachedSource::new(Source::File(file));
+            self.window = CachedSource::new(RecordSource::File(file));
             // What was an ending may be a chunk now.
             self.position = self.sound.max(mcap::MAGIC.len() as u64);
             self.has_begun &= self.sound > 0;
@@ -487,9 +487,9 @@ pub(super) fn summary_place(window: &mut CachedSource<'_>) -> io::Result<Option<
 }
 
 impl Iterator for Walk<'_> {
-    type Item = Item;
+    type Item = WalkItem;
 
-    fn next(&mut self) -> Option<Item> {
+    fn next(&mut self) -> Option<WalkItem> {
         loop {
             if let Some(item) = self.next_in_chunk() {
                 return Some(item);
@@ -506,7 +506,7 @@ impl Iterator for Walk<'_> {
                 Ok(None) => {}
                 Err(error) => {
                     self.is_done = true;
-                    return Some(Item::Error(error.into()));
+                    return Some(WalkItem::Error(error.into()));
                 }
             }
         }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 use recording::read::{check, messages, recover};
-use recording::{Action, Part, Settings};
+use recording::{FileAction, Part, Settings};
 
 use crate::disk::Disk;
 use crate::session::Session;
@@ -68,7 +68,7 @@ fn cut(session: &Session, index: usize, bytes: usize) -> Cut {
     let (action, flushed) = &session.done[index];
     let mut is_possible = true;
     match action {
-        Action::Write { parts } => {
+        FileAction::Write { parts } => {
             let total: usize = parts.iter().map(|part| part.bytes.len()).sum();
             let bytes = bytes % (total + 1);
             disk.perform_cut(parts, bytes);
@@ -152,7 +152,7 @@ fn every_step_of_an_extension_can_be_the_last() {
     let script = vec![(300, 0, 700_000); 3];
     let session = run(&script, true);
     for index in 2..session.done.len() {
-        let Action::Write { parts } = &session.done[index].0 else {
+        let FileAction::Write { parts } = &session.done[index].0 else {
             continue;
         };
         let mut end = 0;
@@ -167,9 +167,9 @@ fn every_step_of_an_extension_can_be_the_last() {
     assert!(len > 2_100_000 && len < 2_110_000, "{len}");
 }
 
-fn written_by(action: &Action) -> usize {
+fn written_by(action: &FileAction) -> usize {
     match action {
-        Action::Write { parts } => parts.iter().map(|part| part.bytes.len()).sum(),
+        FileAction::Write { parts } => parts.iter().map(|part| part.bytes.len()).sum(),
         _ => 0,
     }
 }

@@ -1,7 +1,7 @@
 //! A disk that is a value: files in memory, failures on demand, and all that was done to it, so that a test can cut the power
 //! anywhere.
 
-use recording::{Action, DiskError, DiskErrorKind, Part};
+use recording::{DiskError, DiskErrorKind, FileAction, Part};
 
 /// Files by index, and what was done.
 #[derive(Clone, Debug, Default)]
@@ -15,7 +15,7 @@ pub struct Disk {
 
 impl Disk {
     /// Performs an action, or fails before it has done anything.
-    pub fn perform(&mut self, action: &Action) -> Result<(), DiskError> {
+    pub fn perform(&mut self, action: &FileAction) -> Result<(), DiskError> {
         if let Some(kind) = self.failure {
             let text = "the simulated disk fails".to_owned();
             return Err(DiskError { kind, text });
@@ -24,17 +24,17 @@ impl Disk {
         Ok(())
     }
 
-    fn apply(&mut self, action: &Action) {
+    fn apply(&mut self, action: &FileAction) {
         match action {
-            Action::Open { index } => {
+            FileAction::Open { index } => {
                 assert_eq!(*index as usize, self.files.len());
                 self.files.push(Vec::new());
                 self.is_whole.push(None);
             }
-            Action::Write { parts } => parts.iter().for_each(|part| self.write(part)),
-            Action::Truncate { len } => self.last().truncate(*len as usize),
-            Action::Sync => {}
-            Action::Close { is_whole, .. } => {
+            FileAction::Write { parts } => parts.iter().for_each(|part| self.write(part)),
+            FileAction::Truncate { len } => self.last().truncate(*len as usize),
+            FileAction::Sync => {}
+            FileAction::Close { is_whole, .. } => {
                 let last = self.is_whole.last_mut().expect("an open file");
                 assert_eq!(last.replace(*is_whole), None, "a file is closed once");
             }

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use proptest::prelude::*;
 use recording::Settings;
-use recording::play::Flight;
+use recording::play::PlayableFlight;
 use recording::read::{ReadError, RecordFile, check, messages, recover, summary_of};
 
 use crate::session::Session;
@@ -207,7 +207,7 @@ fn a_file_that_is_larger_than_the_memory_is_played_by_nobody_and_searched_in_no_
     let mut file = File::create_new(&path).unwrap();
     file.write_all(mcap::MAGIC).unwrap();
     file.set_len(1 << 43).unwrap();
-    let refused = Flight::open(&path).unwrap_err().to_string();
+    let refused = PlayableFlight::open(&path).unwrap_err().to_string();
     assert!(refused.contains("8796094 MB"), "{refused}");
     let file = RecordFile::open(&path).unwrap();
     assert_eq!(check(&file).errors, [ReadError::Truncated { at: 8 }]);

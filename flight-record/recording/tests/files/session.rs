@@ -3,7 +3,9 @@
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
-use recording::{Action, Anchor, Attachment, Channel, ChannelId, FlightInfo, Recorder, Settings};
+use recording::{
+    Anchor, Attachment, Channel, ChannelId, FileAction, FlightInfo, Recorder, Settings,
+};
 
 use crate::disk::Disk;
 
@@ -20,9 +22,9 @@ pub struct Session {
     pub channels: Vec<ChannelId>,
     pub sequences: Vec<u32>,
     /// What was done, with the messages that were written before.
-    pub done: Vec<(Action, u64)>,
+    pub done: Vec<(FileAction, u64)>,
     /// An action that the disk has not answered yet.
-    pub outstanding: Option<Action>,
+    pub outstanding: Option<FileAction>,
 }
 
 pub fn info() -> FlightInfo {

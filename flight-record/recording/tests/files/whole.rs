@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
-use recording::read::{RecordFile, Source, check, messages, summary_of};
+use recording::read::{RecordFile, RecordSource, check, messages, summary_of};
 use recording::{Event, EventKind, FILE_METADATA, Settings};
 
 use crate::session::{Session, UNIX_NS, info};
@@ -83,7 +83,7 @@ fn what_was_written_since_is_read_on_and_nothing_twice() {
     let path = folder.path().join("a.mcap");
     let mut session = recorded();
     std::fs::write(&path, &session.disk.files[0]).unwrap();
-    let mut found = messages(Source::File(RecordFile::open(&path).unwrap()));
+    let mut found = messages(RecordSource::File(RecordFile::open(&path).unwrap()));
     let mut sequences: Vec<_> = found
         .by_ref()
         .map(|found| found.unwrap().sequence)

@@ -1,6 +1,6 @@
 //! What of a file is played.
 
-use recording::play::{Content, FlightError, FlightNs, REQUEST_EVENT};
+use recording::play::{FlightError, FlightNs, PlayedContent, REQUEST_EVENT};
 
 use crate::made::{Made, START_MS, flight_of};
 
@@ -30,9 +30,12 @@ fn samples_and_requests_are_played_and_what_the_recorder_made_is_not() {
     let topics: Vec<&str> = flight.topics().iter().map(|topic| &*topic.key).collect();
     assert_eq!(topics, ["battery/state"]);
     assert_eq!(flight.topics()[0].moments, [16]);
-    assert!(matches!(flight.content(0), Some(Content::Sample(0, sample)) if sample[0] == 1));
-    assert_eq!(flight.content(1), Some(Content::Request(&[0, 1, 0, 0, 8])));
-    assert!(matches!(flight.content(2), Some(Content::Sample(0, sample)) if sample[0] == 2));
+    assert!(matches!(flight.content(0), Some(PlayedContent::Sample(0, sample)) if sample[0] == 1));
+    assert_eq!(
+        flight.content(1),
+        Some(PlayedContent::Request(&[0, 1, 0, 0, 8]))
+    );
+    assert!(matches!(flight.content(2), Some(PlayedContent::Sample(0, sample)) if sample[0] == 2));
     assert_eq!(
         [0, 1, 2, 3].map(|index| flight.at(index)),
         [flight_ms(0), flight_ms(3), flight_ms(4), None]
@@ -54,8 +57,8 @@ fn a_sample_passes_at_the_latest_moment_in_it_and_a_topic_keeps_its_order() {
     made.value(two, 14, 90_000, 4);
     let flight = made.flight();
     let values = (0..4).filter_map(|index| match flight.content(index)? {
-        Content::Sample(_, sample) => Some(sample[24]),
-        Content::Request(_) => None,
+        PlayedContent::Sample(_, sample) => Some(sample[24]),
+        PlayedContent::Request(_) => None,
     });
     assert_eq!(values.collect::<Vec<_>>(), [2, 1, 3, 4]);
     assert_eq!(

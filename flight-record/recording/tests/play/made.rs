@@ -2,7 +2,7 @@
 
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::{MonotonicNs, RobotId};
-use recording::play::Flight;
+use recording::play::PlayableFlight;
 use recording::{Anchor, Channel, ChannelId, FlightInfo, Recorder, Settings};
 
 /// Unix time minus monotonic time.
@@ -87,15 +87,15 @@ impl Made {
         file
     }
 
-    pub fn flight(self) -> Flight {
+    pub fn flight(self) -> PlayableFlight {
         flight_of(&self.file()).expect("a flight")
     }
 }
 
 /// The flight in a file with these bytes.
-pub fn flight_of(bytes: &[u8]) -> Result<Flight, recording::play::FlightError> {
+pub fn flight_of(bytes: &[u8]) -> Result<PlayableFlight, recording::play::FlightError> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("flight.mcap");
     std::fs::write(&path, bytes).expect("a file");
-    Flight::open(&path)
+    PlayableFlight::open(&path)
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
-use recording::play::{Content, EmptySection, Flight, Player, Section};
+use recording::play::{EmptySection, PlayableFlight, PlayedContent, Player, Section};
 
 use crate::made::Made;
 
@@ -19,7 +19,7 @@ fn ms(ms: u64) -> Duration {
 }
 
 /// Values 0 to 10 every 100 ms, each 1 ms after it was measured; a second topic with the value 100 at 150 ms.
-fn flight() -> Arc<Flight> {
+fn flight() -> Arc<PlayableFlight> {
     let mut made = Made::new();
     let (one, two) = (made.values("/robot7/a/one"), made.values("/robot7/a/two"));
     for value in 0..=10 {
@@ -52,7 +52,7 @@ fn due(player: &mut Player, now: MonotonicNs) -> Vec<u8> {
     let mut values = Vec::new();
     while let Some(due) = player.next(now) {
         let flight = Arc::clone(player.flight());
-        if let Some(Content::Sample(_, sample)) = flight.content(due.index) {
+        if let Some(PlayedContent::Sample(_, sample)) = flight.content(due.index) {
             let mut sample = sample.to_vec();
             due.timeline.translate(&mut sample, &[16], now);
             values.push(sample[24]);
@@ -93,7 +93,7 @@ fn moments_are_as_old_as_they_were() {
         let now = next.max(at(0));
         while let Some(due) = player.next(now) {
             let flight = Arc::clone(player.flight());
-            let Some(Content::Sample(0, sample)) = flight.content(due.index) else {
+            let Some(PlayedContent::Sample(0, sample)) = flight.content(due.index) else {
                 continue;
             };
             let mut sample = sample.to_vec();

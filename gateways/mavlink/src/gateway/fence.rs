@@ -15,13 +15,13 @@ use ipc_types::payload::BridgeOutline;
 use super::Gateway;
 use crate::areas::{FenceRefusal, StationFence};
 use crate::event::{Event, Order, OrderKind, Task};
-use crate::fence::{MAX_FENCE_ITEMS, Step, Upload};
+use crate::fence::{MAX_FENCE_ITEMS, Upload, UploadStep};
 use crate::message::MISSION_COUNT;
 use crate::mission::store::Item;
-use crate::number::{MISSION_TYPE_FENCE, MissionResult, Severity};
+use crate::number::{MISSION_TYPE_FENCE, MavSeverity, MissionResult};
 use crate::received::MissionRequest;
-use crate::stations::Sender;
-use crate::wire::Message;
+use crate::stations::StationAddress;
+use crate::wire::MessageWriter;
 
 /// How long it may take from the last item until the bridge has the fence in force, which is tens of milliseconds as a rule. It is shorter
 /// than the check of a transfer may be, so that the answer tells why.
@@ -36,7 +36,7 @@ impl Gateway {
     /// What a station asks about the geofence: it can read it, and change its own areas of it where that is allowed.
     pub(super) fn fence(
         &mut self,
-        sender: Sender,
+        sender: StationAddress,
         is_station: bool,
         request: &MissionRequest,
         now: MonotonicNs,
@@ -45,7 +45,7 @@ impl Gateway {
         match *request {
             MissionRequest::List => match self.fence.read_by(sender, state) {
                 Some(count) => {
-                    let message = Message::new(MISSION_COUNT).u16(count);
+                    let message = MessageWriter::new(MISSION_COUNT).u16(count);
                     let message = message.u8(sender.system).u8(sender.component);
                     self.send(sender.address, &message.u8(MISSION_TYPE_FENCE));
                 }
@@ -113,7 +113,13 @@ impl Gateway {
         }
     }
 
-    fn begin_fence(&mut self, sender: Sender, is_station: bool, count: u16, now: MonotonicNs) {
+    fn begin_fence(
+        &mut self,
+        sender: StationAddress,
+        is_station: bool,
+        count: u16,
+        now: MonotonicNs,
+    ) {
         let not_permitted = self.not_permitted(sender, is_station);
         let not_permitted = not_permitted.map(|(_, why)| (MissionResult::Denied, why));
         if let Some((result, why)) = not_permitted.or_else(|| self.not_now()) {
@@ -122,14 +128,14 @@ impl Gateway {
         }
         if usize::from(count) > MAX_FENCE_ITEMS {
             let why = "the fence was refused: it has more than 64 areas and 4,096 corners";
-            self.say(&[sender.address], Severity::Error, why, now);
+            self.say(&[sender.address], MavSeverity::Error, why, now);
         }
         let output = self.fence.transfer.begin(sender, count, now);
         self.transfer(MISSION_TYPE_FENCE, Some(output), now);
     }
 
     /// All items of a station's fence are there.
-    pub(super) fn put_fence(&mut self, from: Sender, items: &[Item], now: MonotonicNs) {
+    pub(super) fn put_fence(&mut self, from: StationAddress, items: &[Item], now: MonotonicNs) {
         let refused = |result, text: &str| FenceRefusal {
             result,
             text: text.to_owned(),
@@ -148,14 +154,14 @@ impl Gateway {
         };
         if fence.has_return_point {
             let text = "the return point of the fence is not used: the helicopter stops there";
-            self.say(&[from.address], Severity::Notice, text, now);
+            self.say(&[from.address], MavSeverity::Notice, text, now);
         }
         self.fence.upload = Some(Upload {
             from,
             items: fence.items,
             areas: fence.areas.len(),
             total: 0,
-            step: Step::Writing,
+            step: UploadStep::Writing,
             until: now + UPLOAD_LIMIT,
         });
         self.ask(Task::PutFence(fence.areas));
@@ -168,13 +174,13 @@ impl Gateway {
             .fence
             .upload
             .as_mut()
-            .filter(|one| one.step == Step::Writing)
+            .filter(|one| one.step == UploadStep::Writing)
         else {
             return;
         };
         match put {
             Ok(total) => {
-                (upload.total, upload.step) = (total, Step::Reloading(number));
+                (upload.total, upload.step) = (total, UploadStep::Reloading(number));
                 self.reload_fence(now);
             }
             Err(refusal) => {
@@ -204,12 +210,12 @@ impl Gateway {
         words: &str,
         now: MonotonicNs,
     ) -> bool {
-        let is_own = |one: &&mut Upload| one.step == Step::Reloading(number);
+        let is_own = |one: &&mut Upload| one.step == UploadStep::Reloading(number);
         let Some(upload) = self.fence.upload.as_mut().filter(is_own) else {
             return false;
         };
         if stage == Stage::Done {
-            upload.step = Step::Watching;
+            upload.step = UploadStep::Watching;
             self.watch_fence(now);
         } else if stage.is_final() {
             let result = match reason {
@@ -226,7 +232,7 @@ impl Gateway {
     fn watch_fence(&mut self, now: MonotonicNs) {
         let in_force = self.fence.in_force(self.vehicle.last_state());
         let is_in = |one: &&Upload| {
-            one.step == Step::Watching && in_force.is_some_and(|outline| one.is_in(outline))
+            one.step == UploadStep::Watching && in_force.is_some_and(|outline| one.is_in(outline))
         };
         if self.fence.upload.as_ref().filter(is_in).is_some()
             && let Some(upload) = self.fence.upload.take()
@@ -250,14 +256,14 @@ impl Gateway {
             Ok(()) => self.reload_fence(now),
             Err(why) => {
                 let text = format!("the fence of before was not written again: {why}");
-                self.say_to_all(Severity::Error, &text, now);
+                self.say_to_all(MavSeverity::Error, &text, now);
             }
         }
     }
 
     fn end_fence(
         &mut self,
-        from: Sender,
+        from: StationAddress,
         end: Result<(usize, usize), FenceRefusal>,
         now: MonotonicNs,
     ) {
@@ -271,13 +277,13 @@ impl Gateway {
                     ),
                 };
                 self.note(Event::Commanded(text.clone()));
-                self.say_to_all(Severity::Notice, &text, now);
+                self.say_to_all(MavSeverity::Notice, &text, now);
                 MissionResult::Accepted
             }
             Err(refusal) => {
                 let text = format!("the fence was refused: {}", refusal.text);
                 self.note(Event::Warning(text.clone()));
-                self.say(&[from.address], Severity::Error, &text, now);
+                self.say(&[from.address], MavSeverity::Error, &text, now);
                 refusal.result
             }
         };
@@ -301,8 +307,14 @@ impl Gateway {
         self.transfer(MISSION_TYPE_FENCE, output, now);
     }
 
-    fn refuse_fence(&mut self, sender: Sender, result: MissionResult, why: &str, now: MonotonicNs) {
+    fn refuse_fence(
+        &mut self,
+        sender: StationAddress,
+        result: MissionResult,
+        why: &str,
+        now: MonotonicNs,
+    ) {
         self.acknowledge_mission(sender, result, MISSION_TYPE_FENCE);
-        self.say(&[sender.address], Severity::Error, why, now);
+        self.say(&[sender.address], MavSeverity::Error, why, now);
     }
 }

@@ -13,12 +13,12 @@ use ipc_types::MonotonicNs;
 
 use super::Gateway;
 use super::pending::Pending;
-use crate::commands::Key;
+use crate::commands::CommandKey;
 use crate::event::{Event, OrderKind};
-use crate::number::{MavResult, Severity};
+use crate::number::{MavResult, MavSeverity};
 use crate::settings::StationLost;
-use crate::stations::Sender;
-use crate::verdict::Answer;
+use crate::stations::StationAddress;
+use crate::verdict::CommandAck;
 
 impl Gateway {
     pub(super) fn look_for_lost_stations(&mut self, now: MonotonicNs) {
@@ -27,7 +27,7 @@ impl Gateway {
         }
     }
 
-    fn station_lost(&mut self, lost: Sender, now: MonotonicNs) {
+    fn station_lost(&mut self, lost: StationAddress, now: MonotonicNs) {
         let kind = match self.settings.station_lost {
             StationLost::Continue => None,
             StationLost::Hold => Some(OrderKind::Hold),
@@ -47,7 +47,7 @@ impl Gateway {
             let unanswered = (!start.is_answered).then_some(start.key);
             start.is_answered = true;
             if let Some(key) = unanswered {
-                self.settle(&key, Answer::plain(MavResult::Cancelled), now);
+                self.settle(&key, CommandAck::plain(MavResult::Cancelled), now);
             }
             return self.tell_lost(lost, "its take-off is not begun", None, now);
         }
@@ -72,12 +72,12 @@ impl Gateway {
         self.tell_lost(lost, then, order, now);
     }
 
-    fn flies_mission_of(&self, sender: Sender) -> bool {
+    fn flies_mission_of(&self, sender: StationAddress) -> bool {
         let run = self.missions.run.as_ref();
         run.is_some_and(|run| run.key.sender == sender && run.executor.is_running())
     }
 
-    fn mission_of_lost(&mut self, lost: Sender, kind: Option<OrderKind>, now: MonotonicNs) {
+    fn mission_of_lost(&mut self, lost: StationAddress, kind: Option<OrderKind>, now: MonotonicNs) {
         let (Some(kind), Some(run)) = (kind, &mut self.missions.run) else {
             return self.tell_lost(lost, "its mission goes on", None, now);
         };
@@ -103,9 +103,9 @@ impl Gateway {
 
     fn tell_lost(
         &mut self,
-        lost: Sender,
+        lost: StationAddress,
         then: &str,
-        order: Option<(OrderKind, Key)>,
+        order: Option<(OrderKind, CommandKey)>,
         now: MonotonicNs,
     ) {
         let text = format!("{lost} is lost: {then}");
@@ -114,18 +114,18 @@ impl Gateway {
         match order {
             None => {
                 self.note(Event::Note(text.clone()));
-                self.say(&others, Severity::Notice, &text, now);
+                self.say(&others, MavSeverity::Notice, &text, now);
             }
             Some((kind, key)) => {
                 self.note(Event::Warning(text.clone()));
-                self.say(&others, Severity::Critical, &text, now);
+                self.say(&others, MavSeverity::Critical, &text, now);
                 self.order_by_itself(kind, key, now);
             }
         }
     }
 
     /// An order that no station waits for.
-    fn order_by_itself(&mut self, kind: OrderKind, key: Key, now: MonotonicNs) {
+    fn order_by_itself(&mut self, kind: OrderKind, key: CommandKey, now: MonotonicNs) {
         self.cancel_what_follows(now);
         self.send_order(Pending {
             number: 0,

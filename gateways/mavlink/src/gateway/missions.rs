@@ -11,8 +11,8 @@ use plans::mavlink::command as item;
 use super::Gateway;
 use super::orders::MAX_ORDERS;
 use super::pending::Pending;
-use crate::commands::Key;
-use crate::decide::{Decision, MissionAsk, Orders};
+use crate::commands::CommandKey;
+use crate::decide::{Decision, MissionAsk, OrderPair};
 use crate::event::{Event, OrderKind, Task};
 use crate::message::{
     MISSION_ACK, MISSION_COUNT, MISSION_CURRENT, MISSION_ITEM_REACHED, MISSION_REQUEST_INT,
@@ -21,11 +21,11 @@ use crate::mission::check::{Conditions, check_mission};
 use crate::mission::store::Mission;
 use crate::mission::transfer::Output;
 use crate::mission::{PRIMED, Run, Starting};
-use crate::number::{MISSION_TYPE_FENCE, MavResult, MissionResult, Severity, command};
+use crate::number::{MISSION_TYPE_FENCE, MavResult, MavSeverity, MissionResult, command};
 use crate::received::MissionRequest;
-use crate::stations::Sender;
-use crate::verdict::Answer;
-use crate::wire::Message;
+use crate::stations::StationAddress;
+use crate::verdict::CommandAck;
+use crate::wire::MessageWriter;
 
 /// MAV_MISSION_TYPE: missions, and all types at once.
 const MISSION: u8 = 0;
@@ -35,7 +35,7 @@ impl Gateway {
     /// A message about missions has come.
     pub(super) fn mission(
         &mut self,
-        sender: Sender,
+        sender: StationAddress,
         is_station: bool,
         request: &MissionRequest,
         mission_type: u8,
@@ -53,7 +53,7 @@ impl Gateway {
                     let mission = self.missions.read_by(sender);
                     (mission.count(), mission.id())
                 };
-                let message = Message::new(MISSION_COUNT).u16(count);
+                let message = MessageWriter::new(MISSION_COUNT).u16(count);
                 let message = message.u8(sender.system).u8(sender.component);
                 self.send(sender.address, &message.u8(MISSION).u32(id));
             }
@@ -73,7 +73,7 @@ impl Gateway {
             }
             MissionRequest::SetCurrent(sequence) => {
                 if let Some((_, why)) = self.not_permitted(sender, is_station) {
-                    self.say(&[sender.address], Severity::Error, why, now);
+                    self.say(&[sender.address], MavSeverity::Error, why, now);
                     return;
                 }
                 self.set_current(None, sender, sequence, now);
@@ -88,7 +88,7 @@ impl Gateway {
                 };
                 if let Some(why) = refused {
                     self.acknowledge_mission(sender, MissionResult::Denied, mission_type);
-                    return self.say(&[sender.address], Severity::Error, why, now);
+                    return self.say(&[sender.address], MavSeverity::Error, why, now);
                 }
                 let count = match *request {
                     MissionRequest::Count(count) => count,
@@ -109,14 +109,14 @@ impl Gateway {
     /// Rally points: there are none, and none is taken.
     fn other_type(
         &mut self,
-        sender: Sender,
+        sender: StationAddress,
         request: &MissionRequest,
         mission_type: u8,
         now: MonotonicNs,
     ) {
         match request {
             MissionRequest::List => {
-                let message = Message::new(MISSION_COUNT).u16(0);
+                let message = MessageWriter::new(MISSION_COUNT).u16(0);
                 let message = message.u8(sender.system).u8(sender.component);
                 self.send(sender.address, &message.u8(mission_type));
             }
@@ -126,7 +126,7 @@ impl Gateway {
             MissionRequest::Count(_) => {
                 self.acknowledge_mission(sender, MissionResult::Unsupported, mission_type);
                 let text = "rally points are not taken over MAVLink";
-                self.say(&[sender.address], Severity::Error, text, now);
+                self.say(&[sender.address], MavSeverity::Error, text, now);
             }
             MissionRequest::Request(_) => {
                 self.acknowledge_mission(sender, MissionResult::InvalidSequence, mission_type);
@@ -137,7 +137,7 @@ impl Gateway {
 
     pub(super) fn acknowledge_mission(
         &mut self,
-        to: Sender,
+        to: StationAddress,
         result: MissionResult,
         mission_type: u8,
     ) {
@@ -145,7 +145,9 @@ impl Gateway {
             MissionResult::Accepted if mission_type == MISSION => self.missions.mission.id(),
             _ => 0,
         };
-        let message = Message::new(MISSION_ACK).u8(to.system).u8(to.component);
+        let message = MessageWriter::new(MISSION_ACK)
+            .u8(to.system)
+            .u8(to.component);
         let message = message.u8(result as u8).u8(mission_type);
         self.send(to.address, &message.u32(id));
     }
@@ -156,7 +158,7 @@ impl Gateway {
         match output {
             None => {}
             Some(Output::Request(to, sequence)) => {
-                let message = Message::new(MISSION_REQUEST_INT).u16(sequence);
+                let message = MessageWriter::new(MISSION_REQUEST_INT).u16(sequence);
                 let message = message.u8(to.system).u8(to.component);
                 self.send(to.address, &message.u8(mission_type));
             }
@@ -170,7 +172,7 @@ impl Gateway {
                     let what = if is_fence { "fence" } else { "mission" };
                     let text =
                         format!("the {what} did not come whole, and the one of before is in force");
-                    self.say(&[to.address], Severity::Error, &text, now);
+                    self.say(&[to.address], MavSeverity::Error, &text, now);
                 }
             }
             Some(Output::Check(from, items)) if is_fence => self.put_fence(from, &items, now),
@@ -210,12 +212,12 @@ impl Gateway {
                 };
                 self.missions.set(mission);
                 self.note(Event::Note(text.clone()));
-                self.say_to_all(Severity::Notice, &text, now);
+                self.say_to_all(MavSeverity::Notice, &text, now);
                 MissionResult::Accepted
             }
             Err(why) => {
                 let text = format!("the mission was not kept: {why}");
-                self.say_to_all(Severity::Error, &text, now);
+                self.say_to_all(MavSeverity::Error, &text, now);
                 MissionResult::Error
             }
         };
@@ -237,13 +239,13 @@ impl Gateway {
             match check_mission(&mission, 1, &conditions) {
                 Ok(checked) => {
                     for remark in checked.remarks {
-                        self.say(&[from.address], Severity::Notice, &remark, now);
+                        self.say(&[from.address], MavSeverity::Notice, &remark, now);
                     }
                     self.save(mission, now);
                 }
                 Err(refusal) => {
                     let text = format!("the mission was refused: {}", refusal.text);
-                    self.say(&[from.address], Severity::Error, &text, now);
+                    self.say(&[from.address], MavSeverity::Error, &text, now);
                     let output = self.missions.transfer.checked(refusal.result);
                     self.transfer(MISSION, output, now);
                 }
@@ -271,14 +273,14 @@ impl Gateway {
     /// the same station is. Any other order ends the waiting.
     pub(super) fn with_start(
         &mut self,
-        key: &Key,
+        key: &CommandKey,
         decision: Decision,
         now: MonotonicNs,
     ) -> Decision {
         let is_disarming = key.command == command::ARM_DISARM && key.bits[0] == 0.0_f32.to_bits();
         if is_disarming && matches!(decision, Decision::Answer(answer, _) if answer.is_accepted()) {
             if self.pending.iter().any(|one| one.kind == OrderKind::Start) {
-                return Orders::one(OrderKind::Stop);
+                return OrderPair::one(OrderKind::Stop);
             }
             self.cancel_start_of_mission(now);
         }
@@ -302,7 +304,7 @@ impl Gateway {
     }
 
     /// Whether an order would move the helicopter in the middle of the mission of another station.
-    pub(super) fn is_mission_of_another(&self, sender: Sender, kind: OrderKind) -> bool {
+    pub(super) fn is_mission_of_another(&self, sender: StationAddress, kind: OrderKind) -> bool {
         let run = self.missions.run.as_ref();
         let is_another =
             run.is_some_and(|run| run.executor.is_running() && run.key.sender != sender);
@@ -310,7 +312,7 @@ impl Gateway {
     }
 
     /// A command about the mission.
-    pub(super) fn mission_asked(&mut self, key: Key, asked: MissionAsk, now: MonotonicNs) {
+    pub(super) fn mission_asked(&mut self, key: CommandKey, asked: MissionAsk, now: MonotonicNs) {
         match asked {
             MissionAsk::SetCurrent(sequence) => {
                 self.set_current(Some(key), key.sender, sequence, now);
@@ -319,7 +321,7 @@ impl Gateway {
         }
     }
 
-    fn start_mission(&mut self, key: Key, first: Option<u16>, arms: bool, now: MonotonicNs) {
+    fn start_mission(&mut self, key: CommandKey, first: Option<u16>, arms: bool, now: MonotonicNs) {
         let total = self.missions.mission.count();
         let Some(known) = self.vehicle.now() else {
             let why = "the helicopter is not heard";
@@ -333,7 +335,7 @@ impl Gateway {
             return self.refuse_mission(&key, MavResult::Denied, Reason::None, why, now);
         }
         if self.missions.is_running() && first.is_none() {
-            return self.settle(&key, Answer::plain(MavResult::Accepted), now);
+            return self.settle(&key, CommandAck::plain(MavResult::Accepted), now);
         }
         if self.missions.is_in_use() {
             let why = "it is flown: press Pause first";
@@ -345,7 +347,7 @@ impl Gateway {
             }
             if !arms && !known.is_flying() {
                 self.missions.primed = Some((key.sender, now + PRIMED));
-                return self.settle(&key, Answer::plain(MavResult::Accepted), now);
+                return self.settle(&key, CommandAck::plain(MavResult::Accepted), now);
             }
             if known.is_flying() {
                 let why = "the module was aborted: press Pause first";
@@ -356,7 +358,7 @@ impl Gateway {
         self.ask_to_start(key, from, now);
     }
 
-    fn ask_to_start(&mut self, key: Key, from: u32, now: MonotonicNs) {
+    fn ask_to_start(&mut self, key: CommandKey, from: u32, now: MonotonicNs) {
         self.missions.primed = None;
         self.missions.starting = Some(Starting {
             key,
@@ -368,26 +370,32 @@ impl Gateway {
     }
 
     /// What the helicopter is now stands against it; later it may be possible.
-    fn refuse_for_now(&mut self, key: &Key, reason: Reason, why: &str, now: MonotonicNs) {
+    fn refuse_for_now(&mut self, key: &CommandKey, reason: Reason, why: &str, now: MonotonicNs) {
         self.refuse_mission(key, MavResult::TemporarilyRejected, reason, why, now);
     }
 
     fn refuse_mission(
         &mut self,
-        key: &Key,
+        key: &CommandKey,
         result: MavResult,
         reason: Reason,
         why: &str,
         now: MonotonicNs,
     ) {
-        self.settle(key, Answer { result, reason }, now);
+        self.settle(key, CommandAck { result, reason }, now);
         let text = format!("the mission was refused: {why}");
-        self.say(&[key.sender.address], Severity::Error, &text, now);
+        self.say(&[key.sender.address], MavSeverity::Error, &text, now);
     }
 
     /// Goes on with another item: at once if the mission is flown, and else with the next start. MISSION_SET_CURRENT has no key.
-    fn set_current(&mut self, key: Option<Key>, sender: Sender, sequence: u16, now: MonotonicNs) {
-        let key_or_none = key.unwrap_or(Key {
+    fn set_current(
+        &mut self,
+        key: Option<CommandKey>,
+        sender: StationAddress,
+        sequence: u16,
+        now: MonotonicNs,
+    ) {
+        let key_or_none = key.unwrap_or(CommandKey {
             sender,
             command: super::orders::NO_COMMAND,
             bits: [u32::from(sequence); 8],
@@ -423,7 +431,7 @@ impl Gateway {
             self.ask_to_start(key_or_none, u32::from(sequence) + 1, now);
         } else {
             self.missions.next = u32::from(sequence) + 1;
-            self.settle(&key_or_none, Answer::plain(MavResult::Accepted), now);
+            self.settle(&key_or_none, CommandAck::plain(MavResult::Accepted), now);
             self.send_message(sender, MISSION_CURRENT.id, 0);
         }
     }
@@ -527,7 +535,7 @@ impl Gateway {
                     let (key, was_answered) = (run.key, run.is_answered);
                     run.is_answered = true;
                     if !was_answered {
-                        self.settle(&key, Answer::plain(MavResult::Accepted), now);
+                        self.settle(&key, CommandAck::plain(MavResult::Accepted), now);
                     }
                 }
             }
@@ -616,7 +624,7 @@ impl Gateway {
     pub(super) fn cancel_start_of_mission(&mut self, now: MonotonicNs) {
         self.missions.primed = None;
         if let Some(starting) = self.missions.starting.take() {
-            self.settle(&starting.key, Answer::plain(MavResult::Cancelled), now);
+            self.settle(&starting.key, CommandAck::plain(MavResult::Cancelled), now);
         }
         let order = self.missions.run.as_ref().and_then(|run| run.order);
         let waits = |one: &&mut Pending| {
@@ -628,7 +636,7 @@ impl Gateway {
         let unanswered = (!start.is_answered).then_some(start.key);
         start.is_answered = true;
         if let Some(key) = unanswered {
-            self.settle(&key, Answer::plain(MavResult::Cancelled), now);
+            self.settle(&key, CommandAck::plain(MavResult::Cancelled), now);
         }
         self.pause_mission(now);
     }
@@ -653,15 +661,15 @@ impl Gateway {
         let reached = run.take_reached();
         let next = run.executor.next_item().unwrap_or(1);
         let (severity, text) = match run.executor.progress() {
-            Progress::Ready | Progress::Step => (Severity::Info, None),
-            Progress::Done => (Severity::Info, Some("mission done".to_owned())),
+            Progress::Ready | Progress::Step => (MavSeverity::Info, None),
+            Progress::Done => (MavSeverity::Info, Some("mission done".to_owned())),
             Progress::Paused => {
                 let text = format!("mission paused: item {next} is the next one");
-                (Severity::Notice, Some(text))
+                (MavSeverity::Notice, Some(text))
             }
             Progress::Failed(reason) => {
                 let text = format!("mission stopped at item {next}: {reason}");
-                (Severity::Error, Some(text))
+                (MavSeverity::Error, Some(text))
             }
         };
         let is_first = !std::mem::replace(&mut run.is_told, text.is_some());
@@ -671,7 +679,7 @@ impl Gateway {
         }
         if text.is_some() && is_first && !is_done {
             // A copy of the start that comes late must not be told that the mission goes on.
-            let answer = Answer {
+            let answer = CommandAck {
                 result: MavResult::Cancelled,
                 reason: Reason::Replaced,
             };
@@ -679,7 +687,7 @@ impl Gateway {
         }
         for address in self.stations.addresses() {
             for sequence in reached.clone() {
-                let message = Message::new(MISSION_ITEM_REACHED).u16(sequence as u16);
+                let message = MessageWriter::new(MISSION_ITEM_REACHED).u16(sequence as u16);
                 self.send(address, &message);
             }
         }

@@ -39,16 +39,16 @@ use crate::fence::Fence;
 use crate::home::Home;
 use crate::message::{FILE_TRANSFER_PROTOCOL, PING, TIMESYNC};
 use crate::mission::Missions;
-use crate::number::{COMPONENT, MISSION_PLANNER, Severity};
+use crate::number::{COMPONENT, MISSION_PLANNER, MavSeverity};
 use crate::parameters::Parameters;
-use crate::received::Received;
+use crate::received::StationMessage;
 use crate::settings::Settings;
 use crate::signing::{Forged, Signing};
-use crate::stations::{Entry, Sender, Stations};
+use crate::stations::{HeartbeatOutcome, StationAddress, Stations};
 use crate::telemetry::Signature;
 use crate::texts::Texts;
 use crate::vehicle::{Heard, Vehicle};
-use crate::wire::{Frame, Message, frames};
+use crate::wire::{MavFrame, MessageWriter, frames};
 
 /// Frames that were rejected are logged at most so often.
 const REJECTED_PERIOD: Duration = Duration::from_secs(10);
@@ -146,7 +146,7 @@ impl Gateway {
             } else {
                 "on the ground"
             };
-            self.say_to_all(Severity::Info, text, now);
+            self.say_to_all(MavSeverity::Info, text, now);
         }
     }
 
@@ -187,7 +187,7 @@ impl Gateway {
     }
 
     /// Whether a frame comes from where its sender may be without a signature, or has a right one.
-    fn is_taken(&mut self, from: SocketAddr, frame: &Frame<'_>, now: MonotonicNs) -> bool {
+    fn is_taken(&mut self, from: SocketAddr, frame: &MavFrame<'_>, now: MonotonicNs) -> bool {
         let count = match (&mut self.signing, &frame.signature) {
             (Some(signing), Some(signature)) => {
                 match signing.check((frame.system, frame.component), signature, now) {
@@ -203,13 +203,13 @@ impl Gateway {
         false
     }
 
-    fn frame(&mut self, from: SocketAddr, frame: &Frame<'_>, now: MonotonicNs) {
-        let sender = Sender {
+    fn frame(&mut self, from: SocketAddr, frame: &MavFrame<'_>, now: MonotonicNs) {
+        let sender = StationAddress {
             address: from,
             system: frame.system,
             component: frame.component,
         };
-        let Some(received) = Received::of(frame) else {
+        let Some(received) = StationMessage::of(frame) else {
             return;
         };
         if frame.system == self.settings.system {
@@ -218,24 +218,26 @@ impl Gateway {
         }
         let is_station = self.stations.touch(sender, now);
         match received {
-            Received::Heartbeat { is_station: true } => self.heartbeat(sender, now),
-            Received::Heartbeat { .. } => {}
-            Received::Command(command) => self.command(sender, is_station, &command, now),
-            Received::SetMode { system, custom } if system == self.settings.system => {
+            StationMessage::Heartbeat { is_station: true } => self.heartbeat(sender, now),
+            StationMessage::Heartbeat { .. } => {}
+            StationMessage::Command(command) => self.command(sender, is_station, &command, now),
+            StationMessage::SetMode { system, custom } if system == self.settings.system => {
                 self.set_mode(sender, is_station, custom, now);
             }
-            Received::Ping { time_us, sequence } => {
-                let answer = Message::new(PING).u64(time_us).u32(sequence);
+            StationMessage::Ping { time_us, sequence } => {
+                let answer = MessageWriter::new(PING).u64(time_us).u32(sequence);
                 self.send(
                     sender.address,
                     &answer.u8(sender.system).u8(sender.component),
                 );
             }
-            Received::TimeSync { theirs_ns } => {
-                let answer = Message::new(TIMESYNC).i64(now.0 as i64).i64(theirs_ns);
+            StationMessage::TimeSync { theirs_ns } => {
+                let answer = MessageWriter::new(TIMESYNC)
+                    .i64(now.0 as i64)
+                    .i64(theirs_ns);
                 self.send(sender.address, &answer);
             }
-            Received::Mission {
+            StationMessage::Mission {
                 system,
                 component,
                 request,
@@ -245,7 +247,7 @@ impl Gateway {
             {
                 self.mission(sender, is_station, &request, mission_type, now);
             }
-            Received::Parameter {
+            StationMessage::Parameter {
                 system,
                 component,
                 asked,
@@ -253,7 +255,7 @@ impl Gateway {
                 self.parameter(sender, is_station, &asked, now);
             }
             // There are no files: whoever asks goes on at once.
-            Received::File {
+            StationMessage::File {
                 system,
                 sequence,
                 session,
@@ -262,18 +264,18 @@ impl Gateway {
                 let answer = no_file(sender, sequence.wrapping_add(1), session, opcode);
                 self.send(sender.address, &answer);
             }
-            Received::SetMode { .. }
-            | Received::File { .. }
-            | Received::Mission { .. }
-            | Received::Parameter { .. } => {}
+            StationMessage::SetMode { .. }
+            | StationMessage::File { .. }
+            | StationMessage::Mission { .. }
+            | StationMessage::Parameter { .. } => {}
         }
     }
 
-    fn heartbeat(&mut self, sender: Sender, now: MonotonicNs) {
+    fn heartbeat(&mut self, sender: StationAddress, now: MonotonicNs) {
         let text = match self.stations.heartbeat(sender, now) {
-            Entry::Known => return,
-            Entry::New => format!("{sender} at {} has come", sender.address),
-            Entry::Full => {
+            HeartbeatOutcome::Known => return,
+            HeartbeatOutcome::New => format!("{sender} at {} has come", sender.address),
+            HeartbeatOutcome::Full => {
                 self.counts.full += 1;
                 return;
             }
@@ -281,7 +283,7 @@ impl Gateway {
         self.note(Event::Note(text));
         if self.settings.zero_above_sea_m.is_none() {
             let text = "altitudes count from telemetry's zero: `zero_above_sea_m` is not set";
-            self.say(&[sender.address], Severity::Warning, text, now);
+            self.say(&[sender.address], MavSeverity::Warning, text, now);
         }
     }
 
@@ -291,10 +293,10 @@ impl Gateway {
             None => {}
             Some(Heard::Lost) => {
                 let text = "the helicopter is not heard any more: nothing is sent until it is";
-                self.say_to_all(Severity::Critical, text, now);
+                self.say_to_all(MavSeverity::Critical, text, now);
                 self.shown = None;
             }
-            Some(_) => self.say_to_all(Severity::Info, "the helicopter is heard", now),
+            Some(_) => self.say_to_all(MavSeverity::Info, "the helicopter is heard", now),
         }
         let vehicle = self.vehicle.shown(now);
         if vehicle != self.told_vehicle.0 || self.told_vehicle.1.0 == 0 {
@@ -370,10 +372,10 @@ impl Gateway {
 }
 
 /// The refusal of a request for a file.
-fn no_file(sender: Sender, sequence: u16, session: u8, opcode: u8) -> Message {
+fn no_file(sender: StationAddress, sequence: u16, session: u8, opcode: u8) -> MessageWriter {
     const NAK: u8 = 129;
     const UNKNOWN_COMMAND: u8 = 7;
-    let to = Message::new(FILE_TRANSFER_PROTOCOL)
+    let to = MessageWriter::new(FILE_TRANSFER_PROTOCOL)
         .u8(0)
         .u8(sender.system)
         .u8(sender.component);
@@ -382,27 +384,27 @@ fn no_file(sender: Sender, sequence: u16, session: u8, opcode: u8) -> Message {
 }
 
 /// What stations are told of two states, one after the other.
-fn changes(before: &ModuleState, after: &ModuleState) -> Vec<(Severity, String)> {
+fn changes(before: &ModuleState, after: &ModuleState) -> Vec<(MavSeverity, String)> {
     let mut texts = Vec::new();
     let safety = |state: &ModuleState| state.safety.rule().zip(state.safety.action());
     match (safety(before), safety(after)) {
         (before, Some((rule, action))) if before != Some((rule, action)) => {
             let severity = match action {
-                SafetyAction::Warn | SafetyAction::Refuse => Severity::Warning,
-                SafetyAction::Hold => Severity::Critical,
-                SafetyAction::Land => Severity::Emergency,
+                SafetyAction::Warn | SafetyAction::Refuse => MavSeverity::Warning,
+                SafetyAction::Hold => MavSeverity::Critical,
+                SafetyAction::Land => MavSeverity::Emergency,
             };
             texts.push((severity, format!("safety rule {rule}: {action}")));
         }
         (Some((rule, _)), None) => {
-            texts.push((Severity::Info, format!("safety rule {rule}: over")));
+            texts.push((MavSeverity::Info, format!("safety rule {rule}: over")));
         }
         _ => {}
     }
     let aborted = |state: &ModuleState| state.status() == Some(ModuleStatus::Aborted);
     if aborted(after) && !aborted(before) && !after.imi_error().is_none() {
         let text = format!("the module was aborted: {}", after.imi_error());
-        texts.push((Severity::Critical, text));
+        texts.push((MavSeverity::Critical, text));
     }
     texts
 }

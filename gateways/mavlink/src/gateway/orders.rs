@@ -8,16 +8,16 @@ use ipc_types::payload::RequestReport;
 
 use super::Gateway;
 use super::pending::Pending;
-use crate::commands::{Copy, Key};
-use crate::decide::{Decision, Facts, Orders, decide, decide_mode};
+use crate::commands::{CommandKey, Copy};
+use crate::decide::{Decision, OrderPair, VehicleFacts, decide, decide_mode};
 use crate::event::{Event, Order, OrderKind};
 use crate::home::Home;
 use crate::message::COMMAND_ACK;
-use crate::number::{COMPONENT, MavResult, Severity, command};
-use crate::received::Command;
-use crate::stations::Sender;
-use crate::verdict::{Answer, answer_of};
-use crate::wire::Message;
+use crate::number::{COMPONENT, MavResult, MavSeverity, command};
+use crate::received::VehicleCommand;
+use crate::stations::StationAddress;
+use crate::verdict::{CommandAck, answer_of};
+use crate::wire::MessageWriter;
 
 /// Most orders without a final report: the bridge has eight for a client. One is kept for hold and land.
 pub(super) const MAX_ORDERS: usize = 8;
@@ -31,9 +31,9 @@ pub(super) const NO_COMMAND: u16 = u16::MAX;
 impl Gateway {
     pub(super) fn command(
         &mut self,
-        sender: Sender,
+        sender: StationAddress,
         is_station: bool,
-        asked: &Command,
+        asked: &VehicleCommand,
         now: MonotonicNs,
     ) {
         let is_ours = asked.system == self.settings.system;
@@ -54,10 +54,10 @@ impl Gateway {
                 true => self.message_request(sender, asked, now),
                 false => MavResult::TemporarilyRejected,
             };
-            self.acknowledge(sender, asked.command, Answer::plain(result));
+            self.acknowledge(sender, asked.command, CommandAck::plain(result));
             return;
         }
-        let key = Key {
+        let key = CommandKey {
             sender,
             command: asked.command,
             bits: asked.bits(),
@@ -68,14 +68,14 @@ impl Gateway {
 
     pub(super) fn set_mode(
         &mut self,
-        sender: Sender,
+        sender: StationAddress,
         is_station: bool,
         custom: u32,
         now: MonotonicNs,
     ) {
         let mut bits = [0; 8];
         bits[0] = custom;
-        let key = Key {
+        let key = CommandKey {
             sender,
             command: NO_COMMAND,
             bits,
@@ -84,8 +84,8 @@ impl Gateway {
         self.carry_out(key, is_station, decision, now);
     }
 
-    pub(super) fn facts(&self) -> Facts<'_> {
-        Facts {
+    pub(super) fn facts(&self) -> VehicleFacts<'_> {
+        VehicleFacts {
             known: self.vehicle.now(),
             last_state: self.vehicle.last_state(),
             home: &self.home,
@@ -96,7 +96,7 @@ impl Gateway {
     /// Why a sender may not command; `None` if it may.
     pub(super) fn not_permitted(
         &self,
-        sender: Sender,
+        sender: StationAddress,
         is_station: bool,
     ) -> Option<(MavResult, &'static str)> {
         let named = &self.settings.commanders;
@@ -126,20 +126,20 @@ impl Gateway {
     }
 
     /// Whether a station is on another machine, and nothing says who it is.
-    fn is_stranger(&self, sender: Sender) -> bool {
+    fn is_stranger(&self, sender: StationAddress) -> bool {
         self.signing.is_none() && !sender.address.ip().is_loopback()
     }
 
     pub(super) fn carry_out(
         &mut self,
-        key: Key,
+        key: CommandKey,
         is_station: bool,
         decision: Decision,
         now: MonotonicNs,
     ) {
         if let Some((result, why)) = self.not_permitted(key.sender, is_station) {
-            self.answer(&key, Answer::plain(result));
-            self.say(&[key.sender.address], Severity::Error, why, now);
+            self.answer(&key, CommandAck::plain(result));
+            self.say(&[key.sender.address], MavSeverity::Error, why, now);
             return;
         }
         let decision = self.with_start(&key, decision, now);
@@ -154,7 +154,7 @@ impl Gateway {
             Copy::Open => return,
             Copy::Answered(answer) => return self.answer(&key, answer),
             Copy::Full => {
-                let answer = Answer::plain(MavResult::TemporarilyRejected);
+                let answer = CommandAck::plain(MavResult::TemporarilyRejected);
                 return self.answer(&key, answer);
             }
         }
@@ -167,7 +167,7 @@ impl Gateway {
             }
             Decision::SetHome(position) => {
                 self.home = Home::Operator(position);
-                self.settle(&key, Answer::plain(MavResult::Accepted), now);
+                self.settle(&key, CommandAck::plain(MavResult::Accepted), now);
                 self.note(Event::Commanded(format!("home was set by {}", key.sender)));
             }
             Decision::Orders(orders) => self.order(key, orders, now),
@@ -175,7 +175,7 @@ impl Gateway {
         }
     }
 
-    pub(super) fn order(&mut self, key: Key, orders: Orders, now: MonotonicNs) {
+    pub(super) fn order(&mut self, key: CommandKey, orders: OrderPair, now: MonotonicNs) {
         let kind = orders.first;
         let is_repeated = kind == OrderKind::Hold
             && self
@@ -185,17 +185,17 @@ impl Gateway {
             && self.pending.iter().all(|one| one.kind == OrderKind::Hold)
             && !self.missions.is_running();
         if is_repeated {
-            return self.settle(&key, Answer::plain(MavResult::Accepted), now);
+            return self.settle(&key, CommandAck::plain(MavResult::Accepted), now);
         }
         if self.pending.len() + usize::from(!kind.is_stop()) >= MAX_ORDERS {
-            let answer = Answer {
+            let answer = CommandAck {
                 result: MavResult::TemporarilyRejected,
                 reason: Reason::TooManyRequests,
             };
             return self.settle(&key, answer, now);
         }
         if self.is_mission_of_another(key.sender, kind) {
-            let answer = Answer {
+            let answer = CommandAck {
                 result: MavResult::TemporarilyRejected,
                 reason: Reason::Busy,
             };
@@ -203,7 +203,7 @@ impl Gateway {
                 "{} was refused: another station flies a mission; press Pause first",
                 kind.name()
             );
-            self.say(&[key.sender.address], Severity::Error, &text, now);
+            self.say(&[key.sender.address], MavSeverity::Error, &text, now);
             return self.settle(&key, answer, now);
         }
         self.last_hold = (kind == OrderKind::Hold).then_some(now);
@@ -235,7 +235,7 @@ impl Gateway {
             is_answered: false,
         });
         if let Some(notice) = orders.notice {
-            self.say(&[key.sender.address], Severity::Notice, notice, now);
+            self.say(&[key.sender.address], MavSeverity::Notice, notice, now);
         }
     }
 
@@ -281,7 +281,7 @@ impl Gateway {
             }
         }
         for key in cancelled {
-            self.settle(&key, Answer::plain(MavResult::Cancelled), now);
+            self.settle(&key, CommandAck::plain(MavResult::Cancelled), now);
         }
     }
 
@@ -336,7 +336,12 @@ impl Gateway {
                     self.pause_mission(now);
                 }
             } else if !pending.is_mission {
-                self.say(&[pending.key.sender.address], Severity::Error, words, now);
+                self.say(
+                    &[pending.key.sender.address],
+                    MavSeverity::Error,
+                    words,
+                    now,
+                );
             }
         } else if !answer.is_accepted() {
             self.commands.answer(&pending.key, answer, now);
@@ -361,11 +366,11 @@ impl Gateway {
         match (stage, reason) {
             (Stage::Done, _) => {
                 let text = format!("{} done", pending.name());
-                self.say_to_all(Severity::Info, &text, now);
+                self.say_to_all(MavSeverity::Info, &text, now);
             }
             (Stage::Refused, Reason::AlreadyRunning) => {}
-            (Stage::Aborted, Reason::Replaced) => self.say_to_all(Severity::Info, words, now),
-            _ => self.say_to_all(Severity::Error, words, now),
+            (Stage::Aborted, Reason::Replaced) => self.say_to_all(MavSeverity::Info, words, now),
+            _ => self.say_to_all(MavSeverity::Error, words, now),
         }
         if stage == Stage::Done && pending.is_return && matches!(pending.kind, OrderKind::GoTo(_)) {
             self.send_order(Pending {
@@ -390,18 +395,18 @@ impl Gateway {
         others.retain(|address| *address != own);
         if !others.is_empty() {
             let text = format!("{} by {}", pending.name(), pending.key.sender);
-            self.say(&others, Severity::Notice, &text, now);
+            self.say(&others, MavSeverity::Notice, &text, now);
         }
     }
 
     /// The answer to a command, which its copies get too.
-    pub(super) fn settle(&mut self, key: &Key, answer: Answer, now: MonotonicNs) {
+    pub(super) fn settle(&mut self, key: &CommandKey, answer: CommandAck, now: MonotonicNs) {
         self.commands.answer(key, answer, now);
         self.answer(key, answer);
     }
 
     /// SET_MODE has no answer but the heartbeat.
-    pub(super) fn answer(&mut self, key: &Key, answer: Answer) {
+    pub(super) fn answer(&mut self, key: &CommandKey, answer: CommandAck) {
         if answer.result != MavResult::Accepted {
             self.stations.count_refusal(key.sender);
         }
@@ -411,8 +416,8 @@ impl Gateway {
     }
 
     /// Never "in progress": MAVSDK takes the first answer to a command for the last one, and reports an error.
-    pub(super) fn acknowledge(&mut self, sender: Sender, command: u16, answer: Answer) {
-        let message = Message::new(COMMAND_ACK)
+    pub(super) fn acknowledge(&mut self, sender: StationAddress, command: u16, answer: CommandAck) {
+        let message = MessageWriter::new(COMMAND_ACK)
             .u16(command)
             .u8(answer.result as u8)
             .u8(0)
@@ -436,11 +441,11 @@ impl Gateway {
             }
         }
         for (key, name) in given_up {
-            self.settle(&key, Answer::plain(MavResult::Failed), now);
+            self.settle(&key, CommandAck::plain(MavResult::Failed), now);
             let text = format!(
                 "{name}: no answer of the bridge; it may have been done, look before you repeat it"
             );
-            self.say(&[key.sender.address], Severity::Error, &text, now);
+            self.say(&[key.sender.address], MavSeverity::Error, &text, now);
         }
         if is_mission_stuck {
             self.mission_unanswered(now);

@@ -9,12 +9,12 @@ use crate::event::{Datagram, Event, OrderKind};
 use crate::identity::{autopilot_version, available_mode};
 use crate::message::{self, MESSAGE_INTERVAL};
 use crate::mode::Mode;
-use crate::number::{COMPONENT, MavResult, Severity, command};
-use crate::received::Command;
-use crate::stations::Sender;
-use crate::streams::Stream;
+use crate::number::{COMPONENT, MavResult, MavSeverity, command};
+use crate::received::VehicleCommand;
+use crate::stations::StationAddress;
+use crate::streams::StreamId;
 use crate::telemetry::Scene;
-use crate::wire::Message;
+use crate::wire::MessageWriter;
 
 /// Most datagrams that wait to be sent. Of more the oldest go: stations repeat what they get no answer for.
 const MAX_DATAGRAMS: usize = 256;
@@ -25,8 +25,8 @@ const MAX_EVENTS: usize = 64;
 impl Gateway {
     pub(super) fn message_request(
         &mut self,
-        sender: Sender,
-        asked: &Command,
+        sender: StationAddress,
+        asked: &VehicleCommand,
         now: MonotonicNs,
     ) -> MavResult {
         let id = asked.param(1);
@@ -35,7 +35,7 @@ impl Gateway {
         } else {
             u32::MAX
         };
-        let stream = Stream::of(id);
+        let stream = StreamId::of(id);
         match (asked.command, stream) {
             (command::REQUEST_CAPABILITIES, _) => {
                 self.send_message(sender, message::AUTOPILOT_VERSION.id, 0)
@@ -56,14 +56,14 @@ impl Gateway {
                 let us = period.map_or(-1, |period| period.as_micros() as i32);
                 self.send(
                     sender.address,
-                    &Message::new(MESSAGE_INTERVAL).i32(us).u16(id as u16),
+                    &MessageWriter::new(MESSAGE_INTERVAL).i32(us).u16(id as u16),
                 );
                 MavResult::Accepted
             }
             (command::GET_MESSAGE_INTERVAL, None) => {
                 self.send(
                     sender.address,
-                    &Message::new(MESSAGE_INTERVAL).i32(0).u16(id as u16),
+                    &MessageWriter::new(MESSAGE_INTERVAL).i32(0).u16(id as u16),
                 );
                 MavResult::Accepted
             }
@@ -72,15 +72,20 @@ impl Gateway {
     }
 
     /// Sends a message once.
-    pub(super) fn send_message(&mut self, sender: Sender, id: u32, which: usize) -> MavResult {
-        let modes: Vec<Message> = match which {
+    pub(super) fn send_message(
+        &mut self,
+        sender: StationAddress,
+        id: u32,
+        which: usize,
+    ) -> MavResult {
+        let modes: Vec<MessageWriter> = match which {
             0 => (0..Mode::ALL.len()).filter_map(available_mode).collect(),
             one => available_mode(one - 1).into_iter().collect(),
         };
         let messages = match id {
             id if id == message::AUTOPILOT_VERSION.id => vec![autopilot_version(self.robot)],
             id if id == message::AVAILABLE_MODES.id => modes,
-            id => match Stream::of(id) {
+            id => match StreamId::of(id) {
                 None => return MavResult::Unsupported,
                 Some(stream) => self
                     .scene()
@@ -119,16 +124,16 @@ impl Gateway {
         };
         let (signature, sample) = (scene.signature(), scene.sample());
         let has_changed = self.shown.replace(signature) != Some(signature);
-        let mut messages: [Option<Option<Message>>; Stream::ALL.len()] = Default::default();
+        let mut messages: [Option<Option<MessageWriter>>; StreamId::ALL.len()] = Default::default();
         let mut due = Vec::new();
         for route in self.stations.routes() {
             if has_changed {
                 let at_once = [
-                    Stream::Heartbeat,
-                    Stream::CurrentMode,
-                    Stream::ExtendedSysState,
-                    Stream::Home,
-                    Stream::Mission,
+                    StreamId::Heartbeat,
+                    StreamId::CurrentMode,
+                    StreamId::ExtendedSysState,
+                    StreamId::Home,
+                    StreamId::Mission,
                 ];
                 for stream in at_once {
                     route.streams.hurry(stream, now);
@@ -150,7 +155,7 @@ impl Gateway {
         }
     }
 
-    pub(super) fn say_to_all(&mut self, severity: Severity, text: &str, now: MonotonicNs) {
+    pub(super) fn say_to_all(&mut self, severity: MavSeverity, text: &str, now: MonotonicNs) {
         let addresses = self.stations.addresses();
         self.say(&addresses, severity, text, now);
     }
@@ -158,7 +163,7 @@ impl Gateway {
     pub(super) fn say(
         &mut self,
         to: &[SocketAddr],
-        severity: Severity,
+        severity: MavSeverity,
         text: &str,
         now: MonotonicNs,
     ) {
@@ -172,17 +177,17 @@ impl Gateway {
         }
         if matches!(
             severity,
-            Severity::Error | Severity::Critical | Severity::Emergency
+            MavSeverity::Error | MavSeverity::Critical | MavSeverity::Emergency
         ) {
             self.note(Event::Warning(text.to_owned()));
         }
     }
 
-    pub(super) fn send(&mut self, to: SocketAddr, message: &Message) {
+    pub(super) fn send(&mut self, to: SocketAddr, message: &MessageWriter) {
         self.push(to, message, false);
     }
 
-    pub(super) fn push(&mut self, to: SocketAddr, message: &Message, is_telemetry: bool) {
+    pub(super) fn push(&mut self, to: SocketAddr, message: &MessageWriter, is_telemetry: bool) {
         let sequence = self
             .stations
             .route(to)

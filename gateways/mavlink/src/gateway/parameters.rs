@@ -5,65 +5,71 @@ use ipc_types::code::{Reason, Stage};
 
 use super::Gateway;
 use crate::event::{Event, Order};
-use crate::number::Severity;
+use crate::number::MavSeverity;
 use crate::parameters::{
-    ALL, ParameterError, Reply, Source, Value, Work, Write, error_about, error_message, find,
-    value_message,
+    ALL, ParameterError, ParameterSource, ParameterValue, Reply, Work, Write, error_about,
+    error_message, find, value_message,
 };
-use crate::received::Asked;
-use crate::stations::Sender;
+use crate::received::ParameterQuery;
+use crate::stations::StationAddress;
 
 impl Gateway {
     /// Only a station gets values: an address that has sent one small message is not sent many.
     pub(super) fn parameter(
         &mut self,
-        sender: Sender,
+        sender: StationAddress,
         is_station: bool,
-        asked: &Asked,
+        asked: &ParameterQuery,
         now: MonotonicNs,
     ) {
         if !is_station {
             let why = self.not_permitted(sender, is_station);
             let text = why.map_or("", |(_, text)| text);
-            return self.say(&[sender.address], Severity::Error, text, now);
+            return self.say(&[sender.address], MavSeverity::Error, text, now);
         }
         match *asked {
-            Asked::List => (0..ALL.len()).for_each(|index| self.read_parameter(sender, index)),
-            Asked::Read { index, name } => match find(index, &name) {
+            ParameterQuery::List => {
+                (0..ALL.len()).for_each(|index| self.read_parameter(sender, index))
+            }
+            ParameterQuery::Read { index, name } => match find(index, &name) {
                 Some(index) => self.read_parameter(sender, index),
                 None => {
                     let error = error_about(index, &name, ParameterError::DoesNotExist);
                     self.send(sender.address, &error);
                 }
             },
-            Asked::Set { name, bits, kind } => match find(-1, &name) {
-                Some(index) => self.set_parameter(sender, index, Value::of(kind, bits), now),
+            ParameterQuery::Set { name, bits, kind } => match find(-1, &name) {
+                Some(index) => {
+                    self.set_parameter(sender, index, ParameterValue::of(kind, bits), now)
+                }
                 None => {
                     let error = error_about(-1, &name, ParameterError::DoesNotExist);
                     self.send(sender.address, &error);
                     let text = format!("{name}: there is no such parameter");
-                    self.say(&[sender.address], Severity::Error, &text, now);
+                    self.say(&[sender.address], MavSeverity::Error, &text, now);
                 }
             },
         }
     }
 
-    fn read_parameter(&mut self, sender: Sender, index: usize) {
+    fn read_parameter(&mut self, sender: StationAddress, index: usize) {
         match ALL[index].source {
-            Source::Port(_) => self.parameters.read(sender.address, index),
-            Source::TakeOff => {
+            ParameterSource::Port(_) => self.parameters.read(sender.address, index),
+            ParameterSource::TakeOff => {
                 let height = ALL[index].value(self.settings.take_off_m);
                 self.send(sender.address, &value_message(index, height));
             }
-            Source::Fixed(value) => self.send(sender.address, &value_message(index, value)),
+            ParameterSource::Fixed(value) => {
+                self.send(sender.address, &value_message(index, value))
+            }
         }
     }
 
     fn set_parameter(
         &mut self,
-        sender: Sender,
+        sender: StationAddress,
         index: usize,
-        value: Option<Value>,
+        value: Option<ParameterValue>,
         now: MonotonicNs,
     ) {
         let parameter = ALL[index];
@@ -89,7 +95,7 @@ impl Gateway {
             (_, Some(value), _) => Ok(value),
         };
         let taken = refused.and_then(|value| {
-            if parameter.source == Source::TakeOff {
+            if parameter.source == ParameterSource::TakeOff {
                 self.settings.take_off_m = value.number();
                 return Ok(Some(value));
             }
@@ -116,7 +122,7 @@ impl Gateway {
             Err((error, why)) => {
                 self.send(sender.address, &error_message(index, error));
                 let text = format!("{} was not set: {why}", parameter.name);
-                self.say(&[sender.address], Severity::Error, &text, now);
+                self.say(&[sender.address], MavSeverity::Error, &text, now);
                 // For stations that read no errors.
                 self.read_parameter(sender, index);
             }
@@ -184,7 +190,7 @@ impl Gateway {
             self.reply(reply);
         }
         if let Some(sender) = writer.filter(|_| stage.is_final() && stage != Stage::Done) {
-            self.say(&[sender.address], Severity::Error, words, now);
+            self.say(&[sender.address], MavSeverity::Error, words, now);
         }
         // The next one is asked for at once, also when this one could not be sent.
         self.advance_parameters(now);

@@ -3,7 +3,7 @@
 use ipc_types::MonotonicNs;
 use ipc_types::payload::WaypointPosition;
 
-use crate::commands::Key;
+use crate::commands::CommandKey;
 use crate::event::OrderKind;
 
 /// An order that has no final report.
@@ -11,7 +11,7 @@ use crate::event::OrderKind;
 pub struct Pending {
     pub number: u64,
     pub kind: OrderKind,
-    pub key: Key,
+    pub key: CommandKey,
     /// What follows when it is done.
     pub then: Option<OrderKind>,
     pub is_return: bool,

@@ -36,7 +36,7 @@ pub struct Conditions<'a> {
 
 /// A mission that can be flown.
 #[derive(Clone, Debug)]
-pub struct Checked {
+pub struct CheckedMission {
     pub flight: Flight,
     /// What the operator should know.
     pub remarks: Vec<String>,
@@ -58,7 +58,7 @@ pub fn check_mission(
     mission: &Mission,
     from: u32,
     conditions: &Conditions<'_>,
-) -> Result<Checked, Refusal> {
+) -> Result<CheckedMission, Refusal> {
     let items = mission.items();
     let plan = Plan::from_items(items.iter().map(Item::read)).map_err(|error| Refusal {
         result: unreadable(items),
@@ -84,7 +84,7 @@ pub fn check_mission(
         effect(finding) == "warns" || finding.id == "robot-rules"
     });
     let remarks = remarks.take(MAX_REMARKS).map(text_of).collect();
-    Ok(Checked { flight, remarks })
+    Ok(CheckedMission { flight, remarks })
 }
 
 impl Conditions<'_> {
@@ -190,7 +190,7 @@ fn text_of(finding: &Finding) -> String {
 mod tests {
     use super::*;
     use crate::message::MISSION_ITEM_INT;
-    use crate::wire::Message;
+    use crate::wire::MessageWriter;
 
     const NAN: f32 = f32::NAN;
     /// 37.4112, −6.001, which is home, and 111 m to the north of it.
@@ -200,7 +200,7 @@ mod tests {
     fn item(command: u16, frame: u8, params: [f32; 4], (x, y): (i32, i32), z: f32) -> Item {
         let message = params
             .iter()
-            .fold(Message::new(MISSION_ITEM_INT), |message, param| {
+            .fold(MessageWriter::new(MISSION_ITEM_INT), |message, param| {
                 message.f32(*param)
             });
         let message = message.i32(x).i32(y).f32(z).u16(0).u16(command).u8(1).u8(1);
@@ -231,7 +231,7 @@ mod tests {
         items: &[Item],
         rules: &BridgeConfig,
         here: Option<(WaypointPosition, bool)>,
-    ) -> Result<Checked, Refusal> {
+    ) -> Result<CheckedMission, Refusal> {
         let conditions = Conditions {
             settings: &Settings::default(),
             rules: Some(rules),

@@ -23,9 +23,9 @@ use plans::mavlink::command;
 
 use self::store::{Item, MAX_ITEMS, Mission};
 use self::transfer::Transfer;
-use crate::commands::Key;
+use crate::commands::CommandKey;
 use crate::number::MissionResult;
-use crate::stations::{MAX_STATIONS, Sender};
+use crate::stations::{MAX_STATIONS, StationAddress};
 
 /// How long a mission that was chosen on the ground waits for the arming that starts it.
 pub const PRIMED: Duration = Duration::from_secs(10);
@@ -58,7 +58,7 @@ pub struct MissionView {
 pub struct Run {
     pub executor: Executor,
     /// The command that has begun it.
-    pub key: Key,
+    pub key: CommandKey,
     /// Whether that command was answered.
     pub is_answered: bool,
     /// The order to the bridge that is open.
@@ -73,7 +73,7 @@ pub struct Run {
 
 impl Run {
     /// A mission from the item `from` on, which counts from 1.
-    pub fn new(mission: &Mission, flight: &Flight, from: u32, key: Key) -> Run {
+    pub fn new(mission: &Mission, flight: &Flight, from: u32, key: CommandKey) -> Run {
         let is_endless = |item: &&Item| item.command() == command::LOITER_UNLIMITED;
         let rest = mission.items().iter().skip(from as usize - 1);
         let before_endless = rest.take_while(|item| !is_endless(item)).count() as u32;
@@ -105,7 +105,7 @@ impl Run {
 /// A start that waits for the bridge's rules.
 #[derive(Clone, Copy, Debug)]
 pub struct Starting {
-    pub key: Key,
+    pub key: CommandKey,
     /// The item that it begins with, from 1.
     pub from: u32,
     pub issued: MonotonicNs,
@@ -121,16 +121,16 @@ pub struct Missions {
     /// The `mission_type` that the answer to the transfer repeats.
     pub asked_type: u8,
     /// What has come and waits for the check.
-    pub spare: Option<(Sender, Mission)>,
+    pub spare: Option<(StationAddress, Mission)>,
     /// Whether one is on its way to the disk.
     pub is_saving: bool,
     /// What stations read: each reads the mission that was in force when it began.
-    downloads: Vec<(Sender, Arc<Mission>)>,
+    downloads: Vec<(StationAddress, Arc<Mission>)>,
     pub run: Option<Run>,
     /// The item that the next start begins with, from 1.
     pub next: u32,
     /// Who has chosen it on the ground, and until when that holds.
-    pub primed: Option<(Sender, MonotonicNs)>,
+    pub primed: Option<(StationAddress, MonotonicNs)>,
     pub starting: Option<Starting>,
 }
 
@@ -173,7 +173,7 @@ impl Missions {
     }
 
     /// A station begins to read it.
-    pub fn read_by(&mut self, sender: Sender) -> &Mission {
+    pub fn read_by(&mut self, sender: StationAddress) -> &Mission {
         self.forget(sender);
         // A further one makes the oldest read what is in force then.
         if self.downloads.len() == MAX_STATIONS {
@@ -188,7 +188,7 @@ impl Missions {
     /// # Errors
     ///
     /// The answer when there is none.
-    pub fn item(&self, sender: Sender, sequence: u16) -> Result<Item, MissionResult> {
+    pub fn item(&self, sender: StationAddress, sequence: u16) -> Result<Item, MissionResult> {
         let read = self.downloads.iter().find(|(one, _)| *one == sender);
         let mission = read.map_or(&self.mission, |(_, mission)| mission);
         let item = mission.items().get(usize::from(sequence));
@@ -196,7 +196,7 @@ impl Missions {
     }
 
     /// A station has read it, or is gone.
-    pub fn forget(&mut self, sender: Sender) {
+    pub fn forget(&mut self, sender: StationAddress) {
         self.downloads.retain(|(one, _)| *one != sender);
     }
 

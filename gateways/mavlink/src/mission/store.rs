@@ -14,8 +14,8 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use plans::mavlink::{FRAME_MISSION, MissionItem};
 
 use crate::message::MISSION_ITEM_INT;
-use crate::stations::Sender;
-use crate::wire::{Message, Payload};
+use crate::stations::StationAddress;
+use crate::wire::{MessageWriter, Payload};
 
 /// Most items: a transfer over a slow line ends in this life, and QGroundControl's surveys are shorter.
 pub const MAX_ITEMS: usize = 2048;
@@ -47,14 +47,14 @@ impl Item {
     }
 
     /// The message that gives it to a station.
-    pub fn message(&self, sequence: u16, to: Sender, mission_type: u8) -> Message {
+    pub fn message(&self, sequence: u16, to: StationAddress, mission_type: u8) -> MessageWriter {
         let Item(bytes) = self;
-        let add = |message: Message, bytes: &[u8]| {
+        let add = |message: MessageWriter, bytes: &[u8]| {
             bytes
                 .iter()
                 .fold(message, |message, byte| message.u8(*byte))
         };
-        let message = add(Message::new(MISSION_ITEM_INT), &bytes[..28]).u16(sequence);
+        let message = add(MessageWriter::new(MISSION_ITEM_INT), &bytes[..28]).u16(sequence);
         let message = add(message, &bytes[28..30]).u8(to.system).u8(to.component);
         add(message, &bytes[30..]).u8(mission_type)
     }
@@ -182,8 +182,8 @@ mod tests {
     use super::*;
     use crate::wire::frames;
 
-    fn item(command: u16, frame: u8, x: i32, z: f32) -> Message {
-        let message = Message::new(MISSION_ITEM_INT)
+    fn item(command: u16, frame: u8, x: i32, z: f32) -> MessageWriter {
+        let message = MessageWriter::new(MISSION_ITEM_INT)
             .f32(5.3)
             .f32(f32::from_bits(0x7fc0_1234));
         let message = message.f32(0.0).f32(-1.0).i32(x).i32(-60_010_000).f32(z);
@@ -191,14 +191,14 @@ mod tests {
         message.u8(frame).u8(1).u8(1).u8(0)
     }
 
-    fn read(message: &Message) -> Item {
+    fn read(message: &MessageWriter) -> Item {
         Item::of(message.payload())
     }
 
     #[test]
     fn an_item_is_given_back_bit_by_bit() {
         let uploaded = item(16, 6, 374_112_000, 20.0);
-        let to = Sender {
+        let to = StationAddress {
             address: ([127, 0, 0, 1], 1).into(),
             system: 1,
             component: 1,

@@ -15,7 +15,7 @@ use ipc_types::MonotonicNs;
 
 use super::store::Item;
 use crate::number::MissionResult;
-use crate::stations::Sender;
+use crate::stations::StationAddress;
 
 /// When an item is asked for again: four times what the station has needed for an answer so far, within these limits. The longer one is
 /// what QGroundControl itself waits, and holds until an answer has come; the shorter one keeps a station from being flooded.
@@ -36,19 +36,19 @@ const CHECK_LIMIT: Duration = Duration::from_secs(5);
 #[derive(Clone, Debug, PartialEq)]
 pub enum Output {
     /// Ask for an item.
-    Request(Sender, u16),
+    Request(StationAddress, u16),
     /// Say how the transfer ended.
-    Ack(Sender, MissionResult),
+    Ack(StationAddress, MissionResult),
     /// All items are there: check them, then say [`Transfer::checked`].
-    Check(Sender, Vec<Item>),
+    Check(StationAddress, Vec<Item>),
 }
 
 #[derive(Clone, Debug)]
-enum State {
+enum TransferState {
     Idle,
     Receiving(Receiving),
     Checking {
-        from: Sender,
+        from: StationAddress,
         count: u16,
         limit: MonotonicNs,
     },
@@ -56,7 +56,7 @@ enum State {
 
 #[derive(Clone, Debug)]
 struct Receiving {
-    from: Sender,
+    from: StationAddress,
     count: u16,
     items: Vec<Item>,
     /// When the awaited item was asked for first.
@@ -72,9 +72,9 @@ struct Receiving {
 #[derive(Clone, Debug)]
 pub struct Transfer {
     max_items: usize,
-    state: State,
+    state: TransferState,
     /// The end of the last transfer: its station, the number of its last item, the answer.
-    last: Option<(Sender, u16, MissionResult)>,
+    last: Option<(StationAddress, u16, MissionResult)>,
 }
 
 impl Transfer {
@@ -82,25 +82,25 @@ impl Transfer {
     pub fn new(max_items: usize) -> Transfer {
         Transfer {
             max_items,
-            state: State::Idle,
+            state: TransferState::Idle,
             last: None,
         }
     }
 
     /// A station has `count` items.
-    pub fn begin(&mut self, from: Sender, count: u16, now: MonotonicNs) -> Output {
+    pub fn begin(&mut self, from: StationAddress, count: u16, now: MonotonicNs) -> Output {
         if self.station().is_some_and(|station| station != from) {
             return Output::Ack(from, MissionResult::Error);
         }
         self.last = None;
         if usize::from(count) > self.max_items {
-            self.state = State::Idle;
+            self.state = TransferState::Idle;
             return Output::Ack(from, MissionResult::NoSpace);
         }
         if count == 0 {
             return self.check(from, Vec::new(), now);
         }
-        self.state = State::Receiving(Receiving {
+        self.state = TransferState::Receiving(Receiving {
             from,
             count,
             items: Vec::with_capacity(count.into()),
@@ -113,8 +113,8 @@ impl Transfer {
         Output::Request(from, 0)
     }
 
-    fn check(&mut self, from: Sender, items: Vec<Item>, now: MonotonicNs) -> Output {
-        self.state = State::Checking {
+    fn check(&mut self, from: StationAddress, items: Vec<Item>, now: MonotonicNs) -> Output {
+        self.state = TransferState::Checking {
             from,
             count: items.len() as u16,
             limit: now + CHECK_LIMIT,
@@ -125,15 +125,15 @@ impl Transfer {
     /// An item has come.
     pub fn item(
         &mut self,
-        from: Sender,
+        from: StationAddress,
         sequence: u16,
         item: Item,
         now: MonotonicNs,
     ) -> Option<Output> {
         let receiving = match &mut self.state {
-            State::Receiving(receiving) if receiving.from == from => receiving,
+            TransferState::Receiving(receiving) if receiving.from == from => receiving,
             // Our answer was lost.
-            State::Idle => {
+            TransferState::Idle => {
                 let last = self
                     .last
                     .filter(|last| (last.0, last.1) == (from, sequence));
@@ -161,23 +161,23 @@ impl Transfer {
     }
 
     /// The station does not go on.
-    pub fn cancel(&mut self, from: Sender) {
+    pub fn cancel(&mut self, from: StationAddress) {
         if self.station() == Some(from) {
-            self.state = State::Idle;
+            self.state = TransferState::Idle;
         }
     }
 
     /// Whether the check that was asked for is still awaited.
     pub fn is_checking(&self) -> bool {
-        matches!(self.state, State::Checking { .. })
+        matches!(self.state, TransferState::Checking { .. })
     }
 
     /// All items were checked, and what they are is in force if the result says so.
     pub fn checked(&mut self, result: MissionResult) -> Option<Output> {
-        let State::Checking { from, count, .. } = self.state else {
+        let TransferState::Checking { from, count, .. } = self.state else {
             return None;
         };
-        self.state = State::Idle;
+        self.state = TransferState::Idle;
         self.last = Some((from, count.saturating_sub(1), result));
         Some(Output::Ack(from, result))
     }
@@ -185,7 +185,7 @@ impl Transfer {
     /// Time has passed.
     pub fn advance(&mut self, now: MonotonicNs) -> Option<Output> {
         let (ended, result) = match &mut self.state {
-            State::Receiving(receiving) => {
+            TransferState::Receiving(receiving) => {
                 let is_over = now >= receiving.limit || now >= receiving.asked + ITEM_LIMIT;
                 if !is_over {
                     if now < receiving.retry_at {
@@ -198,29 +198,32 @@ impl Transfer {
                 }
                 (receiving.from, MissionResult::Cancelled)
             }
-            State::Checking { from, limit, .. } if now >= *limit => (*from, MissionResult::Error),
+            TransferState::Checking { from, limit, .. } if now >= *limit => {
+                (*from, MissionResult::Error)
+            }
             _ => return None,
         };
-        self.state = State::Idle;
+        self.state = TransferState::Idle;
         Some(Output::Ack(ended, result))
     }
 
     /// When [`Transfer::advance`] is to be called.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         match &self.state {
-            State::Idle => None,
-            State::Receiving(receiving) => {
+            TransferState::Idle => None,
+            TransferState::Receiving(receiving) => {
                 let item = receiving.asked + ITEM_LIMIT;
                 Some(receiving.retry_at.min(item).min(receiving.limit))
             }
-            State::Checking { limit, .. } => Some(*limit),
+            TransferState::Checking { limit, .. } => Some(*limit),
         }
     }
 
-    fn station(&self) -> Option<Sender> {
+    fn station(&self) -> Option<StationAddress> {
         match &self.state {
-            State::Idle => None,
-            State::Receiving(Receiving { from, .. }) | State::Checking { from, .. } => Some(*from),
+            TransferState::Idle => None,
+            TransferState::Receiving(Receiving { from, .. })
+            | TransferState::Checking { from, .. } => Some(*from),
         }
     }
 }
@@ -236,10 +239,10 @@ impl Receiving {
 mod tests {
     use super::*;
     use crate::message::MISSION_ITEM_INT;
-    use crate::wire::Message;
+    use crate::wire::MessageWriter;
 
-    fn sender(port: u16) -> Sender {
-        Sender {
+    fn sender(port: u16) -> StationAddress {
+        StationAddress {
             address: ([127, 0, 0, 1], port).into(),
             system: 255,
             component: 190,
@@ -247,7 +250,7 @@ mod tests {
     }
 
     fn item(number: u16) -> Item {
-        let message = Message::new(MISSION_ITEM_INT).f32(f32::from(number));
+        let message = MessageWriter::new(MISSION_ITEM_INT).f32(f32::from(number));
         Item::of(message.payload())
     }
 
@@ -268,9 +271,9 @@ mod tests {
 
     fn name(transfer: &Transfer) -> &'static str {
         match transfer.state {
-            State::Idle => "idle",
-            State::Receiving(_) => "receiving",
-            State::Checking { .. } => "checking",
+            TransferState::Idle => "idle",
+            TransferState::Receiving(_) => "receiving",
+            TransferState::Checking { .. } => "checking",
         }
     }
 

@@ -19,11 +19,11 @@ use dsp_protocol::port::Port;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 
-pub use self::names::{ALL, NAME, Source, TAKE_OFF_M, Value};
+pub use self::names::{ALL, NAME, ParameterSource, ParameterValue, TAKE_OFF_M};
 use crate::event::OrderKind;
 use crate::message::{PARAM_ERROR, PARAM_VALUE};
-use crate::stations::Sender;
-use crate::wire::Message;
+use crate::stations::StationAddress;
+use crate::wire::MessageWriter;
 
 /// Most writes that wait: the bridge has as many for all its clients. A further one is refused.
 const MAX_WRITES: usize = 8;
@@ -52,9 +52,9 @@ pub enum ParameterError {
 /// A write that a station has asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Write {
-    pub by: Sender,
+    pub by: StationAddress,
     pub index: usize,
-    pub value: Value,
+    pub value: ParameterValue,
     pub asked: MonotonicNs,
 }
 
@@ -77,7 +77,7 @@ impl Work {
 
     /// What is asked of the bridge.
     pub fn order(&self) -> Option<OrderKind> {
-        let Source::Port(port) = ALL.get(self.index())?.source else {
+        let ParameterSource::Port(port) = ALL.get(self.index())?.source else {
             return None;
         };
         let port = match port {
@@ -96,7 +96,7 @@ impl Work {
 pub struct Reply {
     /// `None` if it is for all.
     pub to: Option<SocketAddr>,
-    pub message: Message,
+    pub message: MessageWriter,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -165,7 +165,7 @@ impl Parameters {
     }
 
     /// Whose write is with the bridge.
-    pub fn writer(&self) -> Option<Sender> {
+    pub fn writer(&self) -> Option<StationAddress> {
         match self.in_flight?.work {
             Work::Write(write) => Some(write.by),
             Work::Read(_) => None,
@@ -259,8 +259,8 @@ pub fn find(index: i16, name: &str) -> Option<usize> {
 }
 
 /// PARAM_VALUE.
-pub fn value_message(index: usize, value: Value) -> Message {
-    Message::new(PARAM_VALUE)
+pub fn value_message(index: usize, value: ParameterValue) -> MessageWriter {
+    MessageWriter::new(PARAM_VALUE)
         .u32(value.bits())
         .u16(ALL.len() as u16)
         .u16(index as u16)
@@ -269,13 +269,13 @@ pub fn value_message(index: usize, value: Value) -> Message {
 }
 
 /// PARAM_ERROR of a parameter that there is, without its addressee.
-pub fn error_message(index: usize, error: ParameterError) -> Message {
+pub fn error_message(index: usize, error: ParameterError) -> MessageWriter {
     error_about(index as i16, ALL[index].name, error)
 }
 
 /// PARAM_ERROR of what a station has asked for.
-pub fn error_about(index: i16, name: &str, error: ParameterError) -> Message {
-    Message::new(PARAM_ERROR)
+pub fn error_about(index: i16, name: &str, error: ParameterError) -> MessageWriter {
+    MessageWriter::new(PARAM_ERROR)
         .i16(index)
         .u8(0)
         .u8(0)
@@ -287,8 +287,8 @@ pub fn error_about(index: i16, name: &str, error: ParameterError) -> Message {
 mod tests {
     use super::*;
 
-    fn sender(port: u16) -> Sender {
-        Sender {
+    fn sender(port: u16) -> StationAddress {
+        StationAddress {
             address: ([127, 0, 0, 1], port).into(),
             system: 255,
             component: 190,
@@ -299,7 +299,7 @@ mod tests {
         Write {
             by: sender(port),
             index,
-            value: Value::Real(value),
+            value: ParameterValue::Real(value),
             asked: MonotonicNs(0),
         }
     }

@@ -35,56 +35,86 @@ const PORT_NAMES: &[(u16, &str)] = &[
 ];
 
 /// The gateway's own. Without those that can only be read QGroundControl opens its setup pages, "components require setup".
-const OWN: &[(&str, Source)] = &[
-    ("MIS_TAKEOFF_ALT", Source::TakeOff),
+const OWN: &[(&str, ParameterSource)] = &[
+    ("MIS_TAKEOFF_ALT", ParameterSource::TakeOff),
     // PX4's airframe "helicopter"; 0 would mean that none is chosen.
-    ("SYS_AUTOSTART", Source::Fixed(Value::Int(16_001))),
+    (
+        "SYS_AUTOSTART",
+        ParameterSource::Fixed(ParameterValue::Int(16_001)),
+    ),
     // That sensors are calibrated, and that there is no compass to calibrate.
-    ("CAL_GYRO0_ID", Source::Fixed(Value::Int(1))),
-    ("CAL_ACC0_ID", Source::Fixed(Value::Int(1))),
-    ("CAL_MAG0_ID", Source::Fixed(Value::Int(1))),
-    ("SYS_HAS_MAG", Source::Fixed(Value::Int(0))),
+    (
+        "CAL_GYRO0_ID",
+        ParameterSource::Fixed(ParameterValue::Int(1)),
+    ),
+    (
+        "CAL_ACC0_ID",
+        ParameterSource::Fixed(ParameterValue::Int(1)),
+    ),
+    (
+        "CAL_MAG0_ID",
+        ParameterSource::Fixed(ParameterValue::Int(1)),
+    ),
+    (
+        "SYS_HAS_MAG",
+        ParameterSource::Fixed(ParameterValue::Int(0)),
+    ),
     // That no radio of a station steers, so that none is to be calibrated.
-    ("COM_RC_IN_MODE", Source::Fixed(Value::Int(1))),
+    (
+        "COM_RC_IN_MODE",
+        ParameterSource::Fixed(ParameterValue::Int(1)),
+    ),
     // That a battery is described. Its limits are those of the bridge.
-    ("BAT1_N_CELLS", Source::Fixed(Value::Int(6))),
-    ("BAT1_V_CHARGED", Source::Fixed(Value::Real(4.05))),
-    ("BAT1_V_EMPTY", Source::Fixed(Value::Real(3.6))),
+    (
+        "BAT1_N_CELLS",
+        ParameterSource::Fixed(ParameterValue::Int(6)),
+    ),
+    (
+        "BAT1_V_CHARGED",
+        ParameterSource::Fixed(ParameterValue::Real(4.05)),
+    ),
+    (
+        "BAT1_V_EMPTY",
+        ParameterSource::Fixed(ParameterValue::Real(3.6)),
+    ),
     // The greatest speed that a station offers.
-    ("MPC_XY_VEL_MAX", Source::Fixed(Value::Real(20.0))),
+    (
+        "MPC_XY_VEL_MAX",
+        ParameterSource::Fixed(ParameterValue::Real(20.0)),
+    ),
 ];
 
 /// A value as the protocol carries it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Value {
+pub enum ParameterValue {
     /// MAV_PARAM_TYPE_REAL32.
     Real(f32),
     /// MAV_PARAM_TYPE_INT32.
     Int(i32),
 }
 
-impl Value {
+impl ParameterValue {
     /// MAV_PARAM_TYPE.
     pub fn kind(self) -> u8 {
         match self {
-            Value::Int(_) => 6,
-            Value::Real(_) => 9,
+            ParameterValue::Int(_) => 6,
+            ParameterValue::Real(_) => 9,
         }
     }
 
     /// Four bytes in the place of a float: an integer is not converted.
     pub fn bits(self) -> u32 {
         match self {
-            Value::Int(value) => value.cast_unsigned(),
-            Value::Real(value) => value.to_bits(),
+            ParameterValue::Int(value) => value.cast_unsigned(),
+            ParameterValue::Real(value) => value.to_bits(),
         }
     }
 
     /// A value of this MAV_PARAM_TYPE; `None` if no parameter has that.
-    pub fn of(kind: u8, bits: u32) -> Option<Value> {
+    pub fn of(kind: u8, bits: u32) -> Option<ParameterValue> {
         match kind {
-            6 => Some(Value::Int(bits.cast_signed())),
-            9 => Some(Value::Real(f32::from_bits(bits))),
+            6 => Some(ParameterValue::Int(bits.cast_signed())),
+            9 => Some(ParameterValue::Real(f32::from_bits(bits))),
             _ => None,
         }
     }
@@ -92,64 +122,66 @@ impl Value {
     /// As a number.
     pub fn number(self) -> f64 {
         match self {
-            Value::Int(value) => f64::from(value),
-            Value::Real(value) => f64::from(value),
+            ParameterValue::Int(value) => f64::from(value),
+            ParameterValue::Real(value) => f64::from(value),
         }
     }
 }
 
-impl fmt::Display for Value {
+impl fmt::Display for ParameterValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Value::Int(value) => value.fmt(f),
-            Value::Real(value) => value.fmt(f),
+            ParameterValue::Int(value) => value.fmt(f),
+            ParameterValue::Real(value) => value.fmt(f),
         }
     }
 }
 
 /// Where the value of a parameter is.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Source {
+pub enum ParameterSource {
     /// A port of the DSP.
     Port(Port),
     /// The height of a take-off whose command names none, m.
     TakeOff,
     /// It is always this one.
-    Fixed(Value),
+    Fixed(ParameterValue),
 }
 
 /// A parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
     pub name: &'static str,
-    pub source: Source,
+    pub source: ParameterSource,
 }
 
 impl Parameter {
     /// MAV_PARAM_TYPE.
     pub fn kind(&self) -> u8 {
         match self.source {
-            Source::Port(Port::Bits16(_)) => Value::Int(0).kind(),
-            Source::Port(Port::Bits32(_)) | Source::TakeOff => Value::Real(0.0).kind(),
-            Source::Fixed(value) => value.kind(),
+            ParameterSource::Port(Port::Bits16(_)) => ParameterValue::Int(0).kind(),
+            ParameterSource::Port(Port::Bits32(_)) | ParameterSource::TakeOff => {
+                ParameterValue::Real(0.0).kind()
+            }
+            ParameterSource::Fixed(value) => value.kind(),
         }
     }
 
     /// A number as this parameter's value.
-    pub fn value(&self, number: f64) -> Value {
-        match Value::of(self.kind(), 0) {
-            Some(Value::Int(_)) => Value::Int(number as i32),
-            _ => Value::Real(number as f32),
+    pub fn value(&self, number: f64) -> ParameterValue {
+        match ParameterValue::of(self.kind(), 0) {
+            Some(ParameterValue::Int(_)) => ParameterValue::Int(number as i32),
+            _ => ParameterValue::Real(number as f32),
         }
     }
 
     /// The least and the greatest value that it takes; `None` if it can only be read.
     pub fn range(&self) -> Option<(f64, f64)> {
         match self.source {
-            Source::Port(Port::Bits16(port)) => Some((port.min.into(), port.max.into())),
-            Source::Port(Port::Bits32(port)) => Some((port.min.into(), port.max.into())),
-            Source::TakeOff => Some((*TAKE_OFF_M.start(), *TAKE_OFF_M.end())),
-            Source::Fixed(_) => None,
+            ParameterSource::Port(Port::Bits16(port)) => Some((port.min.into(), port.max.into())),
+            ParameterSource::Port(Port::Bits32(port)) => Some((port.min.into(), port.max.into())),
+            ParameterSource::TakeOff => Some((*TAKE_OFF_M.start(), *TAKE_OFF_M.end())),
+            ParameterSource::Fixed(_) => None,
         }
     }
 }
@@ -163,7 +195,7 @@ pub static ALL: LazyLock<Vec<Parameter>> = LazyLock::new(|| {
     let ports = PORT_NAMES.iter().filter_map(|(number, name)| {
         Some(Parameter {
             name,
-            source: Source::Port(port_of(*number)?),
+            source: ParameterSource::Port(port_of(*number)?),
         })
     });
     own.chain(ports).collect()
@@ -205,10 +237,18 @@ mod tests {
         assert_eq!(names.len(), ALL.len());
         let is_name = |name: &&str| name.len() <= NAME && name.is_ascii();
         assert!(names.iter().all(is_name), "{names:?}");
-        for value in [Value::Int(-500), Value::Real(0.1), Value::Real(f32::NAN)] {
-            let read = Value::of(value.kind(), value.bits()).unwrap();
+        for value in [
+            ParameterValue::Int(-500),
+            ParameterValue::Real(0.1),
+            ParameterValue::Real(f32::NAN),
+        ] {
+            let read = ParameterValue::of(value.kind(), value.bits()).unwrap();
             assert_eq!((read.kind(), read.bits()), (value.kind(), value.bits()));
         }
-        assert_eq!(Value::of(5, 1), None, "the protocol has more types");
+        assert_eq!(
+            ParameterValue::of(5, 1),
+            None,
+            "the protocol has more types"
+        );
     }
 }

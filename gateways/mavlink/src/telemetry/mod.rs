@@ -12,9 +12,9 @@ use crate::home::Home;
 use crate::mission::MissionView;
 use crate::mode::Mode;
 use crate::number::{AUTOPILOT_PX4, TYPE_HELICOPTER};
-use crate::streams::Stream;
+use crate::streams::StreamId;
 use crate::vehicle::Known;
-use crate::wire::Message;
+use crate::wire::MessageWriter;
 
 /// `base_mode`: armed.
 const ARMED: u8 = 128;
@@ -63,32 +63,32 @@ impl Scene<'_> {
     }
 
     /// The message of a stream; `None` if what it says is not known.
-    pub fn message(&self, stream: Stream) -> Option<Message> {
-        let message = Message::new(stream.kind());
+    pub fn message(&self, stream: StreamId) -> Option<MessageWriter> {
+        let message = MessageWriter::new(stream.kind());
         match stream {
-            Stream::Heartbeat => Some(self.heartbeat(message)),
-            Stream::CurrentMode => {
+            StreamId::Heartbeat => Some(self.heartbeat(message)),
+            StreamId::CurrentMode => {
                 let custom = self.mode.custom();
                 Some(message.u32(custom).u32(custom).u8(self.mode.standard()))
             }
-            Stream::SysStatus => Some(self.sys_status(message)),
-            Stream::ExtendedSysState => Some(message.u8(0).u8(self.landed_state())),
-            Stream::GlobalPosition => self.global_position(message),
-            Stream::Attitude => self.attitude(message),
-            Stream::AttitudeQuaternion => self.quaternion(message),
-            Stream::LocalPosition => self.local_position(message),
-            Stream::VfrHud => self.hud(message),
-            Stream::Altitude => Some(self.altitudes(message)),
-            Stream::GpsRaw => Some(self.gps(message)),
-            Stream::Battery => Some(self.battery(message)),
-            Stream::Fuel => self.fuel(message),
-            Stream::Home => self.home(message),
-            Stream::Mission => Some(self.mission(message)),
+            StreamId::SysStatus => Some(self.sys_status(message)),
+            StreamId::ExtendedSysState => Some(message.u8(0).u8(self.landed_state())),
+            StreamId::GlobalPosition => self.global_position(message),
+            StreamId::Attitude => self.attitude(message),
+            StreamId::AttitudeQuaternion => self.quaternion(message),
+            StreamId::LocalPosition => self.local_position(message),
+            StreamId::VfrHud => self.hud(message),
+            StreamId::Altitude => Some(self.altitudes(message)),
+            StreamId::GpsRaw => Some(self.gps(message)),
+            StreamId::Battery => Some(self.battery(message)),
+            StreamId::Fuel => self.fuel(message),
+            StreamId::Home => self.home(message),
+            StreamId::Mission => Some(self.mission(message)),
         }
     }
 
     /// The item from 0; without a mission there is no count.
-    fn mission(&self, message: Message) -> Message {
+    fn mission(&self, message: MessageWriter) -> MessageWriter {
         let mission = self.mission;
         let total = match mission.total {
             0 => u16::MAX,
@@ -143,7 +143,7 @@ impl Scene<'_> {
         }
     }
 
-    fn heartbeat(&self, message: Message) -> Message {
+    fn heartbeat(&self, message: MessageWriter) -> MessageWriter {
         message
             .u32(self.mode.custom())
             .u8(TYPE_HELICOPTER)
@@ -181,7 +181,7 @@ impl Scene<'_> {
             .then(|| hundredths(yaw))
     }
 
-    fn global_position(&self, message: Message) -> Option<Message> {
+    fn global_position(&self, message: MessageWriter) -> Option<MessageWriter> {
         let (latitude, longitude, altitude) = self.place()?;
         let velocity = match self.known.has(TelemetryGroup::GpsVelocity) {
             true => self.telemetry().velocity,
@@ -206,7 +206,7 @@ impl Scene<'_> {
     }
 
     /// Rates about the axes; not a number if they are not known.
-    fn rates(&self, message: Message) -> Message {
+    fn rates(&self, message: MessageWriter) -> MessageWriter {
         let rate = self.telemetry().angular_rate;
         match self.known.has(TelemetryGroup::AngularRate) {
             true => message
@@ -217,7 +217,7 @@ impl Scene<'_> {
         }
     }
 
-    fn attitude(&self, message: Message) -> Option<Message> {
+    fn attitude(&self, message: MessageWriter) -> Option<MessageWriter> {
         let attitude = self.telemetry().attitude;
         let message = message
             .u32(self.boot_ms())
@@ -229,7 +229,7 @@ impl Scene<'_> {
             .then(|| self.rates(message))
     }
 
-    fn quaternion(&self, message: Message) -> Option<Message> {
+    fn quaternion(&self, message: MessageWriter) -> Option<MessageWriter> {
         let attitude = self.telemetry().attitude;
         let half = |angle: f32| (angle / 2.0).sin_cos();
         let (sr, cr) = half(attitude.roll_rad);
@@ -246,7 +246,7 @@ impl Scene<'_> {
             .then(|| self.rates(message))
     }
 
-    fn local_position(&self, message: Message) -> Option<Message> {
+    fn local_position(&self, message: MessageWriter) -> Option<MessageWriter> {
         let telemetry = self.telemetry();
         let is_known =
             self.known.has(TelemetryGroup::Xy) && self.known.has(TelemetryGroup::GpsVelocity);
@@ -264,7 +264,7 @@ impl Scene<'_> {
         )
     }
 
-    fn hud(&self, message: Message) -> Option<Message> {
+    fn hud(&self, message: MessageWriter) -> Option<MessageWriter> {
         let telemetry = self.telemetry();
         let position = self.known.position()?;
         let velocity = telemetry.velocity;
@@ -285,7 +285,7 @@ impl Scene<'_> {
         )
     }
 
-    fn altitudes(&self, message: Message) -> Message {
+    fn altitudes(&self, message: MessageWriter) -> MessageWriter {
         let altitude_m = self.known.position().map(|position| position.altitude_m);
         let or_nan = |value: Option<f64>| value.map_or(f32::NAN, |value| value as f32);
         // A relative height is unknown until home is.
@@ -304,7 +304,7 @@ impl Scene<'_> {
             .f32(sonar_m)
     }
 
-    fn gps(&self, message: Message) -> Message {
+    fn gps(&self, message: MessageWriter) -> MessageWriter {
         let place = self.place();
         let (latitude, longitude, altitude) = place.unwrap_or_default();
         let fix = if place.is_some() { self.fix() } else { 1 };
@@ -328,7 +328,7 @@ impl Scene<'_> {
             .u8(u8::MAX)
     }
 
-    fn home(&self, message: Message) -> Option<Message> {
+    fn home(&self, message: MessageWriter) -> Option<MessageWriter> {
         let home = self.home.shown()?;
         Some(
             message

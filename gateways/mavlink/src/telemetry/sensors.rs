@@ -4,7 +4,7 @@ use ipc_types::TelemetryGroup;
 use ipc_types::code::{LinkState, SafetyAction, SafetyRule};
 
 use super::Scene;
-use crate::wire::Message;
+use crate::wire::MessageWriter;
 
 /// MAV_SYS_STATUS_SENSOR.
 mod sensor {
@@ -23,7 +23,7 @@ mod sensor {
 }
 
 impl Scene<'_> {
-    pub(super) fn sys_status(&self, message: Message) -> Message {
+    pub(super) fn sys_status(&self, message: MessageWriter) -> MessageWriter {
         let (present, enabled, healthy) = self.sensors();
         let state = self.known.state;
         let errors = state.refused.pieces().min(u64::from(u16::MAX)) as u16;
@@ -111,7 +111,7 @@ impl Scene<'_> {
     }
 
     /// Of a kind that is not known, so that its maximum is 1 and the rest counts by it.
-    pub(super) fn fuel(&self, message: Message) -> Option<Message> {
+    pub(super) fn fuel(&self, message: MessageWriter) -> Option<MessageWriter> {
         let fraction = self.telemetry().supply.fuel_fraction.clamp(0.0, 1.0);
         let is_known = self.known.has(TelemetryGroup::Supply) && !fraction.is_nan();
         let message = message.f32(1.0).f32(f32::NAN).f32(fraction);
@@ -119,7 +119,7 @@ impl Scene<'_> {
         is_known.then(|| message.u8((fraction * 100.0).round() as u8))
     }
 
-    pub(super) fn battery(&self, message: Message) -> Message {
+    pub(super) fn battery(&self, message: MessageWriter) -> MessageWriter {
         let safety = &self.known.state.safety;
         let charge = match (safety.rule(), safety.action()) {
             _ if !self.known.has(TelemetryGroup::Supply) => 0,

@@ -46,7 +46,7 @@ fn home() -> Home {
 #[test]
 fn units_and_frames_are_those_of_the_messages() {
     with(&full(), home(), |scene| {
-        let message = scene.message(Stream::GlobalPosition).unwrap();
+        let message = scene.message(StreamId::GlobalPosition).unwrap();
         let position = message.payload();
         assert_eq!(position.u32(0), 5_000);
         assert_eq!(
@@ -57,17 +57,17 @@ fn units_and_frames_are_those_of_the_messages() {
         let speeds = [20, 22, 24].map(|at| position.u16(at) as i16);
         assert_eq!(speeds, [350, 0, -125]);
         assert_eq!(position.u16(26), 27_000);
-        let gps = scene.message(Stream::GpsRaw).unwrap();
+        let gps = scene.message(StreamId::GpsRaw).unwrap();
         assert_eq!((gps.payload().u8(28), gps.payload().u64(0)), (6, 5_000_000));
         assert_eq!(gps.payload().u16(26), 35_427);
-        let status = scene.message(Stream::SysStatus).unwrap();
+        let status = scene.message(StreamId::SysStatus).unwrap();
         assert_eq!(status.payload().u16(14), 24_500);
-        let fuel = scene.message(Stream::Fuel).unwrap();
+        let fuel = scene.message(StreamId::Fuel).unwrap();
         let levels = [0, 8].map(|at| fuel.payload().f32(at));
         assert_eq!((levels, fuel.payload().u8(25)), ([1.0, 0.625], 63));
-        let altitudes = scene.message(Stream::Altitude).unwrap();
+        let altitudes = scene.message(StreamId::Altitude).unwrap();
         assert_eq!(altitudes.payload().f32(20), 10.25);
-        let quaternion = scene.message(Stream::AttitudeQuaternion).unwrap();
+        let quaternion = scene.message(StreamId::AttitudeQuaternion).unwrap();
         let half = std::f32::consts::FRAC_1_SQRT_2;
         assert!((quaternion.payload().f32(16) + half).abs() < 1e-6);
     });
@@ -80,34 +80,34 @@ fn what_is_not_valid_is_not_sent_or_marked() {
         ..full()
     };
     with(&telemetry, Home::Unknown, |scene| {
-        for stream in Stream::ALL {
+        for stream in StreamId::ALL {
             let is_sent = scene.message(stream).is_some();
             let expected = !matches!(
                 stream,
-                Stream::GlobalPosition
-                    | Stream::Attitude
-                    | Stream::AttitudeQuaternion
-                    | Stream::LocalPosition
-                    | Stream::VfrHud
-                    | Stream::Fuel
-                    | Stream::Home
+                StreamId::GlobalPosition
+                    | StreamId::Attitude
+                    | StreamId::AttitudeQuaternion
+                    | StreamId::LocalPosition
+                    | StreamId::VfrHud
+                    | StreamId::Fuel
+                    | StreamId::Home
             );
             assert_eq!(is_sent, expected, "{stream:?}");
         }
-        let gps = scene.message(Stream::GpsRaw).unwrap();
+        let gps = scene.message(StreamId::GpsRaw).unwrap();
         assert_eq!((gps.payload().u8(28), gps.payload().i32(8)), (1, 0));
-        let altitudes = scene.message(Stream::Altitude).unwrap();
+        let altitudes = scene.message(StreamId::Altitude).unwrap();
         assert!(altitudes.payload().f32(12).is_nan());
-        let status = scene.message(Stream::SysStatus).unwrap();
+        let status = scene.message(StreamId::SysStatus).unwrap();
         assert_eq!(status.payload().u16(14), u16::MAX);
         assert_eq!(status.payload().u32(8) & 0x20, 0);
     });
     // A helicopter that was first heard in the air has no height over home that could be relied on.
     let first = Home::FirstHeard(home().shown().unwrap());
     with(&full(), first, |scene| {
-        let altitudes = scene.message(Stream::Altitude).unwrap();
+        let altitudes = scene.message(StreamId::Altitude).unwrap();
         assert!(altitudes.payload().f32(20).is_nan());
-        assert!(scene.message(Stream::Home).is_some());
+        assert!(scene.message(StreamId::Home).is_some());
     });
 }
 
@@ -115,7 +115,7 @@ fn what_is_not_valid_is_not_sent_or_marked() {
 fn no_message_is_longer_than_its_definition() {
     let lengths = [9, 9, 43, 2, 28, 28, 48, 28, 20, 32, 52, 54, 60];
     with(&full(), home(), |scene| {
-        for (stream, most) in Stream::ALL.into_iter().zip(lengths) {
+        for (stream, most) in StreamId::ALL.into_iter().zip(lengths) {
             let message = scene.message(stream).unwrap();
             assert!(message.payload().0.len() <= most, "{stream:?}");
         }

@@ -22,10 +22,10 @@ pub struct Inbox {
 }
 
 /// A sample, and when it came.
-type Arrival = (MonotonicNs, Sample);
+type TimedSample = (MonotonicNs, Sample);
 
 /// A message that has come.
-pub struct Incoming<'a> {
+pub struct ReceivedMessage<'a> {
     /// Where it was sent to.
     pub key: &'a str,
     /// When it came.
@@ -39,8 +39,8 @@ pub struct Incoming<'a> {
 /// What has arrived: under keys that were named, and under others.
 struct Queues {
     own_keys: Vec<String>,
-    own: Queue<Arrival>,
-    others: Queue<Arrival>,
+    own: Queue<TimedSample>,
+    others: Queue<TimedSample>,
 }
 
 impl Queues {
@@ -93,11 +93,11 @@ impl Inbox {
 
     /// Hands on every message that is there, those under named keys first, each kind in the order of arrival, and none that comes
     /// meanwhile.
-    pub fn drain(&self, mut take: impl FnMut(&Incoming<'_>)) {
+    pub fn drain(&self, mut take: impl FnMut(&ReceivedMessage<'_>)) {
         for (at, sample) in self.queues.own.take().chain(self.queues.others.take()) {
             let payload = sample.payload().to_bytes();
             let attachment = sample.attachment().map(|bytes| bytes.to_bytes());
-            take(&Incoming {
+            take(&ReceivedMessage {
                 key: sample.key_expr().as_str(),
                 at,
                 payload: &payload,

@@ -21,7 +21,7 @@ use crate::background::Background;
 use crate::config::{Config, Side};
 pub use crate::failure::NetworkError;
 pub use crate::queue::Room;
-pub use inbox::{Inbox, Incoming};
+pub use inbox::{Inbox, ReceivedMessage};
 pub use outbox::{Declaration, Outbox, Token, Watch};
 pub use settings::{MAX_MESSAGE_BYTES, check, share_one_thread};
 

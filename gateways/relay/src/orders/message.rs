@@ -1,5 +1,5 @@
 //! The messages between a station and a robot that carry requests, of which each may be lost, repeated, reordered and late; and the
-//! final reports that the relay itself makes ([`Verdict`]).
+//! final reports that the relay itself makes ([`RelayVerdict`]).
 
 use std::time::Duration;
 
@@ -70,7 +70,7 @@ pub fn request_id(request: &[u8]) -> u64 {
 /// Why the relay itself ends a request, and which side of it does. A report that says *refused* means that the request was never
 /// passed on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
+pub enum RelayVerdict {
     /// Station: the station has no link to the robot.
     LinkDown,
     /// Station: the robot has not answered for so long that the station stopped waiting.
@@ -99,23 +99,23 @@ pub enum Verdict {
     GivenUp,
 }
 
-impl Verdict {
+impl RelayVerdict {
     /// Stage and reason.
     const fn codes(self) -> (Stage, Reason) {
         match self {
-            Verdict::LinkDown => (Stage::Refused, Reason::RelayLinkDown),
-            Verdict::LinkLost => (Stage::Unknown, Reason::RelayLinkLost),
-            Verdict::NotPermitted => (Stage::Refused, Reason::RelayNotPermitted),
-            Verdict::TooManyStations => (Stage::Refused, Reason::RelayTooManyStations),
-            Verdict::TooManyRequests => (Stage::Refused, Reason::TooManyRequests),
-            Verdict::Busy => (Stage::Refused, Reason::StillOpen),
-            Verdict::InvalidRequest => (Stage::Refused, Reason::InvalidRequest),
-            Verdict::Expired(_) => (Stage::Refused, Reason::TooLate),
-            Verdict::NoServer => (Stage::Refused, Reason::BridgeGone),
-            Verdict::ServerGone => (Stage::Unknown, Reason::BridgeGone),
-            Verdict::NotRemembered => (Stage::Unknown, Reason::NotRemembered),
-            Verdict::StillOpen => (Stage::Unknown, Reason::StillOpen),
-            Verdict::GivenUp => (Stage::Unknown, Reason::None),
+            RelayVerdict::LinkDown => (Stage::Refused, Reason::RelayLinkDown),
+            RelayVerdict::LinkLost => (Stage::Unknown, Reason::RelayLinkLost),
+            RelayVerdict::NotPermitted => (Stage::Refused, Reason::RelayNotPermitted),
+            RelayVerdict::TooManyStations => (Stage::Refused, Reason::RelayTooManyStations),
+            RelayVerdict::TooManyRequests => (Stage::Refused, Reason::TooManyRequests),
+            RelayVerdict::Busy => (Stage::Refused, Reason::StillOpen),
+            RelayVerdict::InvalidRequest => (Stage::Refused, Reason::InvalidRequest),
+            RelayVerdict::Expired(_) => (Stage::Refused, Reason::TooLate),
+            RelayVerdict::NoServer => (Stage::Refused, Reason::BridgeGone),
+            RelayVerdict::ServerGone => (Stage::Unknown, Reason::BridgeGone),
+            RelayVerdict::NotRemembered => (Stage::Unknown, Reason::NotRemembered),
+            RelayVerdict::StillOpen => (Stage::Unknown, Reason::StillOpen),
+            RelayVerdict::GivenUp => (Stage::Unknown, Reason::None),
         }
     }
 
@@ -123,7 +123,7 @@ impl Verdict {
     pub fn report(self, request_id: u64, now: MonotonicNs) -> RequestReport {
         let (stage, reason) = self.codes();
         let late = match self {
-            Verdict::Expired(late) => Some(late.as_secs_f64()),
+            RelayVerdict::Expired(late) => Some(late.as_secs_f64()),
             _ => None,
         };
         RequestReport {

@@ -1,7 +1,7 @@
 //! Requests from a station to a robot: each is executed at most once and answered with exactly one final report, through loss,
 //! repetition, reordering and delay of messages, outages, and restarts of either relay and of the bridge.
 //!
-//! [`station::Station`] runs on the ground, [`robot::Robot`] beside the bridge. Both are values without thread, socket and
+//! [`station::StationOrders`] runs on the ground, [`robot::RobotOrders`] beside the bridge. Both are values without thread, socket and
 //! clock. They exchange [orders and answers](message).
 //!
 //! **The station asks, the robot remembers.** A station repeats each open request as an order until it has the
@@ -15,7 +15,7 @@
 //!
 //! **Places** bound the sessions: there are eight, and a station that is active keeps its own whatever others come. The ninth gets
 //! [`NO_PLACE`](message::NO_PLACE) in the place of a session and refuses requests with *relay-too-many-stations*; see
-//! [`session_for`](robot::Robot::session_for).
+//! [`session_for`](robot::RobotOrders::session_for).
 //!
 //! **Numbers** tell a copy that is late from an order that is new. Every order says up to which number all is settled at its
 //! station, the *floor*. An order below the floor is ignored, all others are remembered. A station's numbers lie less than

@@ -1,7 +1,7 @@
 //! The robot's side: a member of the robot's shared memory that reads its topics, sends them to the stations, and hands requests
 //! of stations to the robot's processes.
 //!
-//! `Services` and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about requests; here bytes move.
+//! `CarriedServices` and [`Stations`] are what it knows, [`orders::robot`](crate::orders::robot) decides about requests; here bytes move.
 
 pub mod mailbox;
 mod ros2_publisher;
@@ -28,7 +28,7 @@ use crate::own_topics::OwnTopics;
 use crate::random::{fresh, suspended_ns};
 use mailbox::{Admission, Mail, Mailbox};
 use ros2_publisher::Ros2Publisher;
-use services::{LOOK_PERIOD, Services};
+use services::{CarriedServices, LOOK_PERIOD};
 use stations::Stations;
 
 /// How often the latest samples are sent again at most, whatever stations ask for. One ping brings all of them.
@@ -43,10 +43,10 @@ pub struct RobotSide {
     newcomers: Watch,
     network: Network,
     mailbox: Mailbox,
-    services: Services,
+    services: CarriedServices,
     stations: Stations,
     admission: Admission,
-    orders: orders::Robot,
+    orders: orders::RobotOrders,
     reaction: Option<Reaction>,
     own_topics: OwnTopics<RelayStations>,
     samples_sent: u64,
@@ -79,7 +79,7 @@ impl RobotSide {
             robot,
             instance,
             mailbox: Mailbox::open(&network, robot, &config)?,
-            services: Services::new(instance, robot, ros2)?,
+            services: CarriedServices::new(instance, robot, ros2)?,
             stations: Stations::new(config.network.silent_after()),
             admission: Admission::new(
                 names::ask(robot, ""),
@@ -87,7 +87,7 @@ impl RobotSide {
                 &config.commands.stations,
                 &config.security.stations,
             ),
-            orders: orders::Robot::new(order_config, fresh()),
+            orders: orders::RobotOrders::new(order_config, fresh()),
             reaction: Reaction::open(&ipc, config.commands.link_loss)?,
             newcomers: network.watch(names::tell(robot, "*")),
             network,

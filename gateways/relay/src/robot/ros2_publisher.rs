@@ -8,7 +8,7 @@ use ipc_types::{MonotonicNs, RobotId, Schema};
 
 use crate::config::{Priority, Ros2Config};
 use crate::network::{Declaration, Network, Outbox, Token};
-use crate::ros2::{ATTACHMENT_LEN, Publication, Publications, Session, UnixOffset, Way};
+use crate::ros2::{ATTACHMENT_LEN, Publication, Publications, RosSession, UnixOffset, Way};
 
 /// The robot's topics for ROS 2.
 pub struct Ros2Publisher {
@@ -23,7 +23,7 @@ impl Ros2Publisher {
         if !config.enabled {
             return None;
         }
-        let session = Session::new(config.domain_id, &network.id());
+        let session = RosSession::new(config.domain_id, &network.id());
         let topics = Publications::new(session, robot, config.standard_messages);
         let node = network.token(topics.node().token().to_owned());
         tracing::info!(

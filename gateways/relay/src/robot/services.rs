@@ -1,4 +1,4 @@
-//! [`Services`]: the services of the robot that its relay carries. They only become more in one instance of the relay.
+//! [`CarriedServices`]: the services of the robot that its relay carries. They only become more in one instance of the relay.
 //!
 //! A service whose struct changes, because its module was installed anew, becomes another one under the same key; the station
 //! takes the newest.
@@ -19,7 +19,7 @@ use ros_messages::{Reliability, message as cdr_message};
 use super::ros2_publisher::Ros2Publisher;
 use crate::config::{TopicPlan, TopicsConfig};
 use crate::message::encode;
-use crate::message::{MAX_SERVICES, Page, Part, Service};
+use crate::message::{MAX_SERVICES, Part, Service, ServicesPage};
 use crate::names;
 use crate::network::{Declaration, Network, Outbox};
 use crate::orders::robot::NotSent;
@@ -33,25 +33,25 @@ pub const LOOK_PERIOD: Duration = Duration::from_secs(1);
 /// A service that is carried.
 struct Carried {
     service: Service,
-    port: Port,
+    port: CarriedPort,
 }
 
 /// What the relay has of a service.
-enum Port {
-    Topic(Box<Topic>),
-    Requests(Box<Requests>),
+enum CarriedPort {
+    Topic(Box<CarriedTopic>),
+    Requests(Box<CarriedRequests>),
     /// Another one has taken its place.
     Replaced,
 }
 
 /// All services that are carried.
-pub struct Services {
+pub struct CarriedServices {
     instance: u64,
     robot: NonZeroU32,
     discovery: Discovery,
     carried: Vec<Carried>,
     /// What describes them, in their order.
-    pages: Vec<Page>,
+    pages: Vec<ServicesPage>,
     ports: PortSet,
     ros2: Option<Ros2Publisher>,
     /// How much goes out.
@@ -60,7 +60,7 @@ pub struct Services {
     first: usize,
 }
 
-impl Services {
+impl CarriedServices {
     /// None yet. With `ros2` the topics are published for ROS 2 too.
     ///
     /// # Errors
@@ -70,8 +70,8 @@ impl Services {
         instance: u64,
         robot: NonZeroU32,
         ros2: Option<Ros2Publisher>,
-    ) -> Result<Services, rustix::io::Errno> {
-        Ok(Services {
+    ) -> Result<CarriedServices, rustix::io::Errno> {
+        Ok(CarriedServices {
             instance,
             robot,
             discovery: Discovery::default(),
@@ -108,7 +108,7 @@ impl Services {
         self.discovery = discovery;
         let found = self.carried[before..].iter();
         let found: Vec<_> = found.map(|carried| carried.service.clone()).collect();
-        self.pages.extend(Page::of(&found));
+        self.pages.extend(ServicesPage::of(&found));
     }
 
     fn take_topic(
@@ -137,13 +137,13 @@ impl Services {
         {
             ros2.add(network, &facts.key, &facts.schema, plan.priority);
         }
-        let topic = Topic {
+        let topic = CarriedTopic {
             subscriber,
             sender: SampleSender::new(self.instance, plan.selection),
             outbox,
             is_failing: false,
         };
-        self.carry(facts, Port::Topic(Box::new(topic)), false);
+        self.carry(facts, CarriedPort::Topic(Box::new(topic)), false);
         Ok(())
     }
 
@@ -152,8 +152,8 @@ impl Services {
             return Ok(());
         }
         let requests =
-            Requests::open(ipc, &facts, &self.ports).map_err(|error| error.to_string())?;
-        self.carry(facts, Port::Requests(Box::new(requests)), true);
+            CarriedRequests::open(ipc, &facts, &self.ports).map_err(|error| error.to_string())?;
+        self.carry(facts, CarriedPort::Requests(Box::new(requests)), true);
         Ok(())
     }
 
@@ -164,10 +164,10 @@ impl Services {
             && newest.is_none_or(|service| service.schema != facts.text)
     }
 
-    fn carry(&mut self, facts: ServiceFacts, port: Port, takes_requests: bool) {
+    fn carry(&mut self, facts: ServiceFacts, port: CarriedPort, takes_requests: bool) {
         for former in &mut self.carried {
             if former.service.key == facts.key {
-                former.port = Port::Replaced;
+                former.port = CarriedPort::Replaced;
             }
         }
         tracing::info!(key = facts.key, "relayed");
@@ -199,17 +199,17 @@ impl Services {
     }
 
     /// The request service that orders call so. `None` if the robot does not have it.
-    pub fn requests_of(&mut self, id: u64) -> Option<&mut Requests> {
+    pub fn requests_of(&mut self, id: u64) -> Option<&mut CarriedRequests> {
         self.all_requests().find(|requests| requests.id == id)
     }
 
     /// All request services.
-    pub fn all_requests(&mut self) -> impl Iterator<Item = &mut Requests> {
+    pub fn all_requests(&mut self) -> impl Iterator<Item = &mut CarriedRequests> {
         self.carried
             .iter_mut()
             .filter_map(|carried| match &mut carried.port {
-                Port::Requests(requests) => Some(&mut **requests),
-                Port::Topic(_) | Port::Replaced => None,
+                CarriedPort::Requests(requests) => Some(&mut **requests),
+                CarriedPort::Topic(_) | CarriedPort::Replaced => None,
             })
     }
 
@@ -244,31 +244,31 @@ impl Services {
     /// When a sample is due that has come already.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         let deadline = |carried: &Carried| match &carried.port {
-            Port::Topic(topic) => topic.deadline(&self.pace),
-            Port::Requests(_) | Port::Replaced => None,
+            CarriedPort::Topic(topic) => topic.deadline(&self.pace),
+            CarriedPort::Requests(_) | CarriedPort::Replaced => None,
         };
         self.carried.iter().filter_map(deadline).min()
     }
 }
 
 impl Carried {
-    fn topic(&mut self) -> Option<&mut Topic> {
+    fn topic(&mut self) -> Option<&mut CarriedTopic> {
         match &mut self.port {
-            Port::Topic(topic) => Some(topic),
-            Port::Requests(_) | Port::Replaced => None,
+            CarriedPort::Topic(topic) => Some(topic),
+            CarriedPort::Requests(_) | CarriedPort::Replaced => None,
         }
     }
 }
 
 /// A topic that is carried: on its way from the robot's shared memory to the stations.
-struct Topic {
+struct CarriedTopic {
     subscriber: DynamicSubscriber,
     sender: SampleSender,
     outbox: Outbox,
     is_failing: bool,
 }
 
-impl Topic {
+impl CarriedTopic {
     /// Reads what has been published, and sends what is due. Says how many samples went out.
     fn send(
         &mut self,
@@ -307,7 +307,7 @@ impl Topic {
 }
 
 /// A request service that is carried: the relay is its client.
-pub struct Requests {
+pub struct CarriedRequests {
     /// Gives requests up, and has their reports.
     pub client: DynamicClient,
     /// What the requests say that a relay reads and writes.
@@ -316,14 +316,18 @@ pub struct Requests {
     pub id: u64,
 }
 
-impl Requests {
+impl CarriedRequests {
     /// Opens the service, and lets `ports` wake the process for its reports.
-    fn open(ipc: &Ipc, facts: &ServiceFacts, ports: &PortSet) -> Result<Requests, DynamicError> {
+    fn open(
+        ipc: &Ipc,
+        facts: &ServiceFacts,
+        ports: &PortSet,
+    ) -> Result<CarriedRequests, DynamicError> {
         let client = DynamicClient::open(ipc, &facts.key, &facts.schema)?;
         if let Err(error) = ports.add(client.descriptor()) {
             tracing::debug!(%error, "reports are looked for at every wake alone");
         }
-        Ok(Requests {
+        Ok(CarriedRequests {
             client,
             fields: RequestFields::of(&facts.schema),
             id: names::service_id(&facts.key, &facts.schema),

@@ -149,7 +149,7 @@ impl Stations {
 mod tests {
     use super::*;
     use crate::orders::message::NO_PLACE;
-    use crate::orders::robot::{Config, INSTANCE_KEPT, Robot, SESSIONS};
+    use crate::orders::robot::{Config, INSTANCE_KEPT, RobotOrders, SESSIONS};
 
     const fn at(ms: u64) -> MonotonicNs {
         MonotonicNs(ms * 1_000_000)
@@ -233,7 +233,7 @@ mod tests {
 
     /// What the robot's side does with a clock message: the session in its answer.
     fn pong(
-        (stations, orders): (&mut Stations, &mut Robot),
+        (stations, orders): (&mut Stations, &mut RobotOrders),
         instance: u64,
         now: MonotonicNs,
     ) -> u64 {
@@ -246,7 +246,7 @@ mod tests {
     fn the_ninth_active_station_is_refused_and_shown_with_the_reason_until_a_place_is_free() {
         const ALL: u64 = SESSIONS as u64 + 1;
         let mut stations = Stations::new(Duration::from_millis(2500));
-        let mut orders = Robot::new(Config::default(), 1);
+        let mut orders = RobotOrders::new(Config::default(), 1);
         let mut first = Vec::new();
         for ms in (0..60_000).step_by(500) {
             let mut sessions = Vec::new();

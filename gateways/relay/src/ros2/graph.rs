@@ -47,16 +47,16 @@ fn encode(qos: Qos) -> String {
 
 /// A Zenoh session as part of the ROS graph. It hands out the ids of nodes and publications, which are unique in a session.
 #[derive(Debug)]
-pub struct Session {
+pub struct RosSession {
     domain_id: u32,
     zenoh_id: String,
     next_id: u64,
 }
 
-impl Session {
+impl RosSession {
     /// The session with the id `zenoh_id`, as Zenoh writes it, in the ROS domain `domain_id` (`ROS_DOMAIN_ID`, 0 by default).
-    pub fn new(domain_id: u32, zenoh_id: &str) -> Session {
-        Session {
+    pub fn new(domain_id: u32, zenoh_id: &str) -> RosSession {
+        RosSession {
             domain_id,
             zenoh_id: zenoh_id.to_owned(),
             next_id: 0,
@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn a_topic_of_ours_has_the_names_of_rmw_zenoh() {
-        let mut session = Session::new(7, ZENOH_ID);
+        let mut session = RosSession::new(7, ZENOH_ID);
         let node = session.node(RobotId::new(12).unwrap());
         let schema = schema("HeroTelemetry");
         let publication = session.publish(&node, "hero_telemetry", &schema, Qos::SENSOR_DATA);
@@ -240,7 +240,7 @@ mod tests {
 
     #[test]
     fn a_standard_message_has_a_topic_in_the_robots_namespace() {
-        let mut session = Session::new(0, "a");
+        let mut session = RosSession::new(0, "a");
         let node = session.node(RobotId::DEFAULT);
         let publication = session.publish_standard(&node, StandardMessage::Imu);
         assert_eq!(publication.topic, "/hero1/imu/data");
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn ids_are_unique_in_a_session_and_tell_publishers_apart() {
-        let mut session = Session::new(0, ZENOH_ID);
+        let mut session = RosSession::new(0, ZENOH_ID);
         let nodes = [1, 2].map(|robot| session.node(RobotId::new(robot).unwrap()));
         let mut tokens: Vec<String> = nodes.iter().map(Node::token).collect();
         let mut gids = Vec::new();

@@ -6,7 +6,7 @@
 //!
 //! | what | where |
 //! |---|---|
-//! | key expressions, liveliness tokens, publisher ids, attachments | [`Session`], [`Node`], [`Publication`], [`attachment`] |
+//! | key expressions, liveliness tokens, publisher ids, attachments | [`RosSession`], [`Node`], [`Publication`], [`attachment`] |
 //! | hash of a type, which is part of the key expression | [`type_hash`] |
 //! | a sample of ours as a message | [`message`], of [`ros_messages`] |
 //! | `sensor_msgs` and `geometry_msgs` made of a `HeroTelemetry` | [`StandardMessage`], of [`ros_messages`] |
@@ -34,7 +34,7 @@ mod packages;
 mod topics;
 mod type_hash;
 
-pub use graph::{ATTACHMENT_LEN, Gid, Node, Publication, Session, attachment};
+pub use graph::{ATTACHMENT_LEN, Gid, Node, Publication, RosSession, attachment};
 pub use packages::{ConflictingTypes, add_packages, own_schemas, write_packages};
 pub use ros_messages::{Qos, StandardMessage, UnixOffset, message};
 pub use topics::{Publications, Way};

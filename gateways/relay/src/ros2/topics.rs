@@ -9,7 +9,7 @@ use ipc_types::payload::{HeroTelemetry, Number, SharedStruct};
 use ipc_types::{MonotonicNs, RobotId, Schema, Topic as _};
 use ros_messages::{Qos, StandardMessage, UnixOffset, message};
 
-use super::graph::{ATTACHMENT_LEN, Gid, Node, Publication, Session, attachment};
+use super::graph::{ATTACHMENT_LEN, Gid, Node, Publication, RosSession, attachment};
 use crate::request::word;
 
 /// A way out for the samples of one publication.
@@ -27,26 +27,26 @@ pub trait Way {
 #[derive(Debug)]
 pub struct Publications<W> {
     robot: RobotId,
-    session: Session,
+    session: RosSession,
     node: Node,
     has_standard: bool,
     /// By key.
-    topics: BTreeMap<String, Topic<W>>,
-    standard: BTreeMap<StandardMessage, Publisher<W>>,
+    topics: BTreeMap<String, RosTopic<W>>,
+    standard: BTreeMap<StandardMessage, RosPublication<W>>,
     /// Standard messages whose names are those of topics that the relay carries.
     taken: BTreeSet<StandardMessage>,
 }
 
 /// A topic that the relay carries.
 #[derive(Debug)]
-struct Topic<W> {
-    publisher: Publisher<W>,
+struct RosTopic<W> {
+    publisher: RosPublication<W>,
     source_time: SourceTime,
 }
 
 /// One publication, and how many samples went out.
 #[derive(Debug)]
-struct Publisher<W> {
+struct RosPublication<W> {
     way: W,
     gid: Gid,
     sent: i64,
@@ -54,7 +54,7 @@ struct Publisher<W> {
 
 impl<W: Way> Publications<W> {
     /// No topics yet. `has_standard` says whether standard messages are made of `hero_telemetry`.
-    pub fn new(mut session: Session, robot: RobotId, has_standard: bool) -> Publications<W> {
+    pub fn new(mut session: RosSession, robot: RobotId, has_standard: bool) -> Publications<W> {
         Publications {
             node: session.node(robot),
             robot,
@@ -88,8 +88,8 @@ impl<W: Way> Publications<W> {
             left_out = (self.has_standard && is_first).then_some(standard);
             self.standard.remove(&standard);
         }
-        let topic = Topic {
-            publisher: Publisher::new(&publication, &mut open),
+        let topic = RosTopic {
+            publisher: RosPublication::new(&publication, &mut open),
             source_time: SourceTime::of(schema),
         };
         self.topics.insert(key.to_owned(), topic);
@@ -108,7 +108,7 @@ impl<W: Way> Publications<W> {
             let is_free = !self.taken.contains(&standard) && !self.standard.contains_key(&standard);
             if self.has_standard && is_free {
                 let publication = self.session.publish_standard(&self.node, standard);
-                let publisher = Publisher::new(&publication, &mut open);
+                let publisher = RosPublication::new(&publication, &mut open);
                 self.standard.insert(standard, publisher);
             }
         }
@@ -133,9 +133,12 @@ impl<W: Way> Publications<W> {
     }
 }
 
-impl<W: Way> Publisher<W> {
-    fn new(publication: &Publication, open: &mut impl FnMut(&Publication) -> W) -> Publisher<W> {
-        Publisher {
+impl<W: Way> RosPublication<W> {
+    fn new(
+        publication: &Publication,
+        open: &mut impl FnMut(&Publication) -> W,
+    ) -> RosPublication<W> {
+        RosPublication {
             way: open(publication),
             gid: publication.gid,
             sent: 0,
@@ -236,7 +239,7 @@ mod tests {
 
     impl Harness {
         fn new(has_standard: bool) -> Harness {
-            let session = Session::new(0, "a1");
+            let session = RosSession::new(0, "a1");
             Harness {
                 topics: Publications::new(session, RobotId::DEFAULT, has_standard),
                 sent: Sent::default(),

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use crate::message::{MAX_SERVICES, Page, Part, Service};
+use crate::message::{MAX_SERVICES, Part, Service, ServicesPage};
 
 /// How long a part may take at first, before it is asked for again.
 const PART_TIMEOUT: Duration = Duration::from_millis(500);
@@ -90,7 +90,7 @@ impl Catalog {
         if self.missing() != Some(part.index) {
             return Vec::new();
         }
-        if !Page::may_have(part.page_bytes) {
+        if !ServicesPage::may_have(part.page_bytes) {
             let (page, bytes) = (part.index, part.page_bytes);
             tracing::warn!(page, bytes, "descriptions of another length than any has");
             self.turn();
@@ -109,7 +109,7 @@ impl Catalog {
             return Vec::new();
         }
         self.turn();
-        let services = Page::unpack(&assembly.bytes);
+        let services = ServicesPage::unpack(&assembly.bytes);
         if services.is_none() {
             tracing::warn!(page = part.index, "descriptions cannot be read");
         }
@@ -209,18 +209,18 @@ mod tests {
         }
     }
 
-    fn page(service: &Service) -> Page {
-        Page::of(std::slice::from_ref(service)).remove(0)
+    fn page(service: &Service) -> ServicesPage {
+        ServicesPage::of(std::slice::from_ref(service)).remove(0)
     }
 
-    fn part(page: &Page, index: u16, from: usize) -> Part {
+    fn part(page: &ServicesPage, index: u16, from: usize) -> Part {
         let part = page.part(INSTANCE, index, from as u32);
         part.expect("it is there")
     }
 
     /// A station learns pages over a link that loses and repeats messages, and takes none that is longer than one may be. Returns
     /// what it learned, how many parts that were, and how long it took, ms.
-    fn learned(pages: &[Page], lost_percent: u64) -> (Vec<Service>, u64, u64) {
+    fn learned(pages: &[ServicesPage], lost_percent: u64) -> (Vec<Service>, u64, u64) {
         let mut catalog = Catalog::default();
         catalog.expect(pages.len() as u16);
         let (mut learned, mut random, mut ms, mut parts) = (Vec::new(), Rng::with_seed(1), 0, 0);
@@ -298,7 +298,7 @@ mod tests {
         assert!(ms < parts * 520, "{ms} ms for {parts}");
         let (all, parts, ms) = learned(&pages, 0);
         assert!(all == services && ms == parts * 20);
-        let together = Page::of(&services[..3]);
+        let together = ServicesPage::of(&services[..3]);
         assert_eq!(together.len(), 1);
         assert!(learned(&together, 20).0 == services[..3]);
     }

@@ -1,4 +1,4 @@
-//! [`Link`]: how the link to a robot is, what its clock shows, and which services it has. A pure value.
+//! [`RobotLink`]: how the link to a robot is, what its clock shows, and which services it has. A pure value.
 //!
 //! | state | becomes | when |
 //! |---|---|---|
@@ -33,7 +33,7 @@ const UNANSWERED: usize = 32;
 
 /// The link to one robot.
 #[derive(Debug)]
-pub struct Link {
+pub struct RobotLink {
     silent_after: Duration,
     instance: u64,
     state: RelayLinkState,
@@ -79,10 +79,10 @@ pub struct Update {
     pub is_up: bool,
 }
 
-impl Link {
+impl RobotLink {
     /// A link of which nothing is known. `instance` is that of this relay.
-    pub fn new(instance: u64, silent_after: Duration, now: MonotonicNs) -> Link {
-        Link {
+    pub fn new(instance: u64, silent_after: Duration, now: MonotonicNs) -> RobotLink {
+        RobotLink {
             silent_after,
             instance,
             state: RelayLinkState::Connecting,
@@ -321,7 +321,7 @@ impl Link {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::message::Page;
+    use crate::message::ServicesPage;
 
     const INSTANCE: u64 = 5;
 
@@ -329,8 +329,8 @@ mod tests {
         MonotonicNs(ms * 1_000_000)
     }
 
-    fn link() -> Link {
-        Link::new(INSTANCE, Duration::from_millis(2000), at(0))
+    fn link() -> RobotLink {
+        RobotLink::new(INSTANCE, Duration::from_millis(2000), at(0))
     }
 
     fn service() -> Service {
@@ -357,7 +357,7 @@ mod tests {
         }
     }
 
-    fn answered(link: &mut Link, now: u64, robot_instance: u64, pages: u16) -> Update {
+    fn answered(link: &mut RobotLink, now: u64, robot_instance: u64, pages: u16) -> Update {
         let ping = link.ping(at(now), 0).expect("it is due");
         link.take(&pong(robot_instance, &ping, pages), at(now + 10), 0)
     }
@@ -420,7 +420,7 @@ mod tests {
         let question = |index| Question { index, from: 0 };
         assert_eq!(link.question(at(10)), Some((9, question(0))));
         let service = service();
-        let page = Page::of(std::slice::from_ref(&service)).remove(0);
+        let page = ServicesPage::of(std::slice::from_ref(&service)).remove(0);
         let part = |robot_instance, index| page.part(robot_instance, index, 0).unwrap();
         assert_eq!(link.take_part(&part(8, 0)), [], "of another instance");
         assert_eq!(link.take_part(&part(9, 0)), std::slice::from_ref(&service));
@@ -439,14 +439,14 @@ mod tests {
      {
         let mut link = link();
         let service = service();
-        let asks = |link: &mut Link, ms| {
+        let asks = |link: &mut RobotLink, ms| {
             let ping = link.ping(at(ms), 0).unwrap();
             (ping.wants_latest, ping)
         };
         assert!(!asks(&mut link, 0).0, "nothing is known");
         let _ = answered(&mut link, 500, 1, 1);
         assert!(!asks(&mut link, 1000).0, "it is not described");
-        let page = Page::of(&[service]).remove(0);
+        let page = ServicesPage::of(&[service]).remove(0);
         assert_eq!(link.take_part(&page.part(1, 0, 0).unwrap()).len(), 1);
         link.hear_sample();
         let (is_asked, ping) = asks(&mut link, 1500);
@@ -466,7 +466,7 @@ mod tests {
     #[test]
     fn a_ping_says_by_how_much_the_last_answer_was_late_or_the_next_one_is_overdue() {
         let mut link = link();
-        let ping = |link: &mut Link, ms| link.ping(at(ms), 0).unwrap();
+        let ping = |link: &mut RobotLink, ms| link.ping(at(ms), 0).unwrap();
         assert_eq!(ping(&mut link, 0).late_ms, None);
         let _ = answered(&mut link, 200, 1, 0);
         let first = ping(&mut link, 1000);
@@ -480,8 +480,8 @@ mod tests {
     #[test]
     fn while_descriptions_come_nobody_knows_how_late_an_answer_is() {
         let mut link = link();
-        let page = Page::of(&[service()]).remove(0);
-        let ping = |link: &mut Link, ms| link.ping(at(ms), 0).unwrap();
+        let page = ServicesPage::of(&[service()]).remove(0);
+        let ping = |link: &mut RobotLink, ms| link.ping(at(ms), 0).unwrap();
         let _ = answered(&mut link, 0, 1, 1);
         let first = ping(&mut link, 500);
         link.take(&pong(1, &first, 1), at(1200), 0);

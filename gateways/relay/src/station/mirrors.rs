@@ -14,7 +14,7 @@ use crate::message::SampleHeader;
 use crate::message::{MAX_SERVICES, Service};
 use crate::names::{is_carried, service_id};
 use crate::request::{RequestFields, word};
-use crate::telemetry::{Counts, SampleReceiver};
+use crate::telemetry::{SampleCounts, SampleReceiver};
 
 /// Most requests of clients that are open: those of the orders, and those that are refused meanwhile.
 const MAX_OPEN: usize = 256;
@@ -28,16 +28,16 @@ const MAX_QUOTED: usize = 64;
 /// One service of a robot on this machine.
 struct Mirror {
     service: Service,
-    port: Port,
+    port: MirrorPort,
 }
 
-enum Port {
-    Topic(Box<Topic>),
-    Requests(Box<Requests>),
+enum MirrorPort {
+    Topic(Box<MirroredTopic>),
+    Requests(Box<MirroredRequests>),
 }
 
 /// A topic of the robot on this machine.
-struct Topic {
+struct MirroredTopic {
     publisher: DynamicPublisher,
     /// Offsets of the moments in a sample.
     moments: Vec<usize>,
@@ -45,7 +45,7 @@ struct Topic {
 }
 
 /// A request service of the robot on this machine.
-struct Requests {
+struct MirroredRequests {
     server: DynamicServer,
     fields: RequestFields,
     /// What the service is called in orders.
@@ -130,11 +130,11 @@ impl Mirrors {
         }
         // Its struct has changed: consumers find the new one in a new generation.
         self.list.retain(|mirror| mirror.service.key != service.key);
-        match Port::open(&service, ipc) {
+        match MirrorPort::open(&service, ipc) {
             Ok(port) => {
                 let descriptor = match &port {
-                    Port::Topic(topic) => topic.publisher.descriptor(),
-                    Port::Requests(requests) => requests.server.descriptor(),
+                    MirrorPort::Topic(topic) => topic.publisher.descriptor(),
+                    MirrorPort::Requests(requests) => requests.server.descriptor(),
                 };
                 if let Err(error) = self.ports.add(descriptor) {
                     tracing::debug!(%error, "a port is looked at with every wake alone");
@@ -191,7 +191,7 @@ impl Mirrors {
         let mut mirrors = self.list.iter_mut();
         match mirrors.find(|mirror| mirror.service.key == key) {
             Some(Mirror {
-                port: Port::Topic(topic),
+                port: MirrorPort::Topic(topic),
                 ..
             }) => topic.publish(header, message, clock, now),
             _ => false,
@@ -203,8 +203,8 @@ impl Mirrors {
         let (open, next_handle) = (&mut self.open, &mut self.next_handle);
         for mirror in &mut self.list {
             match &mut mirror.port {
-                Port::Topic(topic) => topic.publisher.tend(),
-                Port::Requests(requests) => {
+                MirrorPort::Topic(topic) => topic.publisher.tend(),
+                MirrorPort::Requests(requests) => {
                     requests.serve(open, next_handle, &mut take, &mut gone);
                 }
             }
@@ -224,7 +224,7 @@ impl Mirrors {
         }
         for mirror in &mut self.list {
             match &mut mirror.port {
-                Port::Requests(requests) if requests.id == service => {
+                MirrorPort::Requests(requests) if requests.id == service => {
                     return requests.report(ticket, report);
                 }
                 _ => {}
@@ -233,29 +233,29 @@ impl Mirrors {
     }
 
     /// What was counted of all topics.
-    pub fn counts(&self) -> Counts {
+    pub fn counts(&self) -> SampleCounts {
         let counts = self.list.iter().filter_map(|mirror| match &mirror.port {
-            Port::Topic(topic) => Some(topic.receiver.counts()),
-            Port::Requests(_) => None,
+            MirrorPort::Topic(topic) => Some(topic.receiver.counts()),
+            MirrorPort::Requests(_) => None,
         });
-        counts.fold(Counts::default(), Counts::plus)
+        counts.fold(SampleCounts::default(), SampleCounts::plus)
     }
 }
 
-impl Port {
+impl MirrorPort {
     /// Provides the service here. It fails if another process provides it, or its schema is none.
-    fn open(service: &Service, ipc: &Ipc) -> Result<Port, DynamicError> {
+    fn open(service: &Service, ipc: &Ipc) -> Result<MirrorPort, DynamicError> {
         if service.takes_requests {
             let server = DynamicServer::open(ipc, &service.key, &service.schema)?;
             let schema = server.schema();
-            return Ok(Port::Requests(Box::new(Requests {
+            return Ok(MirrorPort::Requests(Box::new(MirroredRequests {
                 fields: RequestFields::of(schema),
                 id: service_id(&service.key, schema),
                 server,
             })));
         }
         let publisher = DynamicPublisher::open(ipc, &service.key, &service.schema)?;
-        Ok(Port::Topic(Box::new(Topic {
+        Ok(MirrorPort::Topic(Box::new(MirroredTopic {
             moments: publisher.schema().moments(),
             publisher,
             receiver: SampleReceiver::default(),
@@ -263,7 +263,7 @@ impl Port {
     }
 }
 
-impl Topic {
+impl MirroredTopic {
     /// Publishes a message, which is a sample with its CDR header, if it is newer than all before. Says whether it was.
     fn publish(
         &mut self,
@@ -290,7 +290,7 @@ impl Topic {
     }
 }
 
-impl Requests {
+impl MirroredRequests {
     /// Hands on the requests that have come, and those whose clients have given them up. One for which there is no room is refused.
     fn serve(
         &mut self,

@@ -1,7 +1,7 @@
 //! The station's side: it provides the services of robots on this machine, publishes what comes from them, and sends them the
 //! requests of clients.
 //!
-//! [`Link`] is how the link to one robot is, [`Mirrors`] are its services here, [`orders::station`](crate::orders::station)
+//! [`RobotLink`] is how the link to one robot is, [`Mirrors`] are its services here, [`orders::station`](crate::orders::station)
 //! decides about requests; here bytes move.
 
 pub mod catalog;
@@ -25,12 +25,12 @@ use crate::message::{
 };
 use crate::names;
 use crate::network::{Inbox, MAX_MESSAGE_BYTES, Network, Room};
-use crate::orders::message::{NOT_PERMITTED, Verdict, request_id};
-use crate::orders::station::{ClientRequest, Config as OrderConfig, Origin, Output, Station};
+use crate::orders::message::{NOT_PERMITTED, RelayVerdict, request_id};
+use crate::orders::station::{ClientRequest, Config as OrderConfig, Origin, Output, StationOrders};
 use crate::own_topics::OwnTopics;
 use crate::random::{fresh, suspended_ns};
 use catalog::Question;
-pub use link::Link;
+pub use link::RobotLink;
 pub use mirrors::Mirrors;
 use mirrors::{Taken, translate_report};
 use moments::{Moments, earliest};
@@ -145,9 +145,9 @@ const HANDED_ON_WITHIN: Duration = Duration::from_secs(30);
 struct Remote {
     robot: RemoteRobot,
     station: String,
-    link: Link,
+    link: RobotLink,
     mirrors: Mirrors,
-    orders: Station,
+    orders: StationOrders,
     /// When requests were issued.
     moments: Moments,
     /// Deadline of a request that says neither when it was issued nor until when it may begin.
@@ -157,13 +157,13 @@ struct Remote {
     replies: Inbox,
     samples: Inbox,
     topics: OwnTopics<RelayLink>,
-    counts: Counts,
+    counts: LinkCounts,
     ipc: Ipc,
 }
 
 /// What was sent and received.
 #[derive(Clone, Copy, Debug, Default)]
-struct Counts {
+struct LinkCounts {
     bytes_received: u64,
     bytes_sent: u64,
     orders_sent: u64,
@@ -184,9 +184,9 @@ impl Remote {
         let now = MonotonicNs::now();
         Ok(Remote {
             station: station.to_owned(),
-            link: Link::new(fresh(), config.network.silent_after(), now),
+            link: RobotLink::new(fresh(), config.network.silent_after(), now),
             mirrors: Mirrors::new()?,
-            orders: Station::new(OrderConfig {
+            orders: StationOrders::new(OrderConfig {
                 give_up: config.commands.unknown_after(),
             }),
             moments: Moments::default(),
@@ -198,7 +198,7 @@ impl Remote {
             replies: network.receive(&names::tell(robot.number, station), Vec::new(), ANSWERS)?,
             samples: network.receive(&names::topics(robot.number), Vec::new(), SAMPLES)?,
             topics: OwnTopics::open(&ipc)?,
-            counts: Counts::default(),
+            counts: LinkCounts::default(),
             robot,
             ipc,
         })
@@ -455,7 +455,7 @@ fn refusal(request: &Taken, now: MonotonicNs) -> Output {
     let id = request_id(&request.bytes);
     let report = RequestReport {
         path_id: request.fields.path_id(&request.bytes),
-        ..Verdict::NotPermitted.report(id, now)
+        ..RelayVerdict::NotPermitted.report(id, now)
     };
     Output::Report {
         handle: request.handle,

@@ -17,7 +17,7 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 
 use ipc_types::{RobotId, Schema};
-use relay::ros2::{Session, StandardMessage, add_packages, attachment, own_schemas, type_hash};
+use relay::ros2::{RosSession, StandardMessage, add_packages, attachment, own_schemas, type_hash};
 use ril_tests::languages::run;
 use ril_tests::relayed::free_endpoint;
 use ril_tests::stranger::STRANGER;
@@ -102,7 +102,7 @@ fn check_topics(python: &Path, endpoint: &str, samples: &[Sample], folder: &Path
 
 /// What `publish.py` is to publish: every token, and one sample of each topic again and again.
 fn publisher_plan(endpoint: &str, samples: &[Sample]) -> Value {
-    let node = Session::new(0, ZENOH_ID).node(RobotId::DEFAULT);
+    let node = RosSession::new(0, ZENOH_ID).node(RobotId::DEFAULT);
     let publications = samples.iter().map(|sample| &sample.publication);
     let tokens: Vec<String> = [node.token()]
         .into_iter()

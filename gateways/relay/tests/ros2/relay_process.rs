@@ -8,7 +8,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::{RobotId, Schema};
-use relay::ros2::{Qos, Session, StandardMessage, own_schemas};
+use relay::ros2::{Qos, RosSession, StandardMessage, own_schemas};
 use ril_tests::languages::run;
 use ril_tests::relayed::free_endpoint;
 use ril_tests::{Process, StandInStatus, StandInTopic, TestDomain};
@@ -253,7 +253,7 @@ fn samples_arrive_as_they_were_published_with_the_unix_time_of_their_publishing(
         .declare_subscriber("0/hero1/**")
         .wait()
         .expect("a subscriber");
-    let mut session = Session::new(0, "a");
+    let mut session = RosSession::new(0, "a");
     let ros_node = session.node(RobotId::DEFAULT);
     let schema = Schema::of::<HeroTelemetry>();
     let own = session.publish(&ros_node, "hero_telemetry", &schema, Qos::SENSOR_DATA);

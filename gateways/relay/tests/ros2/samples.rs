@@ -5,7 +5,7 @@ use ipc_types::payload::{
     HeroTelemetry, HeroVelocity, ModuleState, SharedStruct,
 };
 use ipc_types::{RobotId, Schema};
-use relay::ros2::{Publication, Qos, Session, StandardMessage, UnixOffset, message};
+use relay::ros2::{Publication, Qos, RosSession, StandardMessage, UnixOffset, message};
 use serde_json::{Value, json};
 
 /// Id of the session that publishes.
@@ -23,7 +23,7 @@ pub struct Sample {
 
 /// A sample of each topic of a robot.
 pub fn samples() -> Vec<Sample> {
-    let mut session = Session::new(0, ZENOH_ID);
+    let mut session = RosSession::new(0, ZENOH_ID);
     let robot = RobotId::DEFAULT;
     let node = session.node(robot);
     let telemetry = telemetry();

@@ -6,15 +6,15 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{MAX_STATIONS, RequestReport};
 use relay::message::{Ask, Ping, Pong, Reply, SampleHeader, decode, encode};
-use relay::message::{Page, Part};
+use relay::message::{Part, ServicesPage};
 use relay::orders::message::{Answer, NO_PLACE, Order, WINDOW};
 use relay::orders::robot::{
-    Config as RobotConfig, NotSent, ORPHANS, Output, Robot, SESSIONS, Traits,
+    Config as RobotConfig, NotSent, ORPHANS, Output, RobotOrders, SESSIONS, Traits,
 };
-use relay::orders::station::{ClientRequest, Config as StationConfig, OPEN_ORDERS, Station};
+use relay::orders::station::{ClientRequest, Config as StationConfig, OPEN_ORDERS, StationOrders};
 use relay::robot::mailbox::Admission;
 use relay::robot::stations::Stations;
-use relay::station::link::Link;
+use relay::station::link::RobotLink;
 use relay::station::moments::Moments;
 use relay::telemetry::SampleReceiver;
 
@@ -41,7 +41,7 @@ pub fn messages(data: &[u8]) {
         one::<Part>(data);
         one::<SampleHeader>(data);
         if let Ok(Reply::Part(part)) = decode::<Reply>(data) {
-            for service in Page::unpack(&part.bytes).unwrap_or_default() {
+            for service in ServicesPage::unpack(&part.bytes).unwrap_or_default() {
                 let _ = ipc_types::Schema::parse(&service.schema);
             }
         }
@@ -121,7 +121,7 @@ impl<'a> Script<'a> {
 struct RobotSide {
     admission: Admission,
     stations: Stations,
-    orders: Robot,
+    orders: RobotOrders,
     sessions: Vec<u64>,
     out: Vec<Output>,
 }
@@ -166,7 +166,7 @@ pub fn robot_side(data: &[u8]) {
     let mut side = RobotSide {
         admission: Admission::new(ask.to_owned(), order.to_owned(), &names[..1], &names),
         stations: Stations::new(Duration::from_millis(2500)),
-        orders: Robot::new(
+        orders: RobotOrders::new(
             RobotConfig {
                 link_loss: Some(Duration::from_secs(10)),
                 ..RobotConfig::default()
@@ -237,8 +237,8 @@ pub fn robot_side(data: &[u8]) {
 pub fn station_side(data: &[u8]) {
     const INSTANCE: u64 = 5;
     let mut script = Script { data };
-    let mut link = Link::new(INSTANCE, Duration::from_millis(2500), BEGIN);
-    let mut orders = Station::new(StationConfig {
+    let mut link = RobotLink::new(INSTANCE, Duration::from_millis(2500), BEGIN);
+    let mut orders = StationOrders::new(StationConfig {
         give_up: Duration::from_secs(60),
     });
     let (mut receiver, mut out, mut handle, mut now) =

@@ -6,7 +6,7 @@
 use std::net::IpAddr;
 
 use crate::http::refusal::Refusal;
-use crate::http::request::Request;
+use crate::http::request::HttpRequest;
 use crate::page::Role;
 use crate::settings::{Peer, Settings, Token};
 
@@ -42,7 +42,7 @@ impl Access {
     }
 
     /// Judges Host and Origin, before anything else of the request.
-    pub fn enter(&self, request: &Request, peer: &Peer) -> Result<(), Refusal> {
+    pub fn enter(&self, request: &HttpRequest, peer: &Peer) -> Result<(), Refusal> {
         let name = name_of(&request.host).ok_or(Refusal::ForeignHost)?;
         let is = |known: &str| known.eq_ignore_ascii_case(name);
         let is_known = LOOPBACK_NAMES.into_iter().any(is)
@@ -172,8 +172,8 @@ mod tests {
         }
     }
 
-    fn request(host: &str, origin: Option<&str>) -> Request {
-        Request {
+    fn request(host: &str, origin: Option<&str>) -> HttpRequest {
+        HttpRequest {
             method: Method::Get,
             path: "/".into(),
             token: None,

@@ -30,7 +30,7 @@ pub(crate) fn is_number(text: &str) -> bool {
 }
 
 #[derive(Debug)]
-struct Known {
+struct KnownOrder {
     report: OrderReport,
     changed: MonotonicNs,
 }
@@ -38,7 +38,7 @@ struct Known {
 /// See the module's documentation.
 #[derive(Debug, Default)]
 pub(crate) struct OrderBook {
-    known: BTreeMap<Arc<str>, Known>,
+    known: BTreeMap<Arc<str>, KnownOrder>,
     /// All of `known`, the oldest first.
     ages: VecDeque<Arc<str>>,
 }
@@ -71,7 +71,7 @@ impl OrderBook {
             text: text.to_owned(),
             is_final: stage == OrderStage::NotSent,
         };
-        let known = self.known.entry(number).or_insert(Known {
+        let known = self.known.entry(number).or_insert(KnownOrder {
             report,
             changed: now,
         });

@@ -1,4 +1,4 @@
-//! [`Client`]: one Foxglove client: what it knows of channels and services, what it has subscribed to, and what waits for it.
+//! [`FoxgloveClient`]: one Foxglove client: what it knows of channels and services, what it has subscribed to, and what waits for it.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
@@ -6,12 +6,12 @@ use ipc_types::MonotonicNs;
 
 use super::channels::{Channels, Sample};
 use super::message::{self, ChannelInfo, Outgoing, Subscription};
-use super::parameters::Parameters;
+use super::parameters::ParameterSubscriptions;
 use super::samples::Samples;
 use super::services::{ENCODING, Services};
 use crate::authority::access::Permit;
 use crate::id::{Call, ChannelId};
-use crate::pace::{ORDERS_PER_S, Pace};
+use crate::pace::{ORDERS_PER_S, RateLimit};
 use crate::page::Role;
 use crate::settings::Peer;
 
@@ -63,7 +63,7 @@ impl Notice {
 
 /// What is sent.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Frame {
+pub(crate) enum ClientFrame {
     Text(String),
     Binary(Vec<u8>),
 }
@@ -78,13 +78,13 @@ struct Wanted {
 
 /// See the module's documentation.
 #[derive(Debug)]
-pub(crate) struct Client {
+pub(crate) struct FoxgloveClient {
     pub peer: Peer,
     pub permit: Permit,
-    pub orders: Pace,
+    pub orders: RateLimit,
     /// Whether it has asked for parameters.
     pub wants_parameters: bool,
-    answers: VecDeque<Frame>,
+    answers: VecDeque<ClientFrame>,
     answer_bytes: usize,
     /// Channels that it knows, of this version of them.
     channels: BTreeSet<ChannelId>,
@@ -106,12 +106,12 @@ pub(crate) struct Client {
     calls: BTreeSet<Call>,
 }
 
-impl Client {
-    pub fn new(peer: Peer, permit: Permit) -> Client {
-        Client {
+impl FoxgloveClient {
+    pub fn new(peer: Peer, permit: Permit) -> FoxgloveClient {
+        FoxgloveClient {
             peer,
             permit,
-            orders: Pace::new(ORDERS_PER_S),
+            orders: RateLimit::new(ORDERS_PER_S),
             wants_parameters: false,
             answers: VecDeque::new(),
             answer_bytes: 0,
@@ -144,7 +144,7 @@ impl Client {
     }
 
     /// Puts an answer behind the others.
-    pub fn answer(&mut self, frame: Frame) {
+    pub fn answer(&mut self, frame: ClientFrame) {
         self.answer_bytes += frame.len();
         self.answers.push_back(frame);
     }
@@ -153,7 +153,7 @@ impl Client {
     pub fn notice(&mut self, notice: Notice) {
         if !self.said.contains(&notice) {
             self.said.push(notice);
-            self.answer(Frame::Text(notice.message().text()));
+            self.answer(ClientFrame::Text(notice.message().text()));
         }
     }
 
@@ -212,7 +212,7 @@ impl Client {
     }
 
     /// Gets the changes of these parameters, or of all.
-    pub fn follow(&mut self, names: &[String], parameters: &Parameters) {
+    pub fn follow(&mut self, names: &[String], parameters: &ParameterSubscriptions) {
         self.follows_all |= names.is_empty();
         let found = parameters.find(names);
         self.follows
@@ -241,7 +241,12 @@ impl Client {
     }
 
     /// A parameter has its value, whether it changed or not.
-    pub fn parameter(&mut self, name: &str, has_changed: bool, parameters: &Parameters) {
+    pub fn parameter(
+        &mut self,
+        name: &str,
+        has_changed: bool,
+        parameters: &ParameterSubscriptions,
+    ) {
         let (wanted, others) = std::mem::take(&mut self.wanted)
             .into_iter()
             .partition(|one| one.name == name);
@@ -253,7 +258,7 @@ impl Client {
                 parameters,
                 id: one.id.as_deref(),
             };
-            self.answer(Frame::Text(message.text()));
+            self.answer(ClientFrame::Text(message.text()));
         }
         if has_changed && self.follows_all {
             self.follows.insert(name.to_owned());
@@ -278,7 +283,7 @@ impl Client {
     /// Answers a call that does not wait.
     pub fn refuse(&mut self, call: Call, response: &[u8]) {
         let bytes = message::service_response(call.service, call.call, ENCODING, response);
-        self.answer(Frame::Binary(bytes));
+        self.answer(ClientFrame::Binary(bytes));
     }
 
     /// What is sent next: answers, what there is, the time, samples.
@@ -286,8 +291,8 @@ impl Client {
         &mut self,
         channels: &Channels,
         services: &Services,
-        parameters: &Parameters,
-    ) -> Option<Frame> {
+        parameters: &ParameterSubscriptions,
+    ) -> Option<ClientFrame> {
         if let Some(frame) = self.answers.pop_front() {
             self.answer_bytes -= frame.len();
             return Some(frame);
@@ -296,7 +301,7 @@ impl Client {
             .tell_channels(channels)
             .or_else(|| self.tell_services(services));
         if let Some(message) = told {
-            return Some(Frame::Text(message));
+            return Some(ClientFrame::Text(message));
         }
         if !self.changed.is_empty() {
             let names = std::mem::take(&mut self.changed);
@@ -305,17 +310,17 @@ impl Client {
                 parameters,
                 id: None,
             };
-            return Some(Frame::Text(message.text()));
+            return Some(ClientFrame::Text(message.text()));
         }
         if let Some(unix_ns) = self.time_unix_ns.take() {
-            return Some(Frame::Binary(message::time(unix_ns)));
+            return Some(ClientFrame::Binary(message::time(unix_ns)));
         }
         loop {
             let sample = self.samples.next()?;
             if let Some(subscription) = self.by_channel.get(&sample.channel) {
                 let bytes =
                     message::message_data(*subscription, sample.log_time_unix_ns, &sample.bytes);
-                return Some(Frame::Binary(bytes));
+                return Some(ClientFrame::Binary(bytes));
             }
         }
     }
@@ -393,11 +398,11 @@ impl Client {
     }
 }
 
-impl Frame {
+impl ClientFrame {
     fn len(&self) -> usize {
         match self {
-            Frame::Text(text) => text.len(),
-            Frame::Binary(bytes) => bytes.len(),
+            ClientFrame::Text(text) => text.len(),
+            ClientFrame::Binary(bytes) => bytes.len(),
         }
     }
 }

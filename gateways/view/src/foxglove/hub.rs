@@ -7,18 +7,18 @@ use serde_json::Value;
 
 use super::assets;
 use super::channels::{Channel, Channels, Sample};
-use super::client::{Client, Frame, Notice};
+use super::client::{ClientFrame, FoxgloveClient, Notice};
 use super::message::{Binary, Incoming, Outgoing, Parameter, asset_response, read_binary};
-use super::parameters::Parameters;
+use super::parameters::ParameterSubscriptions;
 use super::playback::{CAPABILITY, Playback};
-use super::services::{ENCODING, Service, Services, refused};
+use super::services::{ENCODING, OfferedService, Services, refused};
 use crate::authority::access::Permit;
 use crate::event::{Event, Events};
 use crate::id::{Call, ChannelId, ViewerId};
-use crate::page::{Replay, ReplayInfo, Role};
+use crate::page::{ReplayInfo, ReplayStatus, Role};
 use crate::settings::Peer;
 use crate::viewer::from;
-use crate::websocket::{Close, Received};
+use crate::websocket::{Close, WebSocketMessage};
 
 /// What clients show as the server's name.
 const NAME: &str = "HERO RIL";
@@ -30,10 +30,10 @@ pub(crate) struct Hub {
     session: String,
     has_commands: bool,
     has_parameters: bool,
-    clients: BTreeMap<ViewerId, Client>,
+    clients: BTreeMap<ViewerId, FoxgloveClient>,
     channels: Channels,
     services: Services,
-    parameters: Parameters,
+    parameters: ParameterSubscriptions,
     playback: Playback,
 }
 
@@ -52,7 +52,7 @@ impl Hub {
             clients: BTreeMap::new(),
             channels: Channels::default(),
             services: Services::default(),
-            parameters: Parameters::default(),
+            parameters: ParameterSubscriptions::default(),
         }
     }
 
@@ -64,7 +64,7 @@ impl Hub {
         } else {
             Role::Watch
         };
-        let mut client = Client::new(peer, Permit { role, ..permit });
+        let mut client = FoxgloveClient::new(peer, Permit { role, ..permit });
         let mut capabilities = vec!["time", "assets"];
         if self.has_parameters {
             capabilities.extend(["parameters", "parametersSubscribe"]);
@@ -84,7 +84,7 @@ impl Hub {
             data_start_time: range.map(|(start, _)| start),
             data_end_time: range.map(|(_, end)| end),
         };
-        client.answer(Frame::Text(info.text()));
+        client.answer(ClientFrame::Text(info.text()));
         self.clients.insert(viewer, client);
     }
 
@@ -125,22 +125,25 @@ impl Hub {
     pub fn take(
         &mut self,
         viewer: ViewerId,
-        received: &Received,
+        received: &WebSocketMessage,
         now: MonotonicNs,
         events: &mut Events,
     ) -> Result<(), Close> {
         match received {
-            Received::Text(text) => {
+            WebSocketMessage::Text(text) => {
                 let message = serde_json::from_str(text).map_err(|_| Close::MEANING)?;
                 self.text(viewer, message, now, events);
             }
-            Received::Binary(bytes) => {
+            WebSocketMessage::Binary(bytes) => {
                 let message = read_binary(bytes).ok_or(Close::MEANING)?;
                 self.binary(viewer, &message, now, events);
             }
-            Received::Sign => {}
+            WebSocketMessage::Sign => {}
         }
-        let is_too_slow = self.clients.get(&viewer).is_some_and(Client::is_too_slow);
+        let is_too_slow = self
+            .clients
+            .get(&viewer)
+            .is_some_and(FoxgloveClient::is_too_slow);
         if is_too_slow {
             Err(Close::SLOW)
         } else {
@@ -170,7 +173,7 @@ impl Hub {
             Incoming::Advertise => client.notice(Notice::NoPublishing),
             Incoming::FetchAsset { uri, request_id } => {
                 let response = asset_response(request_id, assets::find(&uri));
-                client.answer(Frame::Binary(response));
+                client.answer(ClientFrame::Binary(response));
             }
             _ if !self.has_parameters => {}
             Incoming::GetParameters {
@@ -183,7 +186,7 @@ impl Hub {
                     parameters,
                     id: id.as_deref(),
                 };
-                client.answer(Frame::Text(message.text()));
+                client.answer(ClientFrame::Text(message.text()));
             }
             Incoming::SetParameters { parameters, id } => {
                 self.set(viewer, parameters, id.as_deref(), now, events)
@@ -251,7 +254,7 @@ impl Hub {
         if !refused.is_empty() {
             let parameters = self.parameters.find(&refused);
             let message = Outgoing::ParameterValues { parameters, id };
-            client.answer(Frame::Text(message.text()));
+            client.answer(ClientFrame::Text(message.text()));
         }
     }
 
@@ -290,7 +293,7 @@ impl Hub {
                 call_id: call.call,
                 message,
             };
-            client.answer(Frame::Text(failure.text()));
+            client.answer(ClientFrame::Text(failure.text()));
             return;
         };
         let refusal = if encoding != ENCODING.as_bytes() {
@@ -312,7 +315,7 @@ impl Hub {
     }
 
     /// The message to send next to a client.
-    pub fn next(&mut self, viewer: ViewerId) -> Option<Frame> {
+    pub fn next(&mut self, viewer: ViewerId) -> Option<ClientFrame> {
         self.clients
             .get_mut(&viewer)?
             .next(&self.channels, &self.services, &self.parameters)
@@ -345,16 +348,16 @@ impl Hub {
     }
 
     /// Says where the recording is to those that control it.
-    pub fn replay(&mut self, replay: &Replay) {
+    pub fn replay(&mut self, replay: &ReplayStatus) {
         for (viewer, state) in self.playback.states(replay) {
             if let Some(client) = self.clients.get_mut(&viewer) {
-                client.answer(Frame::Binary(state));
+                client.answer(ClientFrame::Binary(state));
             }
         }
     }
 
     /// Offers these services and no others.
-    pub fn services(&mut self, services: &[Service]) {
+    pub fn services(&mut self, services: &[OfferedService]) {
         self.services.set(services);
     }
 

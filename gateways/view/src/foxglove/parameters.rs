@@ -1,4 +1,4 @@
-//! [`Parameters`]: the values that clients are shown. They are kept here because Lichtblick asks for all every 15 s, and a DSP's are read
+//! [`ParameterSubscriptions`]: the values that clients are shown. They are kept here because Lichtblick asks for all every 15 s, and a DSP's are read
 //! one after the other over its serial line.
 
 use std::collections::BTreeMap;
@@ -12,11 +12,11 @@ pub const MAX_PARAMETERS: usize = 2048;
 
 /// See the module's documentation.
 #[derive(Debug, Default)]
-pub(crate) struct Parameters {
+pub(crate) struct ParameterSubscriptions {
     values: BTreeMap<String, Value>,
 }
 
-impl Parameters {
+impl ParameterSubscriptions {
     /// Takes a value; `None` for a parameter that is gone. False if it is what is known, or there are too many.
     pub fn set(&mut self, name: &str, value: Option<Value>) -> bool {
         let Some(value) = value else {

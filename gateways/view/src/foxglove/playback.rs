@@ -8,7 +8,7 @@ use serde::Serialize;
 
 use crate::event::{Event, Events};
 use crate::id::ViewerId;
-use crate::page::{Replay, ReplayAction, ReplayInfo, ReplayRequest};
+use crate::page::{ReplayAction, ReplayInfo, ReplayRequest, ReplayStatus};
 
 /// Opcode of the state to clients.
 const PLAYBACK_STATE: u8 = 5;
@@ -74,7 +74,7 @@ pub(super) fn read(bytes: &[u8]) -> Option<ControlRequest<'_>> {
 
 /// A request that is to be answered with the next state.
 #[derive(Debug, Default)]
-struct Outstanding {
+struct OpenControl {
     id: String,
     did_seek: bool,
 }
@@ -85,7 +85,7 @@ pub(super) struct Playback {
     /// Unix time of the beginning and the end, ns; `None` without a replay, or if the recording has no wall time.
     range_ns: Option<(u64, u64)>,
     /// Those that have used the controls, each with what is to be answered.
-    clients: BTreeMap<ViewerId, Outstanding>,
+    clients: BTreeMap<ViewerId, OpenControl>,
 }
 
 impl Playback {
@@ -142,7 +142,7 @@ impl Playback {
     }
 
     /// What to send to which clients, when the recording is there.
-    pub fn states(&mut self, replay: &Replay) -> Vec<(ViewerId, Vec<u8>)> {
+    pub fn states(&mut self, replay: &ReplayStatus) -> Vec<(ViewerId, Vec<u8>)> {
         let Some((start_ns, end_ns)) = self.range_ns else {
             return Vec::new();
         };

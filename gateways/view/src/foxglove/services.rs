@@ -16,7 +16,7 @@ const MAX_SERVICES: usize = 512;
 
 /// A service: its request and its answer are JSON.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Service {
+pub struct OfferedService {
     /// Such as `/robot1/hold`.
     pub name: String,
     /// Name of its type, from which those of request and answer are made.
@@ -30,15 +30,15 @@ pub struct Service {
 /// See the module's documentation.
 #[derive(Debug, Default)]
 pub(crate) struct Services {
-    ids: BTreeMap<Service, u32>,
-    offered: BTreeMap<u32, Service>,
+    ids: BTreeMap<OfferedService, u32>,
+    offered: BTreeMap<u32, OfferedService>,
     /// Grows when what is offered changes.
     version: u64,
 }
 
 impl Services {
     /// Offers these and no others.
-    pub fn set(&mut self, services: &[Service]) {
+    pub fn set(&mut self, services: &[OfferedService]) {
         let mut offered = BTreeMap::new();
         for service in services {
             let next = self.ids.len() as u32 + 1;
@@ -54,7 +54,7 @@ impl Services {
     }
 
     /// One that is offered.
-    pub fn get(&self, id: u32) -> Option<&Service> {
+    pub fn get(&self, id: u32) -> Option<&OfferedService> {
         self.offered.get(&id)
     }
 
@@ -69,7 +69,7 @@ impl Services {
     }
 }
 
-impl Service {
+impl OfferedService {
     /// As clients get it.
     pub(crate) fn info(&self, id: u32) -> ServiceInfo<'_> {
         let side = |part: &str, schema| ServiceSide {

@@ -1,25 +1,29 @@
-//! [`Answer`]: what a request gets. All texts are fixed, but for the page's files, tiles, and the name by which the server was called.
+//! [`Response`]: what a request gets. All texts are fixed, but for the page's files, tiles, and the name by which the server was called.
 
 use tungstenite::Bytes;
 use tungstenite::handshake::derive_accept_key;
 
 use super::refusal::{GUARDS, Refusal};
-use super::request::{Method, Request, Upgrade};
+use super::request::{HttpRequest, Method, Upgrade};
 use super::tile::{TileRequest, content_type};
 use crate::assets::Assets;
 
 /// What is written.
 #[derive(Debug)]
-pub struct Answer {
+pub struct Response {
     pub head: String,
     pub body: Bytes,
     /// Whether the connection stays.
     pub stays: bool,
 }
 
-impl Answer {
+impl Response {
     /// The file that is asked for, or that the browser has it already.
-    pub fn file(request: &Request, assets: &Assets, is_encrypted: bool) -> Result<Answer, Refusal> {
+    pub fn file(
+        request: &HttpRequest,
+        assets: &Assets,
+        is_encrypted: bool,
+    ) -> Result<Response, Refusal> {
         if request.method == Method::Other {
             return Err(Refusal::OtherMethod);
         }
@@ -46,7 +50,7 @@ impl Answer {
         }
         head.push_str("\r\n");
         let has_body = !has_it && request.method == Method::Get;
-        Ok(Answer {
+        Ok(Response {
             head,
             body: Bytes::from_static(if has_body { asset.bytes } else { &[] }),
             stays: request.stays,
@@ -54,7 +58,7 @@ impl Answer {
     }
 
     /// A tile, or that it is missing. A browser keeps a tile for an hour, and asks again for one that is missing.
-    pub fn tile(request: TileRequest, image: Option<Vec<u8>>) -> Answer {
+    pub fn tile(request: TileRequest, image: Option<Vec<u8>>) -> Response {
         let kind = image.as_deref().and_then(content_type);
         let connection = if request.stays { "keep-alive" } else { "close" };
         let image = image.filter(|_| kind.is_some()).unwrap_or_default();
@@ -67,7 +71,7 @@ impl Answer {
                 "HTTP/1.1 404 Not Found\r\nConnection: {connection}\r\nCache-Control: no-store\r\n"
             ),
         };
-        Answer {
+        Response {
             head: format!("{head}{GUARDS}Content-Length: {length}\r\n\r\n"),
             body: if request.has_body {
                 image.into()
@@ -79,13 +83,13 @@ impl Answer {
     }
 
     /// From here on it is a WebSocket.
-    pub fn upgraded(upgrade: &Upgrade, protocol: &str) -> Answer {
+    pub fn upgraded(upgrade: &Upgrade, protocol: &str) -> Response {
         let accept = derive_accept_key(upgrade.key.as_bytes());
         let head = format!(
             "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
              Sec-WebSocket-Accept: {accept}\r\nSec-WebSocket-Protocol: {protocol}\r\n\r\n"
         );
-        Answer {
+        Response {
             head,
             body: Bytes::new(),
             stays: true,
@@ -98,7 +102,7 @@ mod tests {
     use super::*;
     use crate::http::request::RequestReader;
 
-    fn request(lines: &str) -> Request {
+    fn request(lines: &str) -> HttpRequest {
         let mut reader = RequestReader::default();
         reader.receive(format!("{lines}\r\nHost: localhost:1\r\n\r\n").as_bytes());
         reader.next().unwrap().unwrap()
@@ -107,7 +111,7 @@ mod tests {
     #[test]
     fn files_come_whole_or_not_at_all_if_the_browser_has_them() {
         let assets = Assets::new();
-        let file = |lines: &str| Answer::file(&request(lines), &assets, false);
+        let file = |lines: &str| Response::file(&request(lines), &assets, false);
         let (_, tag) = assets.find("/app.js").unwrap();
         let answer = file("GET /app.js HTTP/1.1").unwrap();
         assert!(
@@ -147,7 +151,7 @@ mod tests {
             Refusal::NotFound
         );
         assert_eq!(file("POST / HTTP/1.1").unwrap_err(), Refusal::OtherMethod);
-        let encrypted = Answer::file(&request("GET / HTTP/1.1"), &assets, true).unwrap();
+        let encrypted = Response::file(&request("GET / HTTP/1.1"), &assets, true).unwrap();
         assert!(encrypted.head.contains("wss://localhost:1;"));
     }
 
@@ -157,7 +161,7 @@ mod tests {
             key: "dGhlIHNhbXBsZSBub25jZQ==".into(),
             protocols: vec![],
         };
-        let answer = Answer::upgraded(&upgrade, "hero.view.v1");
+        let answer = Response::upgraded(&upgrade, "hero.view.v1");
         // The example of RFC 6455.
         assert!(
             answer

@@ -33,7 +33,7 @@ pub struct Upgrade {
 
 /// A head that was read. What it means is judged elsewhere, Host and Origin first.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Request {
+pub struct HttpRequest {
     pub method: Method,
     /// Without the query.
     pub path: String,
@@ -72,7 +72,7 @@ impl RequestReader {
     }
 
     /// The next request, if its head is complete. After a refusal the bytes mean nothing any more.
-    pub fn next(&mut self) -> Option<Result<Request, Refusal>> {
+    pub fn next(&mut self) -> Option<Result<HttpRequest, Refusal>> {
         if self.waiting.is_empty() {
             return None;
         }
@@ -128,7 +128,7 @@ fn items<'a>(headers: &'a [Header<'_>], name: &'a str) -> Result<Vec<&'a str>, R
     Ok(items)
 }
 
-fn read(parsed: &httparse::Request<'_, '_>) -> Result<Request, Refusal> {
+fn read(parsed: &httparse::Request<'_, '_>) -> Result<HttpRequest, Refusal> {
     let headers = &*parsed.headers;
     let has_body = values(headers, "transfer-encoding").next().is_some()
         || !matches!(
@@ -151,7 +151,7 @@ fn read(parsed: &httparse::Request<'_, '_>) -> Result<Request, Refusal> {
             .any(|item| item.eq_ignore_ascii_case(word))
     };
     let upgrades = has("upgrade") && !items(headers, "upgrade")?.is_empty();
-    Ok(Request {
+    Ok(HttpRequest {
         method: match parsed.method {
             Some("GET") => Method::Get,
             Some("HEAD") => Method::Head,
@@ -197,7 +197,7 @@ mod tests {
 
     const KEY: &str = "dGhlIHNhbXBsZSBub25jZQ==";
 
-    fn one(text: &str) -> Option<Result<Request, Refusal>> {
+    fn one(text: &str) -> Option<Result<HttpRequest, Refusal>> {
         let mut reader = RequestReader::default();
         assert!(reader.receive(text.as_bytes()));
         reader.next()
@@ -207,7 +207,7 @@ mod tests {
     fn a_head_is_read_as_it_is_written() {
         let text = "GET /a/b.js?x=1&token=abc HTTP/1.1\r\nhOsT: localhost:8765\r\nOrigin: http://localhost:8765\r\n\
             If-None-Match: \"1\", \"2\"\r\nConnection: keep-alive\r\n\r\n";
-        let expected = Request {
+        let expected = HttpRequest {
             method: Method::Get,
             path: "/a/b.js".into(),
             token: Some("abc".into()),

@@ -11,11 +11,11 @@ pub(crate) use from_page::Incoming;
 pub use from_page::{CheckRequest, OrderRequest, ReplayRequest};
 pub(crate) use to_page::Outgoing;
 pub use to_page::{
-    Age, Alarm, Area, Attitude, Chart, Check, Commander, Control, Event, Finding, Hello, Lease,
-    Link, Movement, Now, OrderReport, Past, PastEvent, Phase, Replay, ReplayEvent, ReplayInfo,
-    Robot, RobotSummary, Robots, TileRange,
+    Age, Alarm, Area, Attitude, Chart, CheckResult, Commander, Control, Event, Finding, Hello,
+    Lease, LinkStatus, Movement, Now, OrderReport, Past, PastEvent, Phase, ReplayEvent, ReplayInfo,
+    ReplayStatus, RobotStatus, RobotSummary, Robots, TileRange,
 };
 pub use words::{
-    CheckKind, EventSeverity, Freshness, Holder, LeaseAction, OrderKind, OrderStage, PROTOCOL,
-    ReplayAction, Role, STALE_AFTER_MS, Severity, Source, Switch,
+    ChartSource, CheckKind, EventSeverity, Freshness, Holder, LeaseAction, OrderKind, OrderStage,
+    PROTOCOL, ReplayAction, Role, STALE_AFTER_MS, Severity, Switch,
 };

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::words::{
-    EventSeverity, Freshness, Holder, OrderKind, OrderStage, Role, Severity, Source, Switch,
+    ChartSource, EventSeverity, Freshness, Holder, OrderKind, OrderStage, Role, Severity, Switch,
 };
 
 /// `hello`: the first message, which says what server this is.
@@ -88,7 +88,7 @@ pub struct RobotSummary {
 
 /// `robot`: one robot in words, at changes and once a second.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Robot {
+pub struct RobotStatus {
     /// Its number.
     pub robot: u32,
     /// What the helicopter does.
@@ -100,7 +100,7 @@ pub struct Robot {
     /// Whether the module takes no movement.
     pub blocked: bool,
     /// The link to the DSP.
-    pub link: Link,
+    pub link: LinkStatus,
     /// `None` if it is not known.
     pub switch: Option<Switch>,
     /// The station that commands over a relay; `None` if none does.
@@ -119,7 +119,7 @@ pub struct Robot {
 
 /// The link between bridge and DSP.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Link {
+pub struct LinkStatus {
     /// In words.
     pub text: String,
     /// Its state by name.
@@ -180,7 +180,7 @@ pub struct Chart {
     /// The robot's number.
     pub robot: u32,
     /// The source of fence and path.
-    pub source: Source,
+    pub source: ChartSource,
     /// Of the bridge's outline; grows at each change.
     pub number: u64,
     /// Areas of the fence.
@@ -328,7 +328,7 @@ pub struct Event {
 
 /// `check`: the answer to a [`CheckRequest`](super::CheckRequest).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Check {
+pub struct CheckResult {
     /// The number that the page chose.
     pub order: String,
     /// The robot's number.
@@ -387,7 +387,7 @@ pub struct Lease {
 
 /// `replay`: where a recording is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Replay {
+pub struct ReplayStatus {
     /// Seconds from its beginning.
     pub position_s: f64,
     /// Whether it goes on.
@@ -402,15 +402,15 @@ pub struct Replay {
 pub(crate) enum Outgoing<'a> {
     Hello(&'a Hello),
     Robots(&'a Robots),
-    Robot(&'a Robot),
+    Robot(&'a RobotStatus),
     Chart(&'a Chart),
     Now(&'a Now),
     Past(&'a Past),
     Event(&'a Event),
-    Check(&'a Check),
+    Check(&'a CheckResult),
     Order(&'a OrderReport),
     Lease(&'a Lease),
-    Replay(&'a Replay),
+    Replay(&'a ReplayStatus),
     /// Twice a second, also without any sample: it proves contact with the server, and no more.
     Beat {
         sent_ms: u64,

@@ -122,7 +122,7 @@ pub enum CheckKind {
 /// Where fence and path of a chart are from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Source {
+pub enum ChartSource {
     /// The bridge publishes what it holds.
     Bridge,
     /// A file beside the server, which the bridge has not confirmed.

@@ -5,7 +5,7 @@
 
 use serde_json::{Value, json};
 
-use super::flight::{Curve, Data, Flight, Plot};
+use super::flight::{Curve, Data, FlightReport, Plot};
 use super::text::short;
 
 /// Columns of a curve: more than a plot is wide on most screens and on paper.
@@ -24,7 +24,7 @@ const MOST_ITEMS: usize = 24_000;
 const LARGEST: f64 = 1e12;
 
 /// The JSON, in which no `<` is: nothing in it ends or begins an element.
-pub fn json(flight: &Flight) -> String {
+pub fn json(flight: &FlightReport) -> String {
     let span_s = flight.span_s();
     let mut all = serde_json::to_value(flight).unwrap_or_default();
     let plots = flight.plots.iter().map(|plot| self::plot(plot, span_s));
@@ -131,7 +131,7 @@ mod tests {
         ] {
             values.push(at_s, value);
         }
-        let mut flight = Flight::new("x", 6.0);
+        let mut flight = FlightReport::new("x", 6.0);
         let mut plot = Plot::new("p", "P", "m", Scale::Auto { least_span: 1.0 });
         plot.curves = vec![Curve::line("c", Ink::Blue, values)];
         flight.plots = vec![plot];
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn texts_are_cut_numbers_are_round_and_no_tag_is_left() {
-        let mut flight = Flight::new("</script><script>", f64::NAN);
+        let mut flight = FlightReport::new("</script><script>", f64::NAN);
         flight.summary = vec!["x".repeat(1_000_000)];
         flight.map.track = vec![[37.412_345_678_9, -6.000_000_01]];
         flight.start_unix_ns = Some(1_795_348_483_000_000_000);

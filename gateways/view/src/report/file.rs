@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use sha2::{Digest as _, Sha256};
 
 use super::data;
-use super::flight::Flight;
+use super::flight::FlightReport;
 
 /// A file of the page.
 macro_rules! of_page {
@@ -66,7 +66,7 @@ const MODULES: [(&str, &str); 13] = [
 ];
 
 /// The page of `flight`, an HTML file.
-pub fn page(flight: &Flight) -> String {
+pub fn page(flight: &FlightReport) -> String {
     let (style, script) = (style(), script());
     let policy = format!(
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src '{}'; style-src '{}'; \

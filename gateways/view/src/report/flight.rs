@@ -1,4 +1,4 @@
-//! [`Flight`]: everything that a report shows, as a plain value. Times are seconds since the beginning of the recording.
+//! [`FlightReport`]: everything that a report shows, as a plain value. Times are seconds since the beginning of the recording.
 
 use serde::Serialize;
 
@@ -8,7 +8,7 @@ use crate::page::Area;
 
 /// A recorded flight. What the recording does not have is empty, and the report says so.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Flight {
+pub struct FlightReport {
     /// Heading of the report.
     pub title: String,
     /// What stands below the heading: when, which file.
@@ -26,7 +26,7 @@ pub struct Flight {
     /// Further states over time, such as that of the link.
     pub lanes: Vec<Lane>,
     /// What the helicopter was asked for.
-    pub requests: Vec<Request>,
+    pub requests: Vec<RequestRow>,
     /// What happened, in the order of time.
     pub events: Vec<Event>,
     /// Events that were left out, because there were too many of their kind.
@@ -44,10 +44,10 @@ pub struct Flight {
     pub remarks: Vec<String>,
 }
 
-impl Flight {
+impl FlightReport {
     /// A flight of this length, s, of which nothing else is known.
-    pub fn new(title: impl Into<String>, duration_s: f64) -> Flight {
-        Flight {
+    pub fn new(title: impl Into<String>, duration_s: f64) -> FlightReport {
+        FlightReport {
             title: title.into(),
             lead: Vec::new(),
             summary: Vec::new(),
@@ -137,7 +137,7 @@ pub enum Outcome {
 
 /// What the helicopter was asked for.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Request {
+pub struct RequestRow {
     /// When it came, s.
     pub from_s: f64,
     /// When it ended, s; `None` if the recording does not have it.

@@ -6,7 +6,7 @@ use ipc_types::{MonotonicNs, TelemetryGroup};
 use runtime::finding::Finding;
 
 use super::facts::PreflightFacts;
-use super::robot::{Checked, age_s, either, state};
+use super::robot::{CheckOutcome, age_s, either, state};
 use crate::config::{PreflightLimits, Threshold};
 use crate::render::messages::details::broken_rule;
 use crate::render::words::count;
@@ -59,7 +59,7 @@ fn sample<'a>(
     }
 }
 
-fn ground(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
+fn ground(facts: &PreflightFacts, limits: &PreflightLimits) -> CheckOutcome {
     const ID: &str = "ground";
     let check = match sample(facts, limits, ID, None)?.flying {
         0 => Finding::note(ID, "on the ground"),
@@ -68,7 +68,7 @@ fn ground(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
     Ok(check.with_limit("on the ground"))
 }
 
-fn switch(facts: &PreflightFacts) -> Checked {
+fn switch(facts: &PreflightFacts) -> CheckOutcome {
     const ID: &str = "mode-switch";
     let state = state(facts, ID)?;
     let check = match PilotSwitch::from_code(state.safety.pilot_switch) {
@@ -90,7 +90,7 @@ fn switch(facts: &PreflightFacts) -> Checked {
 }
 
 /// Where the helicopter stands: without it no take-off and no path is taken.
-fn home(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
+fn home(facts: &PreflightFacts, limits: &PreflightLimits) -> CheckOutcome {
     const ID: &str = "home";
     let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Geographic))?;
     if dsp.valid(TelemetryGroup::GpsQuality) && dsp.gps_quality == 0 {
@@ -105,7 +105,7 @@ fn home(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
     Ok(Finding::note(ID, text).with_limit("a position"))
 }
 
-fn gps_fix(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
+fn gps_fix(facts: &PreflightFacts, limits: &PreflightLimits) -> CheckOutcome {
     const ID: &str = "gps-fix";
     let dsp = sample(facts, limits, ID, Some(TelemetryGroup::GpsQuality))?;
     let quality = u32::from(dsp.gps_quality);
@@ -137,7 +137,7 @@ fn list(numbers: &[u32]) -> String {
     }
 }
 
-fn battery(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
+fn battery(facts: &PreflightFacts, limits: &PreflightLimits) -> CheckOutcome {
     const ID: &str = "battery";
     let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Supply))?;
     let volts = f64::from(dsp.supply.battery_mv) / 1000.0;
@@ -145,7 +145,7 @@ fn battery(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
     Ok(at_least(ID, volts, "V", limits.battery_v, next_step))
 }
 
-fn fuel(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
+fn fuel(facts: &PreflightFacts, limits: &PreflightLimits) -> CheckOutcome {
     const ID: &str = "fuel";
     let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Supply))?;
     let percent = f64::from(dsp.supply.fuel_percent);
@@ -174,7 +174,7 @@ fn at_least(
     ))
 }
 
-fn fence(facts: &PreflightFacts) -> Checked {
+fn fence(facts: &PreflightFacts) -> CheckOutcome {
     const ID: &str = "fence";
     let state = state(facts, ID)?;
     let in_force = state.safety.fence_areas as usize;
@@ -205,7 +205,7 @@ fn fence(facts: &PreflightFacts) -> Checked {
 }
 
 /// Whether a safety rule is broken now.
-fn safety_rules(facts: &PreflightFacts) -> Checked {
+fn safety_rules(facts: &PreflightFacts) -> CheckOutcome {
     const ID: &str = "safety-rules";
     let state = state(facts, ID)?;
     let check = match broken_rule(&state.safety) {

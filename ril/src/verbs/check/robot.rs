@@ -16,9 +16,9 @@ use crate::robot::domain::Provided;
 const LEAST_MESSAGES: u64 = 1000;
 
 /// A check, or why it could not be made.
-pub(super) type Checked = Result<Finding, Finding>;
+pub(super) type CheckOutcome = Result<Finding, Finding>;
 
-pub(super) fn either(check: Checked) -> Finding {
+pub(super) fn either(check: CheckOutcome) -> Finding {
     check.unwrap_or_else(|unmade| unmade)
 }
 
@@ -89,7 +89,7 @@ pub(super) fn state<'a>(
     state.ok_or_else(|| Finding::unchecked(id, "no state came from the bridge"))
 }
 
-fn link(facts: &PreflightFacts) -> Checked {
+fn link(facts: &PreflightFacts) -> CheckOutcome {
     const ID: &str = "dsp-link";
     let state = state(facts, ID)?;
     // 0: a state that has held since the bridge began, which is no moment to count from.
@@ -124,7 +124,7 @@ fn link(facts: &PreflightFacts) -> Checked {
 }
 
 /// What the line lost in the last minute: an outage before that is over.
-fn losses(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
+fn losses(facts: &PreflightFacts, limits: &PreflightLimits) -> CheckOutcome {
     const ID: &str = "link-losses";
     let state = state(facts, ID)?;
     let LastMinute {
@@ -155,7 +155,7 @@ fn losses(facts: &PreflightFacts, limits: &PreflightLimits) -> Checked {
     )))
 }
 
-fn dsp_errors(facts: &PreflightFacts) -> Checked {
+fn dsp_errors(facts: &PreflightFacts) -> CheckOutcome {
     const ID: &str = "dsp-errors";
     let state = state(facts, ID)?;
     let errors = &state.dsp_errors;
@@ -226,7 +226,7 @@ fn fresh(
 }
 
 /// Whether the module takes a start.
-fn module(facts: &PreflightFacts) -> Checked {
+fn module(facts: &PreflightFacts) -> CheckOutcome {
     const ID: &str = "module";
     let state = state(facts, ID)?;
     let words = module_words(state.status(), state.is_blocked());
@@ -246,7 +246,7 @@ fn module(facts: &PreflightFacts) -> Checked {
 }
 
 /// What stops the helicopter when the bridge is gone.
-fn without_bridge(facts: &PreflightFacts) -> Checked {
+fn without_bridge(facts: &PreflightFacts) -> CheckOutcome {
     const ID: &str = "dsp-timeout";
     let state = state(facts, ID)?;
     if state.link.state() != Some(LinkState::Up) {

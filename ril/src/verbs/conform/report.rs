@@ -28,7 +28,7 @@ struct RunObject<'a> {
     not_judged: usize,
     ended_early: Option<&'static str>,
     own_errors: Vec<OwnErrorObject>,
-    checks: Vec<CheckObject<'a>>,
+    checks: Vec<SentenceObject<'a>>,
     vectors: Vec<String>,
 }
 
@@ -40,7 +40,7 @@ struct OwnErrorObject {
 }
 
 #[derive(Serialize)]
-struct CheckObject<'a> {
+struct SentenceObject<'a> {
     id: &'a str,
     section: &'a str,
     sentence: &'a str,
@@ -223,7 +223,7 @@ fn object<'a>(
     }
 }
 
-fn check_object(check: &CheckReport) -> CheckObject<'_> {
+fn check_object(check: &CheckReport) -> SentenceObject<'_> {
     let lines = check.dialogue.iter().map(|line| LineObject {
         at_ms: u64::try_from(line.at.as_millis()).unwrap_or(u64::MAX),
         from: match line.side {
@@ -233,7 +233,7 @@ fn check_object(check: &CheckReport) -> CheckObject<'_> {
         bytes: hex(&line.bytes),
         text: &line.text,
     });
-    CheckObject {
+    SentenceObject {
         id: &check.id,
         section: check.section,
         sentence: &check.sentence,

@@ -11,7 +11,7 @@ use dsp_protocol::Waypoint;
 use ipc_types::code::LinkState;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{Descriptor, Domain, Ipc, MonotonicNs, RobotId, Source, Subscriber, Waiter};
-use runtime::duration::Shown;
+use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 
@@ -107,7 +107,7 @@ pub(super) fn fly(
         readiness: &readiness,
     };
     let ipc = Ipc::join(domain, robot, "demo").map_err(Failure::internal)?;
-    let mut stage = Stage::new(&ipc, termination, &readiness)?;
+    let mut stage = DemoLoop::new(&ipc, termination, &readiness)?;
     let port = folder.join("dsp");
     let port_name = port.to_string_lossy();
     let speed = speed.to_string();
@@ -208,7 +208,7 @@ pub(super) fn status_config(folder: &Path) -> String {
 }
 
 /// Everything that the demonstration's one wait serves.
-struct Stage<'a> {
+struct DemoLoop<'a> {
     termination: &'a Termination,
     readiness: &'a Readiness,
     waiter: Waiter,
@@ -223,14 +223,14 @@ struct Stage<'a> {
     deadline: Instant,
 }
 
-impl<'a> Stage<'a> {
+impl<'a> DemoLoop<'a> {
     /// Takes part in the robot that the processes will be.
     fn new(
         ipc: &Ipc,
         termination: &'a Termination,
         readiness: &'a Readiness,
-    ) -> Result<Stage<'a>, Failure> {
-        Ok(Stage {
+    ) -> Result<DemoLoop<'a>, Failure> {
+        Ok(DemoLoop {
             termination,
             readiness,
             waiter: Waiter::new(),
@@ -276,7 +276,7 @@ impl<'a> Stage<'a> {
     fn wait_until(
         &mut self,
         screen: &mut Screen,
-        done: impl Fn(&mut Stage<'_>) -> bool,
+        done: impl Fn(&mut DemoLoop<'_>) -> bool,
     ) -> Result<(), Failure> {
         loop {
             self.ready += self.readiness.drain();
@@ -304,7 +304,10 @@ impl<'a> Stage<'a> {
             if Instant::now() >= self.deadline {
                 return Err(Failure::new(
                     ExitCode::Timeout,
-                    format!("the demonstration took more than {}", Shown(TIME_LIMIT)),
+                    format!(
+                        "the demonstration took more than {}",
+                        DurationText(TIME_LIMIT)
+                    ),
                 ));
             }
             self.sleep()?;
@@ -376,7 +379,7 @@ pub(super) fn begun(
     started.or_fail_with(ExitCode::Internal, text())
 }
 
-impl Drop for Stage<'_> {
+impl Drop for DemoLoop<'_> {
     /// After an error too: the command first, then the bridge, and the simulator last.
     fn drop(&mut self) {
         self.order = None;

@@ -32,7 +32,7 @@ use crate::options::EXIT_CODES;
 use checks::Evidence;
 use files::{find_log, recorded, rows};
 use flight::{SCRIPT, fly};
-use screen::{Kept, Screen, print_result};
+use screen::{KeptFiles, Screen, print_result};
 
 /// Options of `ril demo`.
 #[derive(clap::Args, Clone, Debug)]
@@ -128,12 +128,12 @@ fn demonstrate(args: &DemoArgs, folder: &Path, termination: &Termination) -> Res
         residue: domain.residue().len(),
     });
     let kept = match args.folder {
-        Some(_) => Kept {
+        Some(_) => KeptFiles {
             folder: Some(folder),
             log: log.as_deref(),
             record: record.as_deref(),
         },
-        None => Kept::default(),
+        None => KeptFiles::default(),
     };
     print_result(&flight.seen, flight.took, &checks, kept, args.json)?;
     match checks.iter().filter(|check| check.has_failed()).count() {

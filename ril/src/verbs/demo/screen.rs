@@ -133,7 +133,7 @@ fn block(phase: &str, seen: &Seen, now: MonotonicNs) -> Vec<String> {
 
 /// What stays when the demonstration is over.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Kept<'a> {
+pub(super) struct KeptFiles<'a> {
     /// The folder that the operator chose.
     pub folder: Option<&'a Path>,
     /// The log of the flight in it.
@@ -180,7 +180,7 @@ pub(super) fn print_result(
     seen: &Seen,
     flight: Duration,
     checks: &[Finding],
-    kept: Kept<'_>,
+    kept: KeptFiles<'_>,
     json: bool,
 ) -> Result<(), Failure> {
     let mut out = io::stdout().lock();

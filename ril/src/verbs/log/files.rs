@@ -15,14 +15,14 @@ use status::log::read::{LogReader, MAX_LINE_BYTES};
 
 use super::options::LogPlaceArgs;
 use super::recording::McapReader;
-use super::recording::{Entry, Format, ReadError, Recording};
+use super::recording::{LogEntry, LogFormat, LogReadError, Recording};
 use crate::render::words::count;
 
 /// Most damaged lines that are named: the first ones show what happened, the number of all how bad it is.
 pub(super) const MAX_NAMED: u64 = 5;
 
 /// A file whose name is that of a log.
-pub(super) struct Found {
+pub(super) struct FoundLog {
     /// Where.
     pub path: PathBuf,
     /// Of which robot and log.
@@ -33,7 +33,7 @@ pub(super) struct Found {
     pub size_bytes: u64,
 }
 
-impl Found {
+impl FoundLog {
     /// The robot.
     pub fn robot(&self) -> u32 {
         self.series.robot().get()
@@ -71,11 +71,11 @@ impl Found {
 }
 
 /// When the next row was received, ns; damaged lines are passed over.
-fn next_row(recording: &mut dyn Recording) -> Result<Option<u64>, ReadError> {
+fn next_row(recording: &mut dyn Recording) -> Result<Option<u64>, LogReadError> {
     loop {
         match recording.next()? {
-            Some(Entry::Row(row)) => return Ok(Some(row.received_ns)),
-            Some(Entry::Damaged(_)) => {}
+            Some(LogEntry::Row(row)) => return Ok(Some(row.received_ns)),
+            Some(LogEntry::Damaged(_)) => {}
             None => return Ok(None),
         }
     }
@@ -112,7 +112,7 @@ pub(super) fn names(folders: &[PathBuf]) -> String {
 /// # Errors
 ///
 /// Code 2 when a folder cannot be read.
-pub(super) fn find(folders: &[PathBuf]) -> Result<Vec<Found>, Failure> {
+pub(super) fn find(folders: &[PathBuf]) -> Result<Vec<FoundLog>, Failure> {
     let mut found = Vec::new();
     for folder in folders {
         let entries = match fs::read_dir(folder) {
@@ -129,7 +129,7 @@ pub(super) fn find(folders: &[PathBuf]) -> Result<Vec<Found>, Failure> {
                 continue;
             };
             if metadata.is_file() {
-                found.push(Found {
+                found.push(FoundLog {
                     path: entry.path(),
                     series,
                     stamp,
@@ -150,7 +150,7 @@ pub(super) fn successor(path: &Path) -> Result<Option<PathBuf>, Failure> {
     let folder = folder_of(path);
     let mut later = find(&[folder])?;
     // The format of the names may have been changed since; those of a log and of a record lie side by side.
-    let is_later = |file: &Found| {
+    let is_later = |file: &FoundLog| {
         let log = |series: &Series| (series.robot(), series.name().to_owned(), series.kind());
         log(&file.series) == log(&series) && file.stamp > stamp
     };
@@ -199,9 +199,9 @@ impl LogFile {
     pub fn open(path: &Path, groups: LogGroups) -> Result<LogFile, Failure> {
         let mut input = BufReader::new(open(path)?);
         let beginning = input.fill_buf().or_fail_usage(path)?;
-        let recording: Box<dyn Recording> = match Format::of(path, beginning) {
-            Format::Tsv => Box::new(LogReader::new(input)),
-            Format::Mcap => Box::new(McapReader::open(path, groups).or_fail_usage(path)?),
+        let recording: Box<dyn Recording> = match LogFormat::of(path, beginning) {
+            LogFormat::Tsv => Box::new(LogReader::new(input)),
+            LogFormat::Mcap => Box::new(McapReader::open(path, groups).or_fail_usage(path)?),
         };
         Ok(LogFile {
             path: path.to_owned(),
@@ -267,13 +267,13 @@ pub(super) fn open(path: &Path) -> Result<File, Failure> {
 pub(super) fn last_rows(path: &Path, rows: u32) -> Result<Box<dyn Recording>, Failure> {
     let mut file = open(path)?;
     let header = first_line(&mut file, path)?;
-    match Format::of(path, &header) {
-        Format::Tsv => {
+    match LogFormat::of(path, &header) {
+        LogFormat::Tsv => {
             let rest = from_a_line(file, header.len() as u64, rows, path)?;
             let input = io::Cursor::new(header).chain(rest);
             Ok(Box::new(LogReader::new(input)))
         }
-        Format::Mcap => {
+        LogFormat::Mcap => {
             let reader = McapReader::open(path, LogGroups::ALL).or_fail_usage(path)?;
             let last = reader.last(rows as usize);
             let last = last.map_err(|error| unreadable(&path.display().to_string(), error))?;
@@ -315,7 +315,7 @@ fn from_a_line(
 }
 
 /// The failure that the file `name` cannot be read.
-pub(super) fn unreadable(name: &str, error: ReadError) -> Failure {
+pub(super) fn unreadable(name: &str, error: LogReadError) -> Failure {
     Failure::usage(error).context(name.to_owned())
 }
 
@@ -372,7 +372,7 @@ fn has_flown(path: &Path) -> bool {
     }
     loop {
         match file.recording.next() {
-            Ok(Some(Entry::Row(row))) if row.flying => return true,
+            Ok(Some(LogEntry::Row(row))) if row.flying => return true,
             Ok(Some(_)) => {}
             Ok(None) | Err(_) => return false,
         }
@@ -408,7 +408,7 @@ fn of_robot(place: &LogPlaceArgs, kind: Option<FileKind>) -> Result<Vec<PathBuf>
 /// How a command ends that has read the file `name` as far as it could.
 pub(super) fn ending(
     name: &str,
-    trouble: Option<ReadError>,
+    trouble: Option<LogReadError>,
     damaged: u64,
     unfinished_bytes: usize,
 ) -> Result<(), Failure> {

@@ -6,7 +6,7 @@ use runtime::exit::Failure;
 use serde::Serialize;
 use status::log::clock::IsoTime;
 
-use super::files::{self, Found, folders};
+use super::files::{self, FoundLog, folders};
 use super::options::LogListArgs;
 use crate::render::json_line;
 use crate::render::words::duration_with_tenths;
@@ -33,7 +33,7 @@ struct FileObject<'a> {
 }
 
 impl<'a> FileObject<'a> {
-    fn new(file: &'a Found) -> FileObject<'a> {
+    fn new(file: &'a FoundLog) -> FileObject<'a> {
         let seconds = file.duration_s();
         FileObject {
             schema: SCHEMA,
@@ -112,7 +112,7 @@ fn line([start, duration, size, robot, file]: [&str; 5]) -> String {
 }
 
 /// When the file was created, to the second.
-fn start(file: &Found) -> String {
+fn start(file: &FoundLog) -> String {
     let unix_ns = file.created_unix_s().saturating_mul(1_000_000_000);
     let time = IsoTime::from_unix_ns(unix_ns).to_string();
     time.split('.').next().unwrap_or_default().to_owned() + "Z"

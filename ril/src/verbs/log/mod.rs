@@ -24,7 +24,7 @@ use status::log::groups::LogGroups;
 use self::files::ending;
 use self::files::{MAX_NAMED, chosen_file, of_flight};
 use self::options::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs};
-use self::recording::{Damage, Entry};
+use self::recording::{Damage, LogEntry};
 use self::row::{Chosen, UTC, UtcSource, UtcTimes};
 use self::summary::Summarizer;
 use crate::render::json_line;
@@ -63,8 +63,8 @@ fn summary(args: &LogFileArgs) -> Result<(), Failure> {
             Summarizer::new(name.clone(), robot, &columns, source)
         });
         match file.recording.next() {
-            Ok(Some(Entry::Row(row))) => summarizer.row(&row),
-            Ok(Some(Entry::Damaged(damage))) => summarizer.damage(&damage),
+            Ok(Some(LogEntry::Row(row))) => summarizer.row(&row),
+            Ok(Some(LogEntry::Damaged(damage))) => summarizer.damage(&damage),
             Ok(None) => break None,
             Err(error) => break Some(error),
         }
@@ -105,7 +105,7 @@ fn csv(args: &LogCsvArgs) -> Result<(), Failure> {
     let mut damaged = 0;
     let trouble = loop {
         match file.recording.next() {
-            Ok(Some(Entry::Row(row))) => {
+            Ok(Some(LogEntry::Row(row))) => {
                 let time = times
                     .of(&row)
                     .map_or_else(String::new, |time| time.to_string());
@@ -113,7 +113,7 @@ fn csv(args: &LogCsvArgs) -> Result<(), Failure> {
                 let record = [time.as_str()].into_iter().chain(cells);
                 out.write_record(record).map_err(written)?;
             }
-            Ok(Some(Entry::Damaged(damage))) => {
+            Ok(Some(LogEntry::Damaged(damage))) => {
                 damaged += 1;
                 report(&name, damaged, &damage);
             }

@@ -1,4 +1,4 @@
-//! The formats of log files, and what all of them can do: [`Format`] is the one place to add another. The rows of status are read by
+//! The formats of log files, and what all of them can do: [`LogFormat`] is the one place to add another. The rows of status are read by
 //! the crate `status`, the records of `ril record` here.
 
 use std::collections::VecDeque;
@@ -8,10 +8,10 @@ use std::path::Path;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
-use recording::read::{self, Messages, RecordFile, RecordedMessage, Source};
+use recording::read::{self, Messages, RecordFile, RecordSource, RecordedMessage};
 use status::log::clock::ClockAnchor;
 use status::log::groups::LogGroups;
-pub use status::log::read::{Damage, Entry, ReadError, Row};
+pub use status::log::read::{Damage, LogEntry, LogReadError, Row};
 use status::log::read::{DamageReason, LogReader};
 use status::log::tsv::Table;
 
@@ -22,7 +22,7 @@ pub trait Recording {
     /// # Errors
     ///
     /// The file cannot be read, or is none of this format.
-    fn begin(&mut self) -> Result<bool, ReadError>;
+    fn begin(&mut self) -> Result<bool, LogReadError>;
 
     /// The names of the columns; empty before [`Recording::begin`].
     fn columns(&self) -> &[String];
@@ -32,14 +32,14 @@ pub trait Recording {
     /// # Errors
     ///
     /// As [`Recording::begin`].
-    fn next(&mut self) -> Result<Option<Entry<'_>>, ReadError>;
+    fn next(&mut self) -> Result<Option<LogEntry<'_>>, LogReadError>;
 
     /// Looks for what was written since the last look, where [`Recording::next`] does not see it by itself.
     ///
     /// # Errors
     ///
     /// As [`Recording::begin`].
-    fn refresh(&mut self) -> Result<(), ReadError> {
+    fn refresh(&mut self) -> Result<(), LogReadError> {
         Ok(())
     }
 
@@ -48,7 +48,7 @@ pub trait Recording {
 }
 
 impl<R: BufRead> Recording for LogReader<R> {
-    fn begin(&mut self) -> Result<bool, ReadError> {
+    fn begin(&mut self) -> Result<bool, LogReadError> {
         LogReader::begin(self)
     }
 
@@ -56,7 +56,7 @@ impl<R: BufRead> Recording for LogReader<R> {
         LogReader::columns(self)
     }
 
-    fn next(&mut self) -> Result<Option<Entry<'_>>, ReadError> {
+    fn next(&mut self) -> Result<Option<LogEntry<'_>>, LogReadError> {
         LogReader::next(self)
     }
 
@@ -67,7 +67,7 @@ impl<R: BufRead> Recording for LogReader<R> {
 
 /// A format of log files: the one place to add another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
+pub enum LogFormat {
     /// The tab-separated values that status writes.
     Tsv,
     /// The flight records of `ril record`.
@@ -77,17 +77,17 @@ pub enum Format {
 /// How an MCAP file begins.
 const MCAP: &[u8] = b"\x89MCAP";
 
-impl Format {
+impl LogFormat {
     /// The format of the file at `path` that begins with `beginning`. A record whose beginning is damaged is one by its name.
-    pub fn of(path: &Path, beginning: &[u8]) -> Format {
+    pub fn of(path: &Path, beginning: &[u8]) -> LogFormat {
         let is_named = || {
             path.extension()
                 .is_some_and(|extension| extension == "mcap")
         };
         match beginning.starts_with(MCAP) || (!beginning.is_empty() && is_named()) {
-            true => Format::Mcap,
+            true => LogFormat::Mcap,
             // The first line says more; an empty file may be a log to which nothing was written yet.
-            false => Format::Tsv,
+            false => LogFormat::Tsv,
         }
     }
 }
@@ -101,7 +101,7 @@ pub struct McapReader {
     table: Table,
     columns: Vec<String>,
     /// Rows that were read ahead, and what is damaged among them.
-    ahead: VecDeque<Found>,
+    ahead: VecDeque<ReadItem>,
     entries: u64,
     unfinished_bytes: usize,
     /// The row that was given last.
@@ -109,7 +109,7 @@ pub struct McapReader {
 }
 
 /// What was found in the file, in its order.
-enum Found {
+enum ReadItem {
     /// A sample, and its time in UTC.
     Sample(u64, Box<DspTelemetry>),
     /// Something that cannot be read.
@@ -129,7 +129,7 @@ impl McapReader {
         let names = String::from_utf8_lossy(&names);
         let columns = names.trim_end().split('\t').map(str::to_owned).collect();
         Ok(McapReader {
-            messages: read::messages(Source::File(RecordFile::open(path)?)),
+            messages: read::messages(RecordSource::File(RecordFile::open(path)?)),
             table,
             columns,
             ahead: VecDeque::new(),
@@ -144,14 +144,14 @@ impl McapReader {
     /// # Errors
     ///
     /// As [`Recording::begin`].
-    pub fn last(mut self, rows: usize) -> Result<McapReader, ReadError> {
+    pub fn last(mut self, rows: usize) -> Result<McapReader, LogReadError> {
         let (mut ahead, mut samples) = (VecDeque::new(), 0);
         while let Some(found) = self.found()? {
-            samples += usize::from(matches!(found, Found::Sample(..)));
+            samples += usize::from(matches!(found, ReadItem::Sample(..)));
             ahead.push_back(found);
             while samples > rows {
                 let gone = ahead.pop_front();
-                samples -= usize::from(matches!(gone, Some(Found::Sample(..))));
+                samples -= usize::from(matches!(gone, Some(ReadItem::Sample(..))));
             }
         }
         self.ahead = ahead;
@@ -159,7 +159,7 @@ impl McapReader {
     }
 
     /// The next sample, or what is damaged in its place; `None` at the end.
-    fn found(&mut self) -> Result<Option<Found>, ReadError> {
+    fn found(&mut self) -> Result<Option<ReadItem>, LogReadError> {
         if let Some(found) = self.ahead.pop_front() {
             return Ok(Some(found));
         }
@@ -167,18 +167,18 @@ impl McapReader {
             match message {
                 Ok(message) => {
                     if let Some(sample) = sample(&message) {
-                        return Ok(Some(Found::Sample(
+                        return Ok(Some(ReadItem::Sample(
                             message.publish_time_ns,
                             Box::new(sample),
                         )));
                     }
                 }
                 Err(read::ReadError::NotMcap) => {
-                    return Err(ReadError::NoLog(read::ReadError::NotMcap.to_string()));
+                    return Err(LogReadError::NoLog(read::ReadError::NotMcap.to_string()));
                 }
                 // What follows is counted at the end.
                 Err(read::ReadError::Truncated { .. }) => {}
-                Err(error) => return Ok(Some(Found::Damaged(error.to_string()))),
+                Err(error) => return Ok(Some(ReadItem::Damaged(error.to_string()))),
             }
         }
         let behind = self.messages.bytes_behind();
@@ -194,7 +194,7 @@ fn sample(message: &RecordedMessage) -> Option<DspTelemetry> {
 }
 
 impl Recording for McapReader {
-    fn begin(&mut self) -> Result<bool, ReadError> {
+    fn begin(&mut self) -> Result<bool, LogReadError> {
         if self.entries == 0 && self.ahead.is_empty() {
             let first = self.found()?;
             self.ahead.extend(first);
@@ -206,15 +206,15 @@ impl Recording for McapReader {
         &self.columns
     }
 
-    fn next(&mut self) -> Result<Option<Entry<'_>>, ReadError> {
+    fn next(&mut self) -> Result<Option<LogEntry<'_>>, LogReadError> {
         let Some(found) = self.found()? else {
             return Ok(None);
         };
         self.entries += 1;
         let (unix_ns, sample) = match found {
-            Found::Sample(unix_ns, sample) => (unix_ns, sample),
-            Found::Damaged(reason) => {
-                return Ok(Some(Entry::Damaged(Damage {
+            ReadItem::Sample(unix_ns, sample) => (unix_ns, sample),
+            ReadItem::Damaged(reason) => {
+                return Ok(Some(LogEntry::Damaged(Damage {
                     line: self.entries,
                     reason: DamageReason::Bytes(reason),
                 })));
@@ -231,11 +231,11 @@ impl Recording for McapReader {
         line.pop();
         self.line = String::from_utf8(line).unwrap_or_default();
         let row = Row::of_sample(&sample, Some(unix_ns), &self.line);
-        Ok(Some(Entry::Row(row)))
+        Ok(Some(LogEntry::Row(row)))
     }
 
-    fn refresh(&mut self) -> Result<(), ReadError> {
-        self.messages.refresh().map_err(ReadError::Unreadable)
+    fn refresh(&mut self) -> Result<(), LogReadError> {
+        self.messages.refresh().map_err(LogReadError::Unreadable)
     }
 
     fn unfinished_bytes(&self) -> usize {

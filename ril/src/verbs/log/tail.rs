@@ -18,7 +18,7 @@ use status::log::groups::LogGroups;
 
 use super::files::{LogFile, MAX_NAMED, folder_of, last_rows, newest, successor, unreadable};
 use super::options::LogTailArgs;
-use super::recording::{Entry, Recording, Row};
+use super::recording::{LogEntry, Recording, Row};
 use super::row::{Chosen, JsonRow, UtcSource, UtcTimes};
 use crate::render::json_line;
 use crate::session::configuration;
@@ -137,14 +137,14 @@ impl<'a> Tail<'a> {
             let entry = self.recording.next();
             match entry.map_err(|error| unreadable(&name, error))? {
                 None => break,
-                Some(Entry::Damaged(damage)) => {
+                Some(LogEntry::Damaged(damage)) => {
                     self.damaged += 1;
                     // The end of a file was read: lines have other numbers than in the whole.
                     if self.damaged <= MAX_NAMED {
                         tracing::warn!("{name}: a line is no row: {}", damage.reason);
                     }
                 }
-                Some(Entry::Row(row)) => {
+                Some(LogEntry::Row(row)) => {
                     let line = line(chosen, times, &row, self.args.json)?;
                     kept.push_back(line);
                     match self.begin_with {

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use status::log::read::LogReader;
 
-use super::recording::{Entry, Format};
+use super::recording::{LogEntry, LogFormat};
 use super::row::{Chosen, JsonRow, UtcSource, UtcTimes};
 use super::summary::{Summarizer, Summary};
 
@@ -13,15 +13,18 @@ const CREATED_UNIX_S: u64 = 1_156_797_566;
 
 /// The summary of a log's text.
 fn summary(text: &str) -> Summary {
-    assert_eq!(Format::of(Path::new("a.tsv"), text.as_bytes()), Format::Tsv);
+    assert_eq!(
+        LogFormat::of(Path::new("a.tsv"), text.as_bytes()),
+        LogFormat::Tsv
+    );
     let mut log = LogReader::new(text.as_bytes());
     assert!(log.begin().unwrap());
     let source = UtcSource::of(log.columns(), Some(CREATED_UNIX_S));
     let mut summarizer = Summarizer::new("x.tsv".to_owned(), Some(1), log.columns(), source);
     while let Some(entry) = log.next().unwrap() {
         match entry {
-            Entry::Row(row) => summarizer.row(&row),
-            Entry::Damaged(damage) => summarizer.damage(&damage),
+            LogEntry::Row(row) => summarizer.row(&row),
+            LogEntry::Damaged(damage) => summarizer.damage(&damage),
         }
     }
     summarizer.finish(log.unfinished_bytes())
@@ -186,7 +189,7 @@ fn rows_are_shown_by_chosen_columns() {
     assert!(log.begin().unwrap());
     let columns = log.columns().to_vec();
     let mut times = UtcTimes::new(UtcSource::of(&columns, None));
-    let Some(Entry::Row(row)) = log.next().unwrap() else {
+    let Some(LogEntry::Row(row)) = log.next().unwrap() else {
         panic!()
     };
     let time = times.of(&row);
@@ -216,10 +219,10 @@ fn rows_are_shown_by_chosen_columns() {
 
 #[test]
 fn a_file_of_another_format_is_named() {
-    let of = |name: &str, beginning: &[u8]| Format::of(Path::new(name), beginning);
-    assert_eq!(of("a", b"\x89MCAP0\r\n"), Format::Mcap);
-    assert_eq!(of("a.mcap", b"\x88MCAP0\r\n"), Format::Mcap);
-    assert_eq!(of("a.tsv", b""), Format::Tsv);
+    let of = |name: &str, beginning: &[u8]| LogFormat::of(Path::new(name), beginning);
+    assert_eq!(of("a", b"\x89MCAP0\r\n"), LogFormat::Mcap);
+    assert_eq!(of("a.mcap", b"\x88MCAP0\r\n"), LogFormat::Mcap);
+    assert_eq!(of("a.tsv", b""), LogFormat::Tsv);
 }
 
 #[test]

@@ -38,7 +38,7 @@ pub(super) struct Ports {
     movement: Option<Client<MovementData>>,
     control: Option<Client<ModuleControl>>,
     parameters: Option<Client<ParameterRequest>>,
-    open: Vec<Open>,
+    open: Vec<SentRequest>,
     paths: Vec<Path>,
     /// A bridge that was asked for its configuration, and until when it may answer.
     rules: Option<(RunningBridge, MonotonicNs)>,
@@ -49,7 +49,7 @@ pub(super) struct Ports {
 }
 
 /// A request without a final report.
-struct Open {
+struct SentRequest {
     request_id: u64,
     number: u64,
     verb: Verb,
@@ -182,7 +182,7 @@ impl Ports {
             else {
                 continue;
             };
-            let Open { number, verb, .. } = self.open[index];
+            let SentRequest { number, verb, .. } = self.open[index];
             let end = FinalReport::of(&report);
             let words = end.map_or_else(String::new, |end| messages::ending(verb, &end));
             if end.is_some() {
@@ -356,7 +356,7 @@ impl Ports {
             },
         };
         match sent {
-            Ok(()) => self.open.push(Open {
+            Ok(()) => self.open.push(SentRequest {
                 request_id,
                 number: order.number,
                 verb,

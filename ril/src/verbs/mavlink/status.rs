@@ -7,7 +7,7 @@ use clap::Args;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::MavlinkStations;
 use runtime::args::CommonArgs;
-use runtime::duration::Shown;
+use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure};
 
 use super::report::MavlinkReport;
@@ -63,7 +63,7 @@ pub fn status(args: &MavlinkStatusArgs) -> Result<(), Failure> {
     let Some(sample) = &topic.sample else {
         let text = format!(
             "nothing came from the gateway of robot {robot} in {}, although it is running",
-            Shown(timeout)
+            DurationText(timeout)
         );
         return Err(Failure::new(ExitCode::Timeout, text).with_next_step(
             "`ril doctor` shows whether it is stopped; is the machine overloaded?",

@@ -15,7 +15,7 @@ pub(super) struct MissionFile {
 
 /// What a process has done of a file when it ends too early.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
+enum WriteStep {
     Begun,
     Written,
     Synced,
@@ -71,20 +71,20 @@ impl MissionFile {
 fn replace(
     path: &Path,
     bytes: &[u8],
-    mut done: impl FnMut(Step) -> io::Result<()>,
+    mut done: impl FnMut(WriteStep) -> io::Result<()>,
 ) -> io::Result<()> {
     let folder = path.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;
     // One gateway of a robot has the port, so nobody else writes here. What a process has left half is written anew.
     let new = path.with_extension("mission.new");
     let mut file = File::create(&new)?;
-    done(Step::Begun)?;
+    done(WriteStep::Begun)?;
     file.write_all(bytes)?;
-    done(Step::Written)?;
+    done(WriteStep::Written)?;
     file.sync_all()?;
-    done(Step::Synced)?;
+    done(WriteStep::Synced)?;
     fs::rename(&new, path)?;
-    done(Step::Renamed)?;
+    done(WriteStep::Renamed)?;
     File::open(folder)?.sync_all()
 }
 
@@ -119,7 +119,12 @@ mod tests {
             Mission::decode(&new).unwrap(),
         );
         assert_ne!(old, new);
-        for step in [Step::Begun, Step::Written, Step::Synced, Step::Renamed] {
+        for step in [
+            WriteStep::Begun,
+            WriteStep::Written,
+            WriteStep::Synced,
+            WriteStep::Renamed,
+        ] {
             let folder = tempfile::tempdir().unwrap();
             let state = folder.path().join("state/ril");
             let file = MissionFile::new(Some(&state), RobotId::new(7).unwrap());
@@ -131,7 +136,11 @@ mod tests {
                 false => Ok(()),
             });
             assert!(ended.is_err());
-            let kept = if step == Step::Renamed { &new } else { &old };
+            let kept = if step == WriteStep::Renamed {
+                &new
+            } else {
+                &old
+            };
             assert_eq!(file.read().as_ref(), Ok(kept), "{step:?}");
             // The next one does not mind what was left.
             file.write(&new).unwrap();

@@ -1,4 +1,4 @@
-//! [`Asked`]: what a command has when it makes its requests; [`run`]: one command that only follows them.
+//! [`OrderContext`]: what a command has when it makes its requests; [`run`]: one command that only follows them.
 
 use std::time::Duration;
 
@@ -12,22 +12,22 @@ use crate::request::{Conversation, Format, Until};
 use crate::session::{Session, configuration, refuse_to_guess};
 
 /// What a command has when it makes its requests.
-pub(super) struct Asked {
+pub(super) struct OrderContext {
     pub session: Session,
     pub config: Config,
     pub timeout: Duration,
     pub deadline_ms: u32,
 }
 
-impl Asked {
+impl OrderContext {
     /// `None` when only the configuration was to be checked.
-    pub fn of(ask: &AskArgs) -> Result<Option<Asked>, Failure> {
+    pub fn of(ask: &AskArgs) -> Result<Option<OrderContext>, Failure> {
         let Some(config) = configuration(&ask.common)? else {
             return Ok(None);
         };
         refuse_to_guess(&ask.common)?;
         let session = Session::join(&ask.common)?;
-        Ok(Some(Asked {
+        Ok(Some(OrderContext {
             session,
             timeout: ask.timeout.unwrap_or_else(|| config.request.timeout()),
             deadline_ms: ask.deadline.unwrap_or(config.request.deadline_ms),
@@ -49,9 +49,9 @@ pub(super) fn run<R: Request>(
     verb: Verb,
     key: &'static str,
     args: &RequestArgs,
-    requests: impl FnOnce(&Asked) -> Result<Vec<R>, Failure>,
+    requests: impl FnOnce(&OrderContext) -> Result<Vec<R>, Failure>,
 ) -> Result<(), Failure> {
-    let Some(asked) = Asked::of(&args.ask)? else {
+    let Some(asked) = OrderContext::of(&args.ask)? else {
         return Ok(());
     };
     let requests = requests(&asked)?;

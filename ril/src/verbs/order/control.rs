@@ -81,12 +81,12 @@ pub fn control(command: &HolderCommand) -> Result<(), Failure> {
 }
 
 /// The newest state, and the stations for their names.
-struct Newest {
+struct NewestControl {
     state: Latest<ModuleState>,
     stations: Latest<RelayStations>,
 }
 
-impl Topics for Newest {
+impl Topics for NewestControl {
     fn ports(&mut self) -> Vec<&mut dyn Source> {
         let mut ports = self.state.ports();
         ports.extend(self.stations.ports());
@@ -108,7 +108,7 @@ fn show(args: &HolderShowArgs) -> Result<(), Failure> {
     let Some(provider) = session.provider(ModuleState::KEY)? else {
         return Err(absent(&session, ModuleState::KEY));
     };
-    let mut newest = Newest {
+    let mut newest = NewestControl {
         state: Latest::open(&session.ipc)?,
         stations: Latest::open(&session.ipc)?,
     };

@@ -15,7 +15,7 @@ use runtime::config::ConfigError;
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
-use super::asked::{Asked, until};
+use super::asked::{OrderContext, until};
 use crate::options::{EXIT_CODES, RequestArgs, duration};
 use crate::render::json_line;
 use crate::render::messages::Verb;
@@ -161,7 +161,7 @@ fn shape(area: &AreaConfig) -> String {
 ///
 /// As [`stop`](super::stop); what is wrong in the file is named, if the bridge refuses it and the file can be seen from here.
 pub fn reload(args: &RequestArgs) -> Result<(), Failure> {
-    let Some(asked) = Asked::of(&args.ask)? else {
+    let Some(asked) = OrderContext::of(&args.ask)? else {
         return Ok(());
     };
     let request = control_request(ControlCommand::ReloadFence, asked.deadline_ms);

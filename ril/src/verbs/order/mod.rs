@@ -24,7 +24,7 @@ use crate::options::{RequestArgs, take_off_height};
 use crate::render::messages::Verb;
 use crate::request::{Conversation, Format, complete, control_request};
 use crate::session::{Session, commandable_here, configuration, other_domains};
-use asked::{Asked, run, until};
+use asked::{OrderContext, run, until};
 use fence::FenceShowArgs;
 
 pub use control::{HolderArgs, control as command_of};
@@ -251,7 +251,7 @@ fn control(
     verb: Verb,
     command: ControlCommand,
     args: &ControlArgs,
-    before: impl FnOnce(&Asked) -> Result<(), Failure>,
+    before: impl FnOnce(&OrderContext) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
     let key = match &args.module {
         None => ModuleControl::KEY,

@@ -8,8 +8,8 @@ use ipc_types::payload::{ModuleState, MovementData, WaypointPosition};
 use ipc_types::{MonotonicNs, fresh_request_id};
 use runtime::exit::{ExitCode, Failure};
 
-use super::asked::{Asked, until};
-use super::progress::Progress;
+use super::asked::{OrderContext, until};
+use super::progress::ProgressLine;
 use crate::options::{
     Height, Move, RequestArgs, Target, Targets, height, number, read_text, targets, waypoints,
 };
@@ -113,7 +113,7 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
     };
     // The other commands make their request first of all: one that is stopped meanwhile does not renew its order.
     let issued_ns = MonotonicNs::now().0;
-    let Some(asked) = Asked::of(&args.request.ask)? else {
+    let Some(asked) = OrderContext::of(&args.request.ask)? else {
         return Ok(());
     };
     let waypoints = match &targets {
@@ -150,7 +150,7 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
 /// As [`stop`](super::stop); code 5 also when home is not known.
 pub fn rtl(args: &RtlArgs) -> Result<(), Failure> {
     let issued_ns = MonotonicNs::now().0;
-    let Some(asked) = Asked::of(&args.request.ask)? else {
+    let Some(asked) = OrderContext::of(&args.request.ask)? else {
         return Ok(());
     };
     let present = present_position(&asked.session, asked.timeout)?;
@@ -209,7 +209,7 @@ fn way_home(here: &Waypoint, home: Place, least_m: f64) -> Vec<WaypointPosition>
 }
 
 /// The place of the DSP's first fix, if that is where the helicopter stood.
-fn known_home(present: &Present, asked: &Asked) -> Result<Place, Failure> {
+fn known_home(present: &Present, asked: &OrderContext) -> Result<Place, Failure> {
     let state = newest_state(&asked.session, asked.timeout)?;
     let why = match (present.home, why_not_home(state.as_ref())) {
         (Some(home), None) => return Ok(home),
@@ -248,7 +248,7 @@ impl PathOrder {
     fn fly(
         &self,
         waypoints: &[WaypointPosition],
-        asked: &Asked,
+        asked: &OrderContext,
         args: &RequestArgs,
     ) -> Result<(), Failure> {
         let path_id = fresh_request_id();
@@ -260,7 +260,8 @@ impl PathOrder {
             .map(|request| complete(request, self.preempt, asked.deadline_ms))
             .collect();
         let json = args.ask.json;
-        let mut progress = Progress::open(&asked.session, self.verb, path_id, waypoints, !json)?;
+        let mut progress =
+            ProgressLine::open(&asked.session, self.verb, path_id, waypoints, !json)?;
         Conversation::open(&asked.session, self.verb, asked.timeout)?
             .hold_on_exit(self.hold_on_exit)
             .follow_beside(
@@ -274,7 +275,7 @@ impl PathOrder {
 }
 
 /// The waypoints with telemetry altitudes. How high the ground of the take-off is, is asked once, and only if it matters.
-fn absolute(targets: &[Target], asked: &Asked) -> Result<Vec<WaypointPosition>, Failure> {
+fn absolute(targets: &[Target], asked: &OrderContext) -> Result<Vec<WaypointPosition>, Failure> {
     let is_relative = |target: &Target| matches!(target.altitude, Height::AboveTakeOff(_));
     let ground_m = match targets.iter().any(is_relative) {
         true => ground_altitude_m(&asked.session, asked.timeout)?,
@@ -289,7 +290,7 @@ fn absolute(targets: &[Target], asked: &Asked) -> Result<Vec<WaypointPosition>, 
 }
 
 /// The waypoints that moves lead to, the first from where the helicopter is now.
-fn displaced(moves: &[Move], asked: &Asked) -> Result<Vec<WaypointPosition>, Failure> {
+fn displaced(moves: &[Move], asked: &OrderContext) -> Result<Vec<WaypointPosition>, Failure> {
     let here = present_position(&asked.session, asked.timeout)?.at;
     let mut altitude_m = here.altitude_m;
     let mut from = Place::new(here.latitude_deg, here.longitude_deg);

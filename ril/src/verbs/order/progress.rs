@@ -1,4 +1,4 @@
-//! [`Progress`]: how far a path is flown, beside the reports of its requests: distance and time to go, on a terminal as one line that is
+//! [`ProgressLine`]: how far a path is flown, beside the reports of its requests: distance and time to go, on a terminal as one line that is
 //! renewed. [`Way`] is the pure part.
 
 use std::io::{self, IsTerminal};
@@ -62,7 +62,7 @@ impl Way {
 
 /// At which speed the path is flown: the highest of late, once the helicopter has sped up. In turns it is slower for a while.
 #[derive(Debug, Default)]
-struct Pace {
+struct PathSpeed {
     /// The highest speed in this and in the last span of [`TURN`], m/s.
     highest_mps: [f64; 2],
     /// When this span began.
@@ -71,7 +71,7 @@ struct Pace {
     risen: (f64, MonotonicNs),
 }
 
-impl Pace {
+impl PathSpeed {
     fn take(&mut self, speed_mps: f64, now: MonotonicNs) {
         if now.since(self.began) >= TURN {
             self.highest_mps = [0.0, self.highest_mps[0]];
@@ -104,7 +104,7 @@ fn to_go(metres: f64, speed_mps: Option<f64>) -> String {
 }
 
 /// See the module's documentation.
-pub struct Progress {
+pub struct ProgressLine {
     telemetry: Subscriber<DspTelemetry>,
     states: Subscriber<ModuleState>,
     verb: Verb,
@@ -113,7 +113,7 @@ pub struct Progress {
     /// How long the path is from where it was begun, and when that was.
     whole: Option<(f64, MonotonicNs)>,
     now: PilotView,
-    pace: Pace,
+    pace: PathSpeed,
     reached: usize,
     /// Whether the bridge says that it flies this path.
     is_flown: bool,
@@ -121,7 +121,7 @@ pub struct Progress {
     shown: String,
 }
 
-impl Progress {
+impl ProgressLine {
     /// Of the path with this id. A line is renewed if `is_live`, and standard output is a terminal.
     pub fn open(
         session: &Session,
@@ -129,9 +129,9 @@ impl Progress {
         path_id: u64,
         waypoints: &[WaypointPosition],
         is_live: bool,
-    ) -> Result<Progress, Failure> {
+    ) -> Result<ProgressLine, Failure> {
         let is_live = is_live && io::stdout().is_terminal();
-        Ok(Progress {
+        Ok(ProgressLine {
             telemetry: session.ipc.subscriber().or_fail(ExitCode::Internal)?,
             states: session.ipc.subscriber().or_fail(ExitCode::Internal)?,
             verb,
@@ -139,7 +139,7 @@ impl Progress {
             way: Way::new(waypoints),
             whole: None,
             now: PilotView::default(),
-            pace: Pace::default(),
+            pace: PathSpeed::default(),
             reached: 0,
             is_flown: false,
             block: is_live.then(Block::default),
@@ -162,7 +162,7 @@ impl Progress {
     }
 }
 
-impl Companion for Progress {
+impl Companion for ProgressLine {
     fn source(&mut self) -> &mut dyn Source {
         &mut self.telemetry
     }
@@ -265,7 +265,7 @@ mod tests {
 
     #[test]
     fn the_time_to_go_is_said_once_the_helicopter_has_sped_up() {
-        let mut pace = Pace::default();
+        let mut pace = PathSpeed::default();
         let at = |seconds: f64| MonotonicNs((seconds * 1e9) as u64);
         // Half a metre per second more in each second, as far as 5 m/s; then a turn; then a slower path.
         for tenth in 0..400 {

@@ -9,7 +9,7 @@ use crate::render::words::duration;
 
 /// One item.
 #[derive(Serialize)]
-pub struct Row {
+pub struct ItemRow {
     schema: &'static str,
     number: u32,
     origin: String,
@@ -33,7 +33,7 @@ pub struct Row {
 }
 
 /// The rows of a plan.
-pub fn rows(known: &KnownPlan) -> Vec<Row> {
+pub fn rows(known: &KnownPlan) -> Vec<ItemRow> {
     let marks = timeline(&known.flight, &known.endurance);
     let row = |item: &Item| {
         let own: Vec<&Mark> = marks
@@ -45,7 +45,7 @@ pub fn rows(known: &KnownPlan) -> Vec<Row> {
     known.plan.items.iter().map(row).collect()
 }
 
-fn new_row(known: &KnownPlan, item: &Item, marks: &[&Mark]) -> Row {
+fn new_row(known: &KnownPlan, item: &Item, marks: &[&Mark]) -> ItemRow {
     let legs = || {
         known
             .flight
@@ -61,7 +61,7 @@ fn new_row(known: &KnownPlan, item: &Item, marks: &[&Mark]) -> Row {
         Some(Altitude::Unstated(metres)) => (metres, None),
         None => (None, None),
     };
-    Row {
+    ItemRow {
         schema: "ril.PlanItem.v1",
         number: item.number,
         origin: item.origin.clone(),
@@ -91,7 +91,7 @@ fn new_row(known: &KnownPlan, item: &Item, marks: &[&Mark]) -> Row {
 }
 
 /// The rows for people, in 80 columns.
-pub fn text(rows: &[Row]) -> String {
+pub fn text(rows: &[ItemRow]) -> String {
     let mut text = line([
         "ITEM",
         "ACTION",
@@ -110,7 +110,7 @@ pub fn text(rows: &[Row]) -> String {
     text
 }
 
-impl Row {
+impl ItemRow {
     fn text(&self) -> String {
         let number = |value: Option<f64>, decimals: usize| {
             value.map_or("-".to_owned(), |value| format!("{value:.decimals$}"))

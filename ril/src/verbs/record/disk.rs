@@ -10,17 +10,17 @@ use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
 use std::thread;
 
 use ipc_types::{SchedulingRole, request_slice};
-use recording::Action;
+use recording::FileAction;
 use rustix::event::{EventfdFlags, eventfd};
 use status::log::store::FileStore;
 
 use worker::Worker;
-pub(super) use worker::{ActionResult, ClosedFile, Layout, Note, RecordFolder};
+pub(super) use worker::{ActionResult, ClosedFile, Note, RecordFolder, ViewerLayout};
 
 /// The thread, as the rest of the process sees it.
 pub(super) struct Disk {
     /// Room for the one action that can be outstanding, so that handing it over never waits.
-    actions: SyncSender<Action>,
+    actions: SyncSender<FileAction>,
     outcomes: Receiver<ActionResult>,
     is_busy: bool,
     woken: Arc<OwnedFd>,
@@ -38,7 +38,7 @@ impl Disk {
     ///
     /// When the system grants no thread or no descriptor.
     pub fn start(place: RecordFolder) -> io::Result<Disk> {
-        let (actions, orders) = sync_channel::<Action>(1);
+        let (actions, orders) = sync_channel::<FileAction>(1);
         let (ended, outcomes) = sync_channel(1);
         let flags = EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK;
         let woken = Arc::new(eventfd(0, flags)?);
@@ -74,7 +74,7 @@ impl Disk {
     /// # Errors
     ///
     /// The thread is gone.
-    pub fn perform(&mut self, action: Action) -> Result<(), DiskGone> {
+    pub fn perform(&mut self, action: FileAction) -> Result<(), DiskGone> {
         self.is_busy = true;
         self.actions.send(action).map_err(|_| DiskGone)
     }

@@ -12,7 +12,7 @@ use ipc_types::payload::{
     SharedStruct,
 };
 use ipc_types::{MonotonicNs, RobotId};
-use module_kit::journal::{Entry, Reader};
+use module_kit::journal::{Entry, JournalReader};
 use recording::Recorder;
 use ros_messages::{Level, Qos};
 
@@ -30,7 +30,7 @@ const MAX_ORIGINS: usize = 64;
 /// Makes messages of the bridge's journal.
 #[derive(Debug)]
 pub struct JournalTopics {
-    reader: Reader,
+    reader: JournalReader,
     made: Made,
 }
 
@@ -40,7 +40,7 @@ impl JournalTopics {
         let text = REQUEST_EVENT_TEXT.to_owned();
         let requests = topic(robot, "requests");
         JournalTopics {
-            reader: Reader::new(),
+            reader: JournalReader::new(),
             made: Made {
                 requests: RecorderTopic::with_text(requests, REQUEST_EVENT, text, Qos::STATE),
                 open: BTreeMap::new(),

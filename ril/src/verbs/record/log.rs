@@ -4,7 +4,7 @@
 use ipc_types::code::LinkState;
 use ipc_types::payload::{ModuleState, SharedStruct, StatusJournal};
 use ipc_types::{MonotonicNs, RobotId};
-use module_kit::journal::{Entry, LogLine, Reader};
+use module_kit::journal::{Entry, JournalReader, LogLine};
 use recording::{Anchor, Channel, ChannelId, Recorder};
 use ros_messages::{Level, Log, OFFERED_QOS_PROFILES, Qos, UnixOffset, definition};
 
@@ -17,7 +17,7 @@ pub struct LogTopic {
     offset: UnixOffset,
     outlet: RecorderTopic,
     last: Option<ModuleState>,
-    status: Reader,
+    status: JournalReader,
 }
 
 impl LogTopic {
@@ -27,7 +27,7 @@ impl LogTopic {
             offset: offset_of(anchor),
             outlet: RecorderTopic::new(topic(robot, "log"), Log::TYPE_NAME, Qos::STATE),
             last: None,
-            status: Reader::new(),
+            status: JournalReader::new(),
         }
     }
 

@@ -33,13 +33,13 @@ use rustix::fs::Access;
 use status::log::config::LogLimits;
 use status::log::file_name::Series;
 
-use self::disk::{Disk, Layout, RecordFolder};
+use self::disk::{Disk, RecordFolder, ViewerLayout};
 use self::facts::FactsOfRobot;
 use self::options::RecordArgs;
 use self::report::Reporter;
 use self::shell::{RecorderShell, anchor};
 use self::sinks::Sinks;
-use self::topics::Topics;
+use self::topics::RecordedTopics;
 use crate::render::words::count;
 use crate::session::configuration;
 
@@ -69,13 +69,13 @@ pub fn record(args: &RecordArgs) -> Result<(), Failure> {
             max_total_bytes,
             min_free_bytes: args.min_free_bytes(),
         },
-        layout: Layout {
+        layout: ViewerLayout {
             name: format!("hero{robot}_layout.json"),
             text: ros_messages::layout(robot),
         },
     });
     let disk = disk.or_fail_with(ExitCode::Internal, "the disk cannot have a thread")?;
-    let topics = Topics::open(ipc.clone())?;
+    let topics = RecordedTopics::open(ipc.clone())?;
     let start = anchor();
     let facts = FactsOfRobot::gather(ipc, args, start)?;
     let info = facts.flight_info(topics.layouts(), &BTreeMap::new());

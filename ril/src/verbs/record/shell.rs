@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use ipc_types::{MonotonicNs, SchedulingRole, WaitError, Wake};
 use module_kit::process::{Process, Sources};
-use recording::{Action, Anchor, Recorder, Totals};
+use recording::{Anchor, FileAction, Recorder, Totals};
 use status::log::store::{FileStore, Store};
 
 use super::disk::{ActionResult, Disk, DiskGone, Note};
@@ -13,7 +13,7 @@ use super::facts::FactsOfRobot;
 use super::gather::Gather;
 use super::report::Reporter;
 use super::sinks::Sinks;
-use super::topics::{TopicCounts, Topics, Wakes};
+use super::topics::{RecordedTopics, TopicCounts, Wakes};
 
 /// How long the end of the process waits for the disk. Most of what a disk does takes less; what takes longer may hang for ever,
 /// and a process that cannot be ended is worse than an unknown number of messages.
@@ -41,7 +41,7 @@ pub(super) fn anchor() -> Anchor {
 
 /// A recording that goes on.
 pub(super) struct RecorderShell {
-    topics: Topics,
+    topics: RecordedTopics,
     facts: FactsOfRobot,
     recorder: Recorder,
     sinks: Sinks,
@@ -58,7 +58,7 @@ pub(super) struct RecorderShell {
 
 impl RecorderShell {
     pub fn new(
-        topics: Topics,
+        topics: RecordedTopics,
         facts: FactsOfRobot,
         recorder: Recorder,
         sinks: Sinks,
@@ -153,7 +153,7 @@ impl RecorderShell {
         if !self.disk.is_busy()
             && let Some(action) = self.recorder.next()
         {
-            self.is_writing = matches!(action, Action::Write { .. });
+            self.is_writing = matches!(action, FileAction::Write { .. });
             self.disk.perform(action)?;
         }
         Ok(())

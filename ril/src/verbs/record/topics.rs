@@ -1,4 +1,4 @@
-//! [`Topics`]: every topic of the robot, those included that begin while it is recorded.
+//! [`RecordedTopics`]: every topic of the robot, those included that begin while it is recorded.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -32,7 +32,7 @@ const RETRY_PERIOD: Duration = Duration::from_secs(1);
 const MAX_NAMED: usize = 5;
 
 /// All topics, each with its subscriber.
-pub(super) struct Topics {
+pub(super) struct RecordedTopics {
     ipc: Ipc,
     /// When the recording began.
     begun: MonotonicNs,
@@ -46,11 +46,11 @@ pub(super) struct Topics {
     /// Keys of what could not be opened: each is reported once.
     failing: BTreeSet<String>,
     ports: PortSet,
-    topics: Vec<Topic>,
+    topics: Vec<TopicSubscription>,
 }
 
 /// A topic that is recorded.
-struct Topic {
+struct TopicSubscription {
     subscriber: DynamicSubscriber,
     intake: Intake,
     /// Of a journal: a second subscriber, because a journal has a snapshot when one comes. It goes when the snapshot is there.
@@ -113,14 +113,14 @@ pub(super) struct TopicCounts {
     pub losses: Losses,
 }
 
-impl Topics {
+impl RecordedTopics {
     /// Opens what there is.
     ///
     /// # Errors
     ///
     /// When the process has too many descriptors.
-    pub fn open(ipc: Ipc) -> Result<Topics, Failure> {
-        let mut topics = Topics {
+    pub fn open(ipc: Ipc) -> Result<RecordedTopics, Failure> {
+        let mut topics = RecordedTopics {
             begun: MonotonicNs::now(),
             discovery: Discovery::default(),
             seen: ipc.generations(),
@@ -169,7 +169,7 @@ impl Topics {
         std::mem::take(&mut self.has_news)
     }
 
-    /// When [`drain`](Topics::drain) has to be called though no port is ready.
+    /// When [`drain`](RecordedTopics::drain) has to be called though no port is ready.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         let processes = self.topics.iter().filter_map(|topic| {
             let process = topic.process.as_ref()?;
@@ -211,7 +211,7 @@ impl Topics {
         most.unwrap_or_default()
     }
 
-    /// Takes all that is left after the last [`drain`](Topics::drain).
+    /// Takes all that is left after the last [`drain`](RecordedTopics::drain).
     pub fn finish(&mut self, recorder: &mut Recorder, sinks: &mut Sinks, now: MonotonicNs) {
         self.take_rests(&mut Destination {
             recorder,
@@ -222,7 +222,7 @@ impl Topics {
 
     /// Takes what publishers of journals that were killed had not published.
     fn take_rests(&mut self, to: &mut Destination<'_>) {
-        for Topic { intake, .. } in &mut self.topics {
+        for TopicSubscription { intake, .. } in &mut self.topics {
             if let Some(rest) = intake.tail.as_mut().and_then(Tail::take_rest) {
                 intake.record(&rest, to);
             }
@@ -298,7 +298,7 @@ impl Topics {
         self.ports
             .add(subscriber.descriptor())
             .map_err(|error| error.to_string())?;
-        let topic = Topic::new(subscriber, self, facts);
+        let topic = TopicSubscription::new(subscriber, self, facts);
         tracing::info!(topic = topic.intake.channel.topic, "recorded");
         match former {
             // Its module was installed anew, with another struct.
@@ -309,9 +309,13 @@ impl Topics {
     }
 }
 
-impl Topic {
-    fn new(subscriber: DynamicSubscriber, topics: &Topics, facts: &ServiceFacts) -> Topic {
-        Topic {
+impl TopicSubscription {
+    fn new(
+        subscriber: DynamicSubscriber,
+        topics: &RecordedTopics,
+        facts: &ServiceFacts,
+    ) -> TopicSubscription {
+        TopicSubscription {
             intake: Intake::new(topics, facts),
             asks: None,
             process: ProcessWatch::of_topic(&facts.key, MonotonicNs::now()),
@@ -380,7 +384,7 @@ impl Topic {
 }
 
 impl Intake {
-    fn new(topics: &Topics, facts: &ServiceFacts) -> Intake {
+    fn new(topics: &RecordedTopics, facts: &ServiceFacts) -> Intake {
         let name = topic_of(topics.ipc.robot(), &facts.key);
         let schema = &facts.schema;
         let metadata = [

@@ -17,7 +17,7 @@ use clap::{ArgAction, Args, Subcommand};
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{RelayLink, RelayStations};
 use runtime::args::CommonArgs;
-use runtime::duration::Shown;
+use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure};
 
 use self::report::RelayReport;
@@ -146,7 +146,7 @@ pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
         let text = format!(
             "nothing came from the relay of robot {} in {}, although it is running",
             session.ipc.robot(),
-            Shown(timeout)
+            DurationText(timeout)
         );
         return Err(Failure::new(ExitCode::Timeout, text).with_next_step(
             "`ril doctor` shows whether it is stopped; is the machine overloaded?",

@@ -19,7 +19,9 @@ use ipc_types::{
     Descriptor, Domain, DynamicError, Ipc, MonotonicNs, OpenError, RobotId, SchedulingRole, Source,
     Waiter, request_slice,
 };
-use recording::play::{Content, Flight, PROCESS, PlayedServices, Player, Section, ServicesError};
+use recording::play::{
+    PROCESS, PlayableFlight, PlayedContent, PlayedServices, Player, Section, ServicesError,
+};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
@@ -86,7 +88,7 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
         PlayedServices::open(&flight, &ipc).map_err(|error| not_provided(error, robot))?;
     request_slice(SchedulingRole::Provider);
     say_begin(&args.common, &flight, &services, &domain, robot);
-    let mut replay = Replay {
+    let mut replay = ReplayLoop {
         // The flight begins now that consumers can find it.
         player: Player::new(Arc::clone(player.flight()), section, MonotonicNs::now())
             .or_fail(ExitCode::Usage)?,
@@ -106,21 +108,21 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
 }
 
 /// Reads the recording.
-fn open(file: &Path) -> Result<Flight, Failure> {
-    Flight::open(file).map_err(|error| {
+fn open(file: &Path) -> Result<PlayableFlight, Failure> {
+    PlayableFlight::open(file).map_err(|error| {
         let text = format!("{} cannot be played: {error}", file.display());
         Failure::usage(text).with_next_step("name a recording that `ril record` has made")
     })
 }
 
-fn player(flight: &Arc<Flight>, section: Section) -> Result<Player, Failure> {
+fn player(flight: &Arc<PlayableFlight>, section: Section) -> Result<Player, Failure> {
     Player::new(Arc::clone(flight), section, MonotonicNs(0)).map_err(|error| {
         Failure::usage(error).with_next_step("choose another time with --from and --to")
     })
 }
 
 /// Everything that the loop has.
-struct Replay {
+struct ReplayLoop {
     player: Player,
     services: PlayedServices,
     termination: Termination,
@@ -130,7 +132,7 @@ struct Replay {
     summary: ReplaySummary,
 }
 
-impl Replay {
+impl ReplayLoop {
     /// Until the end, a key or a signal.
     fn run(&mut self) -> Result<(), Failure> {
         let mut has_keys = false;
@@ -177,7 +179,7 @@ impl Replay {
     fn play(&mut self) -> Result<(), Failure> {
         let now = MonotonicNs::now();
         while let Some(due) = self.player.next(now) {
-            if let Some(Content::Request(message)) = self.player.flight().content(due.index) {
+            if let Some(PlayedContent::Request(message)) = self.player.flight().content(due.index) {
                 let at = self.player.position_of(due.index);
                 if let Some(request) = ReplayedRequest::read(message, at) {
                     self.summary.requests += 1;
@@ -261,7 +263,7 @@ impl fmt::Display for ReplaySummary {
 /// Says on standard error what is played, where, and what is left out.
 fn say_begin(
     args: &CommonArgs,
-    flight: &Flight,
+    flight: &PlayableFlight,
     services: &PlayedServices,
     domain: &Domain,
     robot: RobotId,

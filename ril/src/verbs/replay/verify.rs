@@ -11,7 +11,7 @@ use ipc_types::{MonotonicNs, RobotId};
 use recording::play::{anchor_of, key_of};
 use recording::read::{RecordFile, messages};
 use replay::{Comparison, Difference, JournalVerdict, Verifier};
-use runtime::duration::Shown;
+use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
@@ -365,8 +365,8 @@ impl fmt::Display for Verification {
         writeln!(
             f,
             "flight      {}, replayed in {}: {:.0} times as fast",
-            Shown(Duration::from_secs_f64(self.flight_s)),
-            Shown(Duration::from_millis(took.as_millis() as u64)),
+            DurationText(Duration::from_secs_f64(self.flight_s)),
+            DurationText(Duration::from_millis(took.as_millis() as u64)),
             self.flight_s / took.as_secs_f64()
         )?;
         for (title, journal) in [("bridge", &self.bridge), ("status", &self.status)] {

@@ -132,7 +132,7 @@ fn site(robot: &WatchedRobot, start: Start) -> Site {
 }
 
 fn plan(position: Position, above_home_m: f64) -> Plan {
-    let mut plan = Plan::empty(plans::format::Format::QgcPlan);
+    let mut plan = Plan::empty(plans::format::PlanFormat::QgcPlan);
     plan.items.push(Item {
         number: 1,
         origin: "the place".to_owned(),

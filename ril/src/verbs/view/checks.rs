@@ -6,7 +6,7 @@ use ipc_types::MonotonicNs;
 use runtime::finding::Severity;
 use view::{ViewerId, page};
 
-use super::fleet::Shown;
+use super::fleet::ShownRobot;
 use super::messages;
 use super::orders::{check_go_to, target};
 use super::preflight::{Preflight, PreflightCheck};
@@ -15,7 +15,7 @@ use super::preflight::{Preflight, PreflightCheck};
 pub(super) const MAX_PREFLIGHTS: usize = 2;
 
 /// A preflight that a page waits for.
-struct Asked {
+struct PendingPreflight {
     viewer: ViewerId,
     order: String,
     robot: u32,
@@ -25,7 +25,7 @@ struct Asked {
 /// See the module's documentation.
 #[derive(Default)]
 pub(super) struct Checks {
-    asked: Vec<Asked>,
+    asked: Vec<PendingPreflight>,
 }
 
 impl Checks {
@@ -34,9 +34,9 @@ impl Checks {
         &mut self,
         viewer: ViewerId,
         check: &page::CheckRequest,
-        shown: &Shown,
+        shown: &ShownRobot,
         now: MonotonicNs,
-    ) -> Option<page::Check> {
+    ) -> Option<page::CheckResult> {
         match check.kind {
             page::CheckKind::Goto => Some(go_to(check, shown, now)),
             page::CheckKind::Takeoff => self.take_off(viewer, check, shown, now),
@@ -47,9 +47,9 @@ impl Checks {
         &mut self,
         viewer: ViewerId,
         check: &page::CheckRequest,
-        shown: &Shown,
+        shown: &ShownRobot,
         now: MonotonicNs,
-    ) -> Option<page::Check> {
+    ) -> Option<page::CheckResult> {
         // Of the same page only the newest question is worth an answer.
         self.asked.retain(|asked| asked.viewer != viewer);
         if self.asked.len() >= MAX_PREFLIGHTS {
@@ -58,7 +58,7 @@ impl Checks {
         }
         match Preflight::start(shown.robot.id, now) {
             Ok(preflight) => {
-                self.asked.push(Asked {
+                self.asked.push(PendingPreflight {
                     viewer,
                     order: check.order.clone(),
                     robot: check.robot,
@@ -74,7 +74,7 @@ impl Checks {
     }
 
     /// The answers that are there now.
-    pub fn answers(&mut self, now: MonotonicNs) -> Vec<(ViewerId, page::Check)> {
+    pub fn answers(&mut self, now: MonotonicNs) -> Vec<(ViewerId, page::CheckResult)> {
         let mut answers = Vec::new();
         self.asked.retain_mut(|asked| {
             let Some(ended) = asked.preflight.take(now) else {
@@ -102,13 +102,13 @@ impl Checks {
     }
 }
 
-fn go_to(check: &page::CheckRequest, shown: &Shown, now: MonotonicNs) -> page::Check {
+fn go_to(check: &page::CheckRequest, shown: &ShownRobot, now: MonotonicNs) -> page::CheckResult {
     let target = match target(check.position, check.altitude_m) {
         Ok(target) => target,
         Err(why) => return failed(&check.order, check.robot, &why),
     };
     let checked = check_go_to(shown, target, now);
-    page::Check {
+    page::CheckResult {
         order: check.order.clone(),
         robot: check.robot,
         severity: checked
@@ -124,7 +124,7 @@ fn go_to(check: &page::CheckRequest, shown: &Shown, now: MonotonicNs) -> page::C
 }
 
 /// All checks that did not pass; the others are counted.
-fn of_preflight(order: &str, robot: u32, checks: &[PreflightCheck]) -> page::Check {
+fn of_preflight(order: &str, robot: u32, checks: &[PreflightCheck]) -> page::CheckResult {
     let mut findings = Vec::new();
     let mut passed = 0;
     for check in checks {
@@ -154,7 +154,7 @@ fn of_preflight(order: &str, robot: u32, checks: &[PreflightCheck]) -> page::Che
         ),
         next_step: None,
     });
-    page::Check {
+    page::CheckResult {
         order: order.to_owned(),
         robot,
         severity,
@@ -165,8 +165,8 @@ fn of_preflight(order: &str, robot: u32, checks: &[PreflightCheck]) -> page::Che
 }
 
 /// A check that could not be made.
-pub(super) fn failed(order: &str, robot: u32, why: &str) -> page::Check {
-    page::Check {
+pub(super) fn failed(order: &str, robot: u32, why: &str) -> page::CheckResult {
+    page::CheckResult {
         order: order.to_owned(),
         robot,
         severity: messages::severity(Severity::Error),

@@ -7,7 +7,7 @@ use ipc_types::{Domain, MonotonicNs, RobotId, Source};
 use runtime::exit::Failure;
 
 use super::held;
-use super::speaker::Seen;
+use super::speaker::SpokenRobot;
 use crate::request::ports::{RobotPorts, Wakers};
 use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::past::Past;
@@ -20,7 +20,7 @@ pub(super) const MAX_ROBOTS: usize = 32;
 const LOOK_PERIOD: Duration = Duration::from_secs(2);
 
 /// A robot that is shown.
-pub(super) struct Shown {
+pub(super) struct ShownRobot {
     pub robot: WatchedRobot,
     pub ports: RobotPorts,
     pub past: Past,
@@ -30,7 +30,7 @@ pub(super) struct Shown {
     has_news: bool,
 }
 
-impl Shown {
+impl ShownRobot {
     /// The fence in force; `None` if the bridge has not published it, or holds a newer one.
     pub fn fence(&self) -> Option<&Fence> {
         let (_, fence) = self.fence.as_ref()?;
@@ -53,7 +53,7 @@ impl Shown {
 /// See the module's documentation.
 pub(super) struct Fleet {
     domain: Domain,
-    shown: Vec<Shown>,
+    shown: Vec<ShownRobot>,
     /// When to look for others; `None` if the operator named those that are shown.
     next_look: Option<MonotonicNs>,
     has_refused: bool,
@@ -140,7 +140,7 @@ impl Fleet {
             return Ok(());
         }
         let ports = RobotPorts::open(&self.domain, robot, true)?;
-        self.shown.push(Shown {
+        self.shown.push(ShownRobot {
             robot: WatchedRobot::new(robot),
             ports,
             past: Past::default(),
@@ -183,20 +183,20 @@ impl Fleet {
     }
 
     /// The robots as pages get them.
-    pub fn seen(&self) -> impl Iterator<Item = Seen<'_>> {
-        self.shown.iter().map(|one| Seen {
+    pub fn seen(&self) -> impl Iterator<Item = SpokenRobot<'_>> {
+        self.shown.iter().map(|one| SpokenRobot {
             robot: &one.robot,
             outline: one.ports.outline(),
             has_news: one.has_news,
         })
     }
 
-    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Shown> {
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut ShownRobot> {
         self.shown.iter_mut()
     }
 
     /// The robot of this number, if it is shown.
-    pub fn get_mut(&mut self, robot: u32) -> Option<&mut Shown> {
+    pub fn get_mut(&mut self, robot: u32) -> Option<&mut ShownRobot> {
         self.shown
             .iter_mut()
             .find(|one| one.robot.id.get() == robot)

@@ -43,7 +43,7 @@ fn area(held: &OutlineArea) -> Result<Area, String> {
 pub(super) fn areas(held: &Outline) -> Vec<page::Area> {
     let areas = held.areas.iter();
     areas
-        .map(|area| chart::Outline::from(area).into())
+        .map(|area| chart::AreaOutline::from(area).into())
         .collect()
 }
 

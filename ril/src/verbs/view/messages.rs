@@ -89,12 +89,12 @@ fn fresh_flying(robot: &WatchedRobot, now: MonotonicNs) -> Option<bool> {
 }
 
 /// The robot in words.
-pub(super) fn robot(robot: &WatchedRobot, now: MonotonicNs) -> page::Robot {
+pub(super) fn robot(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotStatus {
     let state = robot.state.as_ref();
     let flying = robot.pilot.flying;
     let functionality = state.and_then(|state| state.functionality());
     let activity = functionality.map(|one| pilot::activity(one, flying).to_owned());
-    page::Robot {
+    page::RobotStatus {
         robot: robot.id.get(),
         phase: phase(robot, now),
         activity: activity.unwrap_or_default(),
@@ -123,7 +123,7 @@ pub(super) fn robot(robot: &WatchedRobot, now: MonotonicNs) -> page::Robot {
 }
 
 /// The words without what counts on by itself, or with each sample: a page counts ages on, and gets the rest once a second.
-pub(super) fn lasting(mut words: page::Robot) -> page::Robot {
+pub(super) fn lasting(mut words: page::RobotStatus) -> page::RobotStatus {
     words.link.age_s = None;
     for alarm in &mut words.alarms {
         alarm.since_s = 0.0;
@@ -160,9 +160,9 @@ fn module(state: &ModuleState) -> String {
 }
 
 /// The link to the DSP.
-fn link(robot: &WatchedRobot, now: MonotonicNs) -> page::Link {
+fn link(robot: &WatchedRobot, now: MonotonicNs) -> page::LinkStatus {
     let Some(state) = &robot.state else {
-        return page::Link {
+        return page::LinkStatus {
             text: "unknown".to_owned(),
             state: "unknown".to_owned(),
             age_s: None,
@@ -177,7 +177,7 @@ fn link(robot: &WatchedRobot, now: MonotonicNs) -> page::Link {
         Some(LinkState::Up) => "link to the DSP up".to_owned(),
         _ => format!("link to the DSP {name}"),
     };
-    page::Link {
+    page::LinkStatus {
         text,
         state: name,
         age_s: robot.link_age(now).map(|(age, _)| age.as_secs() as f64),
@@ -301,7 +301,7 @@ fn freshness(freshness: Freshness) -> page::Freshness {
 pub(super) fn chart(robot: &WatchedRobot, held: Option<&Outline>) -> page::Chart {
     page::Chart {
         robot: robot.id.get(),
-        source: page::Source::Bridge,
+        source: page::ChartSource::Bridge,
         number: held.map_or(0, |held| held.number),
         fence: held.map(held::areas).unwrap_or_default(),
         floor_m: held.and_then(|held| held.floor_m),

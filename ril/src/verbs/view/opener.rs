@@ -10,7 +10,7 @@ use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
 use super::options::ViewArgs;
-use super::run_file::{self, Running};
+use super::run_file::{self, RunEntry};
 use crate::render::json_line;
 
 /// A view that runs, for programs.
@@ -24,7 +24,7 @@ struct ViewObject {
 }
 
 impl ViewObject {
-    fn of(running: &Running) -> ViewObject {
+    fn of(running: &RunEntry) -> ViewObject {
         ViewObject {
             schema: "ril.View.v1",
             pid: running.pid,
@@ -40,7 +40,7 @@ impl ViewObject {
 /// # Errors
 ///
 /// Code 8 when no browser can be started.
-pub(super) fn show(running: &Running, args: &ViewArgs) -> Result<(), Failure> {
+pub(super) fn show(running: &RunEntry, args: &ViewArgs) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     if args.json {
         return json_line(&mut out, &ViewObject::of(running));

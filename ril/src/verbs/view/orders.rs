@@ -8,7 +8,7 @@ use ipc_types::payload::{ModuleState, WaypointPosition};
 use view::page::{self, OrderKind};
 
 use super::check::{self, Checked};
-use super::fleet::Shown;
+use super::fleet::ShownRobot;
 use crate::config::RequestConfig;
 use crate::request::order::RobotOrder;
 use crate::request::ports::OrderNews;
@@ -39,7 +39,7 @@ impl Orders {
         &mut self,
         order: &page::OrderRequest,
         from: &str,
-        shown: &mut Shown,
+        shown: &mut ShownRobot,
         config: &RequestConfig,
         now: MonotonicNs,
     ) -> page::OrderReport {
@@ -108,7 +108,7 @@ impl Orders {
 /// The order that is wanted, or why nothing may be sent.
 fn wanted(
     order: &page::OrderRequest,
-    shown: &Shown,
+    shown: &ShownRobot,
     now: MonotonicNs,
 ) -> Result<RobotOrder, String> {
     let state = shown.robot.state.as_ref();
@@ -152,7 +152,11 @@ pub(super) fn target(
 }
 
 /// Whether the flight would be taken.
-pub(super) fn check_go_to(shown: &Shown, target: WaypointPosition, now: MonotonicNs) -> Checked {
+pub(super) fn check_go_to(
+    shown: &ShownRobot,
+    target: WaypointPosition,
+    now: MonotonicNs,
+) -> Checked {
     check::go_to(&shown.robot, shown.fence(), target, now)
 }
 

@@ -31,7 +31,7 @@ pub(super) struct PreflightCheck {
 
 /// What the preflight prints.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-struct Report {
+struct PrintedReport {
     checks: Vec<PreflightCheck>,
 }
 
@@ -104,7 +104,7 @@ impl Drop for Preflight {
 /// The checks, in the first line of what was printed.
 fn checks(text: &[u8]) -> Result<Vec<PreflightCheck>, String> {
     let line = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
-    let report: Report = serde_json::from_slice(line)
+    let report: PrintedReport = serde_json::from_slice(line)
         .map_err(|error| format!("`ril preflight` could not be run: {error}"))?;
     Ok(report.checks)
 }

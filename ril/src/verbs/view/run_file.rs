@@ -18,7 +18,7 @@ const MAX_BYTES: u64 = 64 << 10;
 
 /// What is in the file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Running {
+pub(super) struct RunEntry {
     /// The server's process.
     pub pid: u32,
     /// Its port on loopback.
@@ -31,7 +31,7 @@ pub(super) struct Running {
     pub token: String,
 }
 
-impl Running {
+impl RunEntry {
     /// The address of the page, without the token.
     pub fn address(&self) -> String {
         format!("http://127.0.0.1:{}/", self.port)
@@ -72,7 +72,7 @@ impl RunFile {
     }
 
     /// Says what runs.
-    pub fn write(&mut self, running: &Running) -> io::Result<()> {
+    pub fn write(&mut self, running: &RunEntry) -> io::Result<()> {
         let text = serde_json::to_vec(running)?;
         self.file.set_len(0)?;
         self.file.rewind()?;
@@ -92,7 +92,7 @@ impl Drop for RunFile {
 }
 
 /// The view of this user that runs on `port`; `None` if there is none, or it is not ready yet.
-pub(super) fn find(port: u16) -> Result<Option<Running>, Failure> {
+pub(super) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
     let path = path(&folder()?, port);
     let file = match open(&path, false) {
         Ok(file) => file,
@@ -120,7 +120,7 @@ pub(super) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
 }
 
 /// Writes the page that leads a browser to the address with the token. A command line is no place for the token: other users can read it.
-pub(super) fn write_opener(running: &Running) -> Result<PathBuf, Failure> {
+pub(super) fn write_opener(running: &RunEntry) -> Result<PathBuf, Failure> {
     let path = opener(&folder()?, running.port);
     let address = running.address_with_token();
     let page = format!(
@@ -158,7 +158,7 @@ fn open(path: &Path, creates: bool) -> io::Result<File> {
         .open(path)
 }
 
-fn read(mut file: &File) -> io::Result<Running> {
+fn read(mut file: &File) -> io::Result<RunEntry> {
     let mut text = Vec::new();
     file.rewind()?;
     file.take(MAX_BYTES).read_to_end(&mut text)?;
@@ -202,7 +202,7 @@ fn unusable(path: &Path, error: &io::Error) -> Failure {
 }
 
 /// Why a server cannot start: another view of this user runs.
-fn taken(port: u16, running: Option<&Running>) -> Failure {
+fn taken(port: u16, running: Option<&RunEntry>) -> Failure {
     let who = running.map_or_else(String::new, |running| {
         format!(
             " (process {} of domain {})",

@@ -15,7 +15,7 @@ use view::{Instance, Server, Settings, Token};
 
 use super::fleet::Fleet;
 use super::options::{RunViewArgs, ServerArgs};
-use super::run_file::{RunFile, Running};
+use super::run_file::{RunEntry, RunFile};
 use super::shell::ViewShell;
 use super::sockets::Sockets;
 use super::tiles::Tiles;
@@ -77,7 +77,7 @@ pub fn run(args: &RunViewArgs) -> Result<(), Failure> {
     let named: Vec<RobotId> = args.robots.iter().copied().map(RobotId::from).collect();
     let fleet = Fleet::join(domain, &named)?;
     let token = random_hex().or_fail(ExitCode::Internal)?;
-    let running = Running {
+    let running = RunEntry {
         pid: std::process::id(),
         port: config.port,
         domain: root,

@@ -18,7 +18,7 @@ use super::messages;
 use super::orders::Orders;
 use super::page_lost::PageLost;
 use super::replay::Playback;
-use super::sockets::{Arrived, Key, Sockets};
+use super::sockets::{Arrived, ConnectionKey, Sockets};
 use super::speaker::Speaker;
 use super::tiles::Tiles;
 use crate::config::RequestConfig;
@@ -56,7 +56,7 @@ pub(super) enum ViewError {
 pub(super) struct ViewShell {
     sockets: Sockets,
     /// What each connection is called in the server.
-    connections: BTreeMap<Key, ConnectionId>,
+    connections: BTreeMap<ConnectionKey, ConnectionId>,
     server: Server,
     fleet: Fleet,
     /// Reads imagery; `None` without any.
@@ -155,7 +155,7 @@ impl ViewShell {
         }
     }
 
-    fn close(&mut self, key: Key, now: MonotonicNs) {
+    fn close(&mut self, key: ConnectionKey, now: MonotonicNs) {
         self.sockets.close(key);
         if let Some(id) = self.connections.remove(&key) {
             self.server.closed(id, now);
@@ -367,7 +367,7 @@ impl ViewShell {
 
     /// Writes what waits, and closes what has ended.
     fn send(&mut self, now: MonotonicNs) {
-        let keys: Vec<(Key, ConnectionId)> = self
+        let keys: Vec<(ConnectionKey, ConnectionId)> = self
             .connections
             .iter()
             .map(|(key, id)| (*key, *id))

@@ -12,7 +12,7 @@ use runtime::signal::Termination;
 use super::fleet::Fleet;
 use super::options::ViewArgs;
 use super::replay::Playback;
-use super::run_file::{RunFile, Running};
+use super::run_file::{RunEntry, RunFile};
 use super::shell::ViewShell;
 use super::sockets::Sockets;
 use super::{opener, server};
@@ -42,7 +42,7 @@ pub(super) fn view(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
     }
     let (mut run_file, sockets, port) = listen(&config, args.server.port.is_some())?;
     let token = random_hex().or_fail(ExitCode::Internal)?;
-    let running = Running {
+    let running = RunEntry {
         pid: std::process::id(),
         port,
         domain: domain.root().to_owned(),

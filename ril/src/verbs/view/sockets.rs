@@ -14,7 +14,7 @@ use rustix::io::Errno;
 use socket2::{Domain, SockRef, Socket, Type};
 use view::PLAIN;
 
-use super::tls::{HANDSHAKE, Session, Tls};
+use super::tls::{HANDSHAKE, Tls, TlsSession};
 use crate::view_setup::config::MAX_LIST;
 
 /// What the kernel may hold of a connection and has not sent: a viewer on a slow line gets what is new when the line is free, not what
@@ -40,7 +40,7 @@ const BACKLOG: i32 = 128;
 const FIRST_CONNECTION: u64 = MAX_LIST as u64 + 1;
 
 /// What a connection is called here.
-pub(super) type Key = u64;
+pub(super) type ConnectionKey = u64;
 
 /// What came of a connection.
 pub(super) enum Arrived<'a> {
@@ -52,7 +52,7 @@ pub(super) enum Arrived<'a> {
 
 /// A connection that came.
 pub(super) struct Accepted {
-    pub key: Key,
+    pub key: ConnectionKey,
     pub peer: SocketAddr,
     pub own: SocketAddr,
 }
@@ -62,7 +62,7 @@ enum Layer {
     /// Its first byte has not come.
     Unknown,
     Plain,
-    Tls(Session),
+    Tls(TlsSession),
 }
 
 /// See the module's documentation.
@@ -74,8 +74,8 @@ pub(super) struct Sockets {
     /// again: until then no connection is accepted.
     spare: Option<File>,
     is_listening: bool,
-    connections: BTreeMap<Key, Connection>,
-    next_key: Key,
+    connections: BTreeMap<ConnectionKey, Connection>,
+    next_key: ConnectionKey,
     /// Connections that came at this wake.
     came: usize,
     /// Connections that were closed at once because there was no descriptor for them.
@@ -129,7 +129,7 @@ impl Sockets {
     }
 
     /// The connections that have something to read, and whether someone wants to connect.
-    pub fn ready(&mut self) -> io::Result<(Vec<Key>, bool)> {
+    pub fn ready(&mut self) -> io::Result<(Vec<ConnectionKey>, bool)> {
         let mut events = Vec::with_capacity(MAX_EVENTS);
         let at_once = Timespec::default();
         let spare = rustix::buffer::spare_capacity(&mut events);
@@ -248,7 +248,7 @@ impl Sockets {
     }
 
     /// Reads what came of a connection, at most [`READ_BYTES`], or a record of TLS: the rest wakes again. `None` if nothing came.
-    pub fn read<'a>(&mut self, key: Key, buffer: &'a mut Vec<u8>) -> Option<Arrived<'a>> {
+    pub fn read<'a>(&mut self, key: ConnectionKey, buffer: &'a mut Vec<u8>) -> Option<Arrived<'a>> {
         let connection = self.connections.get_mut(&key)?;
         match connection.read(self.tls.as_ref(), buffer) {
             Ok(false) => Some(Arrived::End),
@@ -265,7 +265,7 @@ impl Sockets {
     }
 
     /// Writes what the kernel takes, and says how much that was; `None` if the connection has ended.
-    pub fn write(&mut self, key: Key, bytes: &[u8]) -> Option<usize> {
+    pub fn write(&mut self, key: ConnectionKey, bytes: &[u8]) -> Option<usize> {
         let connection = self.connections.get_mut(&key)?;
         let written = match &mut connection.layer {
             Layer::Tls(session) => session.write(&mut connection.stream, bytes),
@@ -279,7 +279,7 @@ impl Sockets {
     }
 
     /// Whether all that was written is gone to the kernel; `None` if the connection has ended.
-    pub fn flush(&mut self, key: Key) -> Option<bool> {
+    pub fn flush(&mut self, key: ConnectionKey) -> Option<bool> {
         let connection = self.connections.get_mut(&key)?;
         match &mut connection.layer {
             Layer::Tls(session) => session.flush(&mut connection.stream).ok(),
@@ -288,7 +288,7 @@ impl Sockets {
     }
 
     /// Whether the process is to be woken when the connection can be written to.
-    pub fn wait_to_write(&mut self, key: Key, waits: bool) {
+    pub fn wait_to_write(&mut self, key: ConnectionKey, waits: bool) {
         let Some(connection) = self.connections.get_mut(&key) else {
             return;
         };
@@ -304,7 +304,7 @@ impl Sockets {
     }
 
     /// Closes a connection, which takes it out of the wait.
-    pub fn close(&mut self, key: Key) {
+    pub fn close(&mut self, key: ConnectionKey) {
         self.connections.remove(&key);
     }
 }

@@ -19,7 +19,7 @@ const AGES_PERIOD: Duration = Duration::from_millis(500);
 
 /// A robot that is shown, live or recorded.
 #[derive(Clone, Copy)]
-pub(super) struct Seen<'a> {
+pub(super) struct SpokenRobot<'a> {
     pub robot: &'a WatchedRobot,
     /// The outline that its bridge holds; `None` if the bridge has not published it.
     pub outline: Option<&'a Outline>,
@@ -34,7 +34,7 @@ struct Said {
     number: u64,
     values_at: MonotonicNs,
     /// Without what counts on by itself.
-    words: Option<page::Robot>,
+    words: Option<page::RobotStatus>,
     words_at: MonotonicNs,
     chart: Option<page::Chart>,
     /// Lines of its journal.
@@ -61,7 +61,7 @@ impl Speaker {
     }
 
     /// A replay has jumped: the next call sends everything again. Events before that moment are in the `past` that pages get.
-    pub fn moved<'a>(&mut self, robots: impl Iterator<Item = Seen<'a>>) {
+    pub fn moved<'a>(&mut self, robots: impl Iterator<Item = SpokenRobot<'a>>) {
         for seen in robots {
             let id = seen.robot.id.get();
             self.said.entry(id).or_default().lines = seen.robot.journal.added();
@@ -72,7 +72,7 @@ impl Speaker {
     /// Sends what is due at `now`. In a replay, `clock` is the moment of the recording that is shown.
     pub fn speak<'a>(
         &mut self,
-        robots: impl Iterator<Item = Seen<'a>>,
+        robots: impl Iterator<Item = SpokenRobot<'a>>,
         server: &mut Server,
         clock: Clocks,
         now: MonotonicNs,
@@ -104,7 +104,13 @@ impl Speaker {
 }
 
 impl Said {
-    fn speak(&mut self, seen: Seen<'_>, server: &mut Server, clock: Clocks, now: MonotonicNs) {
+    fn speak(
+        &mut self,
+        seen: SpokenRobot<'_>,
+        server: &mut Server,
+        clock: Clocks,
+        now: MonotonicNs,
+    ) {
         let words = messages::robot(seen.robot, clock.now);
         let lasting = Some(messages::lasting(words.clone()));
         if now >= self.words_at + WORDS_PERIOD || self.words != lasting {
@@ -126,7 +132,7 @@ impl Said {
     }
 
     /// Sends the events since the last call.
-    fn events(&mut self, seen: Seen<'_>, server: &mut Server, clock: Clocks) {
+    fn events(&mut self, seen: SpokenRobot<'_>, server: &mut Server, clock: Clocks) {
         for line in seen.robot.journal.since(self.lines) {
             server.event(&messages::event(seen.robot, line, clock));
         }

@@ -18,7 +18,7 @@ use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 use super::invitation;
 use super::options::{ServerArgs, ViewArgs};
-use super::run_file::{self, Running};
+use super::run_file::{self, RunEntry};
 use super::{opener, server, show_file};
 use crate::session::print_configuration;
 
@@ -94,7 +94,7 @@ fn print_layout(robots: &[NonZeroU32]) -> Result<(), Failure> {
 }
 
 /// Ends the server.
-fn stop(port: u16, running: Option<&Running>) -> Result<(), Failure> {
+fn stop(port: u16, running: Option<&RunEntry>) -> Result<(), Failure> {
     let Some(running) = running else {
         let text = format!("no view of this user runs on port {port}");
         return Err(Failure::new(ExitCode::ServiceAbsent, text));
@@ -116,7 +116,7 @@ fn stop(port: u16, running: Option<&Running>) -> Result<(), Failure> {
 }
 
 /// Starts the server in the background, and waits until it is ready.
-fn start(port: u16, args: &ServerArgs) -> Result<Running, Failure> {
+fn start(port: u16, args: &ServerArgs) -> Result<RunEntry, Failure> {
     let (log, log_path) = run_file::log_file(port)?;
     let name = format!("ril-view-{}", fresh_request_id());
     let address = SocketAddr::from_abstract_name(&name).or_fail(ExitCode::Internal)?;

@@ -24,12 +24,12 @@ const MAX_TILE_BYTES: u64 = 1 << 20;
 const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
 /// A tile that was looked for: its bytes, `None` if it is missing.
-type Found = (ConnectionId, TileRequest, Option<Vec<u8>>);
+type FoundTile = (ConnectionId, TileRequest, Option<Vec<u8>>);
 
 /// See the module's documentation.
 pub(super) struct Tiles {
     wanted: SyncSender<(ConnectionId, TileRequest)>,
-    found: Receiver<Found>,
+    found: Receiver<FoundTile>,
     /// Has bytes when something was found.
     wakes: UnixStream,
 }
@@ -99,7 +99,7 @@ impl Tiles {
     }
 
     /// The tiles that were found, and those that are missing.
-    pub fn found(&mut self) -> impl Iterator<Item = Found> {
+    pub fn found(&mut self) -> impl Iterator<Item = FoundTile> {
         let mut bytes = [0; MAX_WAITING];
         while matches!(self.wakes.read(&mut bytes), Ok(1..)) {}
         self.found.try_iter()

@@ -6,9 +6,9 @@ mod absent;
 mod session;
 
 #[cfg(not(feature = "tls"))]
-pub(super) use absent::{Session, Tls};
+pub(super) use absent::{Tls, TlsSession};
 #[cfg(feature = "tls")]
-pub(super) use session::{Session, Tls};
+pub(super) use session::{Tls, TlsSession};
 
 /// The first byte of a TLS connection, a handshake record: it distinguishes TLS from HTTP.
 pub(super) const HANDSHAKE: u8 = 0x16;

@@ -11,7 +11,7 @@ use clap::Args;
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Topic};
 use runtime::args::CommonArgs;
-use runtime::duration::Shown;
+use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
@@ -115,7 +115,7 @@ pub fn wait(args: &WaitArgs) -> Result<(), Failure> {
     }
     look_for_providers(&topics, &session)?;
     let missing = missing(&args.conditions, &standings);
-    let text = format!("timed out after {}; {missing}", Shown(args.timeout));
+    let text = format!("timed out after {}; {missing}", DurationText(args.timeout));
     Err(Failure::new(ExitCode::Timeout, text))
 }
 

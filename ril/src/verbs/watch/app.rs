@@ -8,7 +8,7 @@ use ipc_types::{MonotonicNs, RobotId};
 use super::prompt::{Prompt, PromptAnswer, ScreenOrder};
 use crate::render::terminal::Key;
 use crate::robot::changes::Weight;
-use crate::robot::chart::{Chart, Outline};
+use crate::robot::chart::{AreaOutline, Chart};
 use crate::robot::geo::Place;
 use crate::robot::model::WatchedRobot;
 
@@ -172,7 +172,7 @@ impl App {
     }
 
     /// The fence of the robot in detail.
-    pub(super) fn fence(&self) -> &[Outline] {
+    pub(super) fn fence(&self) -> &[AreaOutline] {
         let held = self.robot().held.as_ref();
         held.map_or(&self.chart.fence, |(_, chart)| &chart.fence)
     }

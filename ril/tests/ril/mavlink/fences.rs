@@ -5,7 +5,7 @@ use std::fs;
 use mavlink_gateway::message::{
     MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_ITEM_INT, MISSION_REQUEST_INT,
 };
-use mavlink_gateway::wire::Message;
+use mavlink_gateway::wire::MessageWriter;
 use ril_tests::process::Signal;
 
 use super::station::{Received, Station};
@@ -15,15 +15,15 @@ use crate::common::end;
 const FENCE: u8 = 1;
 
 /// A circle of 20 m to stay outside.
-fn circle(x: i32, y: i32) -> Message {
-    let message = Message::new(MISSION_ITEM_INT).f32(20.0).f32s(0.0, 3);
+fn circle(x: i32, y: i32) -> MessageWriter {
+    let message = MessageWriter::new(MISSION_ITEM_INT).f32(20.0).f32s(0.0, 3);
     let message = message.i32(x).i32(y).f32(0.0).u16(0).u16(5004);
     let message = message.u8(1).u8(1).u8(5).u8(0).u8(1);
     message.u8(FENCE)
 }
 
-fn count(count: u16) -> Message {
-    let message = Message::new(MISSION_COUNT).u16(count);
+fn count(count: u16) -> MessageWriter {
+    let message = MessageWriter::new(MISSION_COUNT).u16(count);
     message.u8(1).u8(1).u8(FENCE)
 }
 
@@ -65,7 +65,7 @@ fn a_fence_of_a_station_is_in_force_when_it_is_accepted_and_a_path_keeps_to_it()
     station.until("on the ground", |message| {
         message.is(245) && message.u8(1) == 1
     });
-    station.send(&Message::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(FENCE));
+    station.send(&MessageWriter::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(FENCE));
     assert_eq!(station.until("an answer", is_answer).u8(2), 0);
     rig.run("fence show", 0).out_says("in force: 0 areas");
     assert!(!bridge_toml().contains("plan: "));

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use mavlink_gateway::message::{
     MISSION_ACK, MISSION_COUNT, MISSION_ITEM_INT, MISSION_REQUEST_INT, MISSION_REQUEST_LIST,
 };
-use mavlink_gateway::wire::Message;
+use mavlink_gateway::wire::MessageWriter;
 use ril_tests::process::{Signal, WAIT_LIMIT};
 
 use super::station::Station;
@@ -16,9 +16,9 @@ use crate::common::end;
 const RETRY: Duration = Duration::from_millis(250);
 
 /// A take-off to this height, then waypoints beside home, `count` items in all.
-fn mission(count: u16, height_m: f32) -> Vec<Message> {
+fn mission(count: u16, height_m: f32) -> Vec<MessageWriter> {
     let item = |sequence: u16| {
-        let message = Message::new(MISSION_ITEM_INT)
+        let message = MessageWriter::new(MISSION_ITEM_INT)
             .f32(0.0)
             .f32(0.0)
             .f32(0.0)
@@ -41,8 +41,8 @@ fn mission(count: u16, height_m: f32) -> Vec<Message> {
     (0..count).map(item).collect()
 }
 
-fn count(count: usize) -> Message {
-    Message::new(MISSION_COUNT)
+fn count(count: usize) -> MessageWriter {
+    MessageWriter::new(MISSION_COUNT)
         .u16(count as u16)
         .u8(1)
         .u8(1)
@@ -50,7 +50,7 @@ fn count(count: usize) -> Message {
 }
 
 /// What of an item is the mission's own.
-fn content(item: &Message) -> Vec<u8> {
+fn content(item: &MessageWriter) -> Vec<u8> {
     let bytes = item.payload().0;
     [&bytes[..32], &bytes[34..37]].concat()
 }
@@ -60,13 +60,13 @@ const CANCELLED: u8 = 15;
 
 /// Sends a mission as it is asked for; what got no answer is sent again, and all of it when it came too late. Gives the result.
 #[track_caller]
-fn upload(station: &mut Station, items: &[Message]) -> u8 {
+fn upload(station: &mut Station, items: &[MessageWriter]) -> u8 {
     upload_until(station, items, None).expect("a result")
 }
 
 /// The same; `None` as soon as `stop` items were sent.
 #[track_caller]
-fn upload_until(station: &mut Station, items: &[Message], stop: Option<usize>) -> Option<u8> {
+fn upload_until(station: &mut Station, items: &[MessageWriter], stop: Option<usize>) -> Option<u8> {
     let give_up = Instant::now() + WAIT_LIMIT;
     let mut last = count(items.len());
     station.send(&last);
@@ -106,7 +106,7 @@ fn upload_until(station: &mut Station, items: &[Message], stop: Option<usize>) -
 #[track_caller]
 fn ask(
     station: &mut Station,
-    question: &Message,
+    question: &MessageWriter,
     is_answer: impl Fn(&super::station::Received) -> bool,
 ) -> super::station::Received {
     let give_up = Instant::now() + WAIT_LIMIT;
@@ -129,10 +129,10 @@ fn ask(
 /// The items of the gateway's mission.
 #[track_caller]
 fn download(station: &mut Station) -> Vec<Vec<u8>> {
-    let list = Message::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
+    let list = MessageWriter::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
     let total = ask(station, &list, |message| message.is(MISSION_COUNT.id)).u16(0);
     let item = |sequence: u16| {
-        let request = Message::new(MISSION_REQUEST_INT)
+        let request = MessageWriter::new(MISSION_REQUEST_INT)
             .u16(sequence)
             .u8(1)
             .u8(1)
@@ -143,11 +143,11 @@ fn download(station: &mut Station) -> Vec<Vec<u8>> {
         [item.part(0..32), item.part(34..37)].concat()
     };
     let items = (0..total).map(item).collect();
-    station.send(&Message::new(MISSION_ACK).u8(1).u8(1).u8(0).u8(0));
+    station.send(&MessageWriter::new(MISSION_ACK).u8(1).u8(1).u8(0).u8(0));
     items
 }
 
-fn contents(items: &[Message]) -> Vec<Vec<u8>> {
+fn contents(items: &[MessageWriter]) -> Vec<Vec<u8>> {
     items.iter().map(content).collect()
 }
 

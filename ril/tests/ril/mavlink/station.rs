@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use ipc_types::code::Reason;
 use mavlink_gateway::message::{ALL, COMMAND_INT, COMMAND_LONG, HEARTBEAT};
-use mavlink_gateway::wire::{Message, frames};
+use mavlink_gateway::wire::{MessageWriter, frames};
 use ril_tests::process::WAIT_LIMIT;
 
 /// How often the station says that it is there.
@@ -102,7 +102,7 @@ impl Station {
         self.loss.as_mut().is_some_and(chance)
     }
 
-    pub fn send(&mut self, message: &Message) {
+    pub fn send(&mut self, message: &MessageWriter) {
         if self.is_lost() {
             return;
         }
@@ -115,7 +115,15 @@ impl Station {
     pub fn next(&mut self) -> Option<Received> {
         if self.vehicle.is_some() && Instant::now() >= self.next_heartbeat {
             self.next_heartbeat = Instant::now() + HEARTBEAT_PERIOD;
-            self.send(&Message::new(HEARTBEAT).u32(0).u8(6).u8(8).u8(0).u8(4).u8(3));
+            self.send(
+                &MessageWriter::new(HEARTBEAT)
+                    .u32(0)
+                    .u8(6)
+                    .u8(8)
+                    .u8(0)
+                    .u8(4)
+                    .u8(3),
+            );
         }
         if self.waiting.is_empty() {
             let mut buffer = [0; 2048];
@@ -176,7 +184,7 @@ impl Station {
     fn send_command(&mut self, command: u16, params: [f32; 7]) {
         let message = params
             .iter()
-            .fold(Message::new(COMMAND_LONG), |message, param| {
+            .fold(MessageWriter::new(COMMAND_LONG), |message, param| {
                 message.f32(*param)
             });
         self.send(&message.u16(command).u8(1).u8(1).u8(0));
@@ -218,7 +226,7 @@ impl Station {
             for number in 0..count {
                 let bits = number.wrapping_mul(2_654_435_761);
                 let kind = ALL[bits as usize % ALL.len()];
-                let message = (0..20).fold(Message::new(kind), |message, at| {
+                let message = (0..20).fold(MessageWriter::new(kind), |message, at| {
                     message.u32(bits.rotate_left(at))
                 });
                 let mut bytes = message.frame(number as u8, 77, 1);
@@ -261,7 +269,7 @@ impl Station {
     /// Commands to fly to a place, in 10⁻⁷ degrees.
     #[track_caller]
     pub fn reposition(&mut self, frame: u8, x: i32, y: i32, z: f32) -> u8 {
-        let message = Message::new(COMMAND_INT)
+        let message = MessageWriter::new(COMMAND_INT)
             .f32(-1.0)
             .f32(0.0)
             .f32(0.0)

@@ -7,7 +7,7 @@ use std::time::Instant;
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::{DynamicPublisher, Ipc, MonotonicNs};
 use recording::EventKind;
-use recording::read::{self, Check, RecordFile, RecordedMessage};
+use recording::read::{self, RecordCheck, RecordFile, RecordedMessage};
 use ril_tests::process::WAIT_LIMIT;
 use ril_tests::sandbox::records_in;
 use ril_tests::{Process, Sandbox};
@@ -171,7 +171,7 @@ pub fn missing(samples: &[(u64, Vec<u8>)]) -> u64 {
 }
 
 /// How many messages the events of a file say are missing, by kind.
-pub fn told(check: &Check, topic: &str) -> BTreeMap<EventKind, u64> {
+pub fn told(check: &RecordCheck, topic: &str) -> BTreeMap<EventKind, u64> {
     let mut told = BTreeMap::new();
     for event in check.events.iter().filter(|event| event.topic == topic) {
         *told.entry(event.kind).or_default() += event.count;
@@ -179,7 +179,7 @@ pub fn told(check: &Check, topic: &str) -> BTreeMap<EventKind, u64> {
     told
 }
 
-pub fn check(file: &Path) -> Check {
+pub fn check(file: &Path) -> RecordCheck {
     read::check(&RecordFile::open(file).unwrap())
 }
 

@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
-use recording::{Action, Part};
+use recording::{FileAction, Part};
 use ril_tests::readers::Reader;
 use ril_tests::readers::expected::Read;
 
@@ -35,7 +35,8 @@ pub fn kills(made: &Made) -> Vec<Kill> {
         let next = made.steps.get(number + 1);
         let until = next.map_or(step.at, |next| next.at);
         // The end of a finished file is not yet where the bytes end.
-        let is_cut_next = next.is_some_and(|next| matches!(next.action, Action::Truncate { .. }));
+        let is_cut_next =
+            next.is_some_and(|next| matches!(next.action, FileAction::Truncate { .. }));
         let mut kill = |bytes: &[u8], at, has_rest, what: String| {
             kills.push(Kill {
                 bytes: bytes.to_vec(),
@@ -45,10 +46,10 @@ pub fn kills(made: &Made) -> Vec<Kill> {
             });
         };
         match &step.action {
-            Action::Write { parts } if file.is_empty() => {
+            FileAction::Write { parts } if file.is_empty() => {
                 parts.iter().for_each(|part| part.write_to(&mut file));
             }
-            Action::Write { parts } => {
+            FileAction::Write { parts } => {
                 let len = file.len();
                 for (index, part) in parts.iter().enumerate() {
                     for end in pages(part) {
@@ -74,8 +75,8 @@ pub fn kills(made: &Made) -> Vec<Kill> {
                     }
                 }
             }
-            Action::Truncate { len } => file.truncate(usize::try_from(*len).unwrap()),
-            Action::Open { .. } | Action::Sync | Action::Close { .. } => continue,
+            FileAction::Truncate { len } => file.truncate(usize::try_from(*len).unwrap()),
+            FileAction::Open { .. } | FileAction::Sync | FileAction::Close { .. } => continue,
         }
         kill(&file, until, false, "after it".to_owned());
     }

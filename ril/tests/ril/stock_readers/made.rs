@@ -7,7 +7,7 @@ use fastrand::Rng;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::{MonotonicNs, RobotId, Schema, schema};
 use recording::{
-    Action, Anchor, Attachment, Channel, ChannelId, Event, EventKind, FlightInfo, Recorder,
+    Anchor, Attachment, Channel, ChannelId, Event, EventKind, FileAction, FlightInfo, Recorder,
     Settings,
 };
 use ril_tests::readers::expected::{Expected, Line, bytes, fields_of, text};
@@ -29,7 +29,7 @@ const CHUNK_TEXT: &str = "# A piece of something.\n\nuint64 at_ns\nuint8[] data\
 /// What was done to the disk: an action, when, and how many messages had been written before and after.
 pub struct Step {
     pub at: MonotonicNs,
-    pub action: Action,
+    pub action: FileAction,
 }
 
 /// A recording, and what is in it.

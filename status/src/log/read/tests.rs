@@ -18,8 +18,8 @@ fn all(text: &[u8]) -> Result<(Vec<String>, usize), String> {
     let mut found = Vec::new();
     loop {
         match log.next() {
-            Ok(Some(Entry::Row(row))) => found.push(format!("row {}", row.sequence)),
-            Ok(Some(Entry::Damaged(damage))) => found.push(damage.to_string()),
+            Ok(Some(LogEntry::Row(row))) => found.push(format!("row {}", row.sequence)),
+            Ok(Some(LogEntry::Damaged(damage))) => found.push(damage.to_string()),
             Ok(None) => return Ok((found, log.unfinished_bytes())),
             Err(error) => return Err(error.to_string()),
         }
@@ -39,7 +39,7 @@ fn what_a_log_writes_is_read_again_cell_by_cell() {
     let lines = String::from_utf8(text.clone()).unwrap();
     let mut log = LogReader::new(text.as_slice());
     assert!(log.columns().is_empty());
-    let Some(Entry::Row(row)) = log.next().unwrap() else {
+    let Some(LogEntry::Row(row)) = log.next().unwrap() else {
         panic!("{lines}");
     };
     assert!(row.flying);
@@ -129,7 +129,7 @@ fn a_file_that_grows_is_read_on() {
     assert_eq!(log.unfinished_bytes(), "flying\tsequ".len());
     assert!(log.next().unwrap().is_none());
     assert_eq!((log.columns().len(), log.unfinished_bytes()), (3, 3));
-    assert!(matches!(log.next().unwrap(), Some(Entry::Row(row)) if row.sequence == 2));
+    assert!(matches!(log.next().unwrap(), Some(LogEntry::Row(row)) if row.sequence == 2));
     assert!(log.next().unwrap().is_none());
 }
 

@@ -7,9 +7,9 @@ use super::*;
 use crate::log::queue::QUEUE_SAMPLES;
 use crate::log::writer::RETRY_PERIOD;
 use crate::log::writer::SYNC_PERIOD;
-use crate::test_store::{Act, Fault};
+use crate::test_store::{StoreAct, StoreFault};
 
-fn on_faulty_disk(fault: Option<(Range<usize>, Fault)>) -> MemoryStore {
+fn on_faulty_disk(fault: Option<(Range<usize>, StoreFault)>) -> MemoryStore {
     let disk = MemoryStore::default();
     disk.0.borrow_mut().fault = fault;
     disk
@@ -23,11 +23,11 @@ fn count(reported: &[String], word: &str) -> usize {
 
 /// The samples in the files, which must be whole rows behind a first line. Only a disk that broke in the middle of a
 /// row, and could not truncate, may have kept a partial row at the end of a file.
-fn checked_runs(disk: &MemoryStore, fault: Fault) -> Vec<(u64, u64)> {
+fn checked_runs(disk: &MemoryStore, fault: StoreFault) -> Vec<(u64, u64)> {
     let mut all = Vec::new();
     for text in disk.0.borrow().texts() {
         let mut text = text.as_str();
-        if fault == Fault::BreaksHalfway {
+        if fault == StoreFault::BreaksHalfway {
             text = &text[..text.rfind('\n').map_or(0, |end| end + 1)];
         }
         if fault.is_full_disk() || !text.is_empty() {
@@ -52,12 +52,18 @@ fn a_short_fault_at_any_act_loses_nothing() {
         calm.record(SAMPLES * 3 / 4);
         calm.disk.0.borrow().acts.clone()
     };
-    for act in [Act::List, Act::Remove, Act::Create, Act::Write, Act::Sync] {
+    for act in [
+        StoreAct::List,
+        StoreAct::Remove,
+        StoreAct::Create,
+        StoreAct::Write,
+        StoreAct::Sync,
+    ] {
         assert!(acts.contains(&act), "{act:?} is not put to the test");
     }
 
     for index in 0..acts.len() {
-        for fault in Fault::ALL {
+        for fault in StoreFault::ALL {
             // The write after one that took a half fails, and then perhaps the truncation.
             let disk = on_faulty_disk(Some((index..index + 3, fault)));
             let mut harness = Harness::short(disk, LIMITS);
@@ -76,7 +82,7 @@ fn a_short_fault_at_any_act_loses_nothing() {
             // Old files were removed. Of what is left nothing is missing, unless the oldest could not be removed.
             let runs = checked_runs(&harness.disk, fault);
             let mut during = acts[index..].iter().take(3);
-            let stays = !fault.is_full_disk() && during.any(|act| *act == Act::Remove);
+            let stays = !fault.is_full_disk() && during.any(|act| *act == StoreAct::Remove);
             let most_runs = if stays { 2 } else { 1 };
             assert!(runs.len() <= most_runs, "{context}: {runs:?}");
             assert_eq!(runs[runs.len() - 1].1, SAMPLES, "{context}");
@@ -94,9 +100,9 @@ fn a_long_fault_from_any_act_on_loses_what_does_not_fit_into_memory_and_is_count
         calm.finish();
         calm.disk.0.borrow().acts.clone()
     };
-    assert!(acts.contains(&Act::Sync));
+    assert!(acts.contains(&StoreAct::Sync));
     for (index, act) in acts.iter().enumerate() {
-        for fault in Fault::ALL {
+        for fault in StoreFault::ALL {
             let disk = on_faulty_disk(Some((index..usize::MAX, fault)));
             let mut harness = Harness::begin(disk, UNLIMITED);
             harness.record(SAMPLES);
@@ -136,11 +142,11 @@ fn attempts_go_on_for_ever_and_leave_no_files() {
     let mut harness = Harness::short(MemoryStore::default(), UNLIMITED);
     harness.record(100);
     let begun = harness.disk.0.borrow().acts.len();
-    harness.disk.0.borrow_mut().fault = Some((begun..usize::MAX, Fault::HalfFull));
+    harness.disk.0.borrow_mut().fault = Some((begun..usize::MAX, StoreFault::HalfFull));
     harness.record(50 * 3600);
     let acts = harness.disk.0.borrow().acts[begun..].to_vec();
     // An hour has 720 pauses. Each attempt can create a file: the disk is full when it writes.
-    let attempts = acts.iter().filter(|act| **act == Act::Prepare).count();
+    let attempts = acts.iter().filter(|act| **act == StoreAct::Prepare).count();
     assert!((715..=720).contains(&attempts), "{attempts}");
     assert_eq!(harness.disk.0.borrow().files.len(), 1);
     // The first loss, then one report a minute.
@@ -156,7 +162,7 @@ fn a_fault_that_comes_and_goes_is_reported_and_starts_files_no_more_often_than_t
     for _ in 0..600 {
         harness.record(50);
         let next = harness.disk.0.borrow().acts.len();
-        harness.disk.0.borrow_mut().fault = Some((next..next + 1, Fault::NoSpace));
+        harness.disk.0.borrow_mut().fault = Some((next..next + 1, StoreFault::NoSpace));
     }
     let Outcome { written, lost } = harness.finish();
     assert!(written.files <= 600 / 5 + 1, "{written:?}");
@@ -169,8 +175,8 @@ fn what_cannot_be_forced_onto_the_disk_is_reported_and_followed_by_a_new_file() 
     // One row after another: the first sync is due five seconds after the first flush.
     harness.record(100);
     let acts = harness.disk.0.borrow().acts.len();
-    assert!(!harness.disk.0.borrow().acts.contains(&Act::Sync));
-    harness.disk.0.borrow_mut().fault = Some((acts..usize::MAX, Fault::Broken));
+    assert!(!harness.disk.0.borrow().acts.contains(&StoreAct::Sync));
+    harness.disk.0.borrow_mut().fault = Some((acts..usize::MAX, StoreFault::Broken));
     harness.wait(SYNC_PERIOD);
     harness.disk.0.borrow_mut().fault = None;
     harness.record(1000);
@@ -184,7 +190,7 @@ fn what_cannot_be_forced_onto_the_disk_is_reported_and_followed_by_a_new_file() 
 
 #[test]
 fn a_log_that_never_worked_costs_every_row_and_nothing_else() {
-    let disk = on_faulty_disk(Some((0..usize::MAX, Fault::Broken)));
+    let disk = on_faulty_disk(Some((0..usize::MAX, StoreFault::Broken)));
     let mut harness = Harness::begin(disk, UNLIMITED);
     harness.record(2000);
     let expected = Outcome {
@@ -197,7 +203,7 @@ fn a_log_that_never_worked_costs_every_row_and_nothing_else() {
 
 #[test]
 fn at_the_end_it_is_tried_once_more() {
-    let disk = on_faulty_disk(Some((0..usize::MAX, Fault::NoSpace)));
+    let disk = on_faulty_disk(Some((0..usize::MAX, StoreFault::NoSpace)));
     let mut harness = Harness::begin(disk, UNLIMITED);
     harness.record(400);
     harness.disk.0.borrow_mut().fault = None;
@@ -213,7 +219,7 @@ fn a_disk_that_fails_at_the_very_end_leaves_rows_unsynced() {
     harness.record(100);
     harness.wait(Duration::from_secs(1));
     let acts = harness.disk.0.borrow().acts.len();
-    harness.disk.0.borrow_mut().fault = Some((acts..usize::MAX, Fault::Broken));
+    harness.disk.0.borrow_mut().fault = Some((acts..usize::MAX, StoreFault::Broken));
     let Outcome { written, lost } = harness.finish();
     assert_eq!((written.rows, written.unsynced, lost), (100, 100, 0));
     assert_eq!(harness.reported(), ["opened", "failed"]);

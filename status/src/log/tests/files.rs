@@ -11,7 +11,7 @@ use crate::log::retention::MAX_FILES;
 use crate::log::writer::SYNC_PERIOD;
 use crate::log::writer::{BATCH_ROWS, FLUSH_PERIOD};
 use crate::test_samples::full_sample;
-use crate::test_store::{Act, Fault};
+use crate::test_store::{StoreAct, StoreFault};
 
 #[test]
 fn the_file_is_created_at_the_start_and_rows_follow_the_first_line() {
@@ -105,7 +105,11 @@ fn no_row_waits_longer_than_a_flush_period_and_none_is_unsynced_for_longer_than_
         let rows = disk.only_file().lines().count() as u64 - 1;
         let waiting = harness.samples - rows;
         assert!(waiting * 20 <= 500, "{waiting} rows wait");
-        let count = disk.acts.iter().filter(|act| **act == Act::Sync).count();
+        let count = disk
+            .acts
+            .iter()
+            .filter(|act| **act == StoreAct::Sync)
+            .count();
         if count > syncs {
             syncs = count;
             synced_at = harness.now;
@@ -162,7 +166,7 @@ fn every_limit_on_a_file_is_kept_and_no_row_is_lost_or_repeated_at_its_end() {
         }
         // Each was forced onto the disk when it was closed.
         let acts = &harness.disk.0.borrow().acts;
-        let syncs = acts.iter().filter(|act| **act == Act::Sync).count();
+        let syncs = acts.iter().filter(|act| **act == StoreAct::Sync).count();
         assert!(syncs >= texts.len());
     }
 }
@@ -412,7 +416,7 @@ fn a_partial_row_that_a_kill_left_is_truncated_at_the_next_start() {
             disk.0.borrow_mut().files.insert(path.into(), content);
         }
         // The first act is to look for the file, the second to truncate it.
-        let fault = (1..2, Fault::Broken);
+        let fault = (1..2, StoreFault::Broken);
         disk.0.borrow_mut().fault = broken.then_some(fault);
         let mut harness = Harness::begin(disk.clone(), UNLIMITED);
         let expected: &[_] = match broken {
@@ -420,7 +424,7 @@ fn a_partial_row_that_a_kill_left_is_truncated_at_the_next_start() {
             false => &["truncated 3", "opened"],
         };
         assert_eq!(harness.reported(), expected);
-        assert_eq!(disk.0.borrow().acts[1], Act::TruncatePartialRow);
+        assert_eq!(disk.0.borrow().acts[1], StoreAct::TruncatePartialRow);
         harness.record(100);
         assert_eq!(harness.finish().written.rows, 100);
         let length = |path: &str| disk.0.borrow().files[Path::new(path)].len();

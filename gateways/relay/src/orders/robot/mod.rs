@@ -1,4 +1,4 @@
-//! [`Robot`]: the robot side's memory of orders. See the [states](super).
+//! [`RobotOrders`]: the robot side's memory of orders. See the [states](super).
 
 mod records;
 mod sessions;
@@ -12,9 +12,9 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::RequestReport;
 
-use super::message::{Order, Verdict, request_id};
-use records::{Known, Record, Records, State};
+use super::message::{Order, RelayVerdict, request_id};
 pub use records::{NotSent, ORPHANS, Output, Traits};
+use records::{OrderMatch, OrderRecord, OrderState, Records};
 use sessions::Sessions;
 pub use sessions::{INSTANCE_KEPT, OrderCounts, SESSIONS};
 
@@ -51,16 +51,16 @@ impl Default for Config {
 ///
 /// Its memory is bounded: [`SESSIONS`] · [`WINDOW`](super::message::WINDOW) + [`ORPHANS`] orders.
 #[derive(Clone, Debug)]
-pub struct Robot {
+pub struct RobotOrders {
     config: Config,
     sessions: Sessions,
     records: Records,
 }
 
-impl Robot {
+impl RobotOrders {
     /// A robot side without memory. `seed` is random: tokens of sessions must differ from those of former instances.
-    pub fn new(config: Config, seed: u64) -> Robot {
-        Robot {
+    pub fn new(config: Config, seed: u64) -> RobotOrders {
+        RobotOrders {
             config,
             sessions: Sessions::new(seed),
             records: Records::default(),
@@ -119,17 +119,17 @@ impl Robot {
             return;
         }
         let index = match self.records.known(order, station) {
-            Known::Yes(index) => index,
-            Known::Moved(index) => {
+            OrderMatch::Yes(index) => index,
+            OrderMatch::Moved(index) => {
                 let record = &mut self.records.list[index];
                 (record.session, record.number) = (Some(order.session), order.number);
                 index
             }
             new => {
                 let verdict = match new {
-                    Known::No => judge(order, traits, now),
-                    _ if order.is_repeat => Some(Verdict::NotRemembered),
-                    _ => Some(Verdict::Busy),
+                    OrderMatch::No => judge(order, traits, now),
+                    _ if order.is_repeat => Some(RelayVerdict::NotRemembered),
+                    _ => Some(RelayVerdict::Busy),
                 };
                 if let Some(session) = self.sessions.of(order.session) {
                     session.counts.note(verdict, now);
@@ -163,13 +163,13 @@ impl Robot {
         let still_open = self.config.still_open;
         let record = &mut self.records.list[index];
         match &mut record.state {
-            State::PassedOn(passage) if passage.is_repeat && is_still_open(report) => {
+            OrderState::PassedOn(passage) if passage.is_repeat && is_still_open(report) => {
                 if now.since(passage.since) < still_open {
                     passage.unsent_since = None;
                     record.wait(now + ASK_AGAIN);
                     return;
                 }
-                record.note(&Verdict::StillOpen.report(report.request_id, now));
+                record.note(&RelayVerdict::StillOpen.report(report.request_id, now));
             }
             _ => record.note(report),
         }
@@ -189,15 +189,15 @@ impl Robot {
             return;
         };
         let record = &mut self.records.list[index];
-        let State::PassedOn(passage) = &mut record.state else {
+        let OrderState::PassedOn(passage) = &mut record.state else {
             return;
         };
         let unsent_for = passage.unsent_for(now);
         let (verdict, total) = match (why, passage.is_repeat) {
-            (NotSent::NoServer, false) => (Verdict::NoServer, SEND_TOTAL),
-            (NotSent::NoServer, true) => (Verdict::ServerGone, SEND_TOTAL),
-            (NotSent::Full, false) => (Verdict::TooManyRequests, SEND_TOTAL),
-            (NotSent::Full, true) => (Verdict::StillOpen, self.config.still_open),
+            (NotSent::NoServer, false) => (RelayVerdict::NoServer, SEND_TOTAL),
+            (NotSent::NoServer, true) => (RelayVerdict::ServerGone, SEND_TOTAL),
+            (NotSent::Full, false) => (RelayVerdict::TooManyRequests, SEND_TOTAL),
+            (NotSent::Full, true) => (RelayVerdict::StillOpen, self.config.still_open),
         };
         if unsent_for < total {
             record.wait(now + SEND_AGAIN);
@@ -208,7 +208,7 @@ impl Robot {
         self.pass_on_in_turn(now, out);
     }
 
-    /// Does what is due. Call it at [`Robot::deadline`].
+    /// Does what is due. Call it at [`RobotOrders::deadline`].
     pub fn tick(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
         while let Some(index) = self.records.due(now) {
             self.go_on(index, now, out);
@@ -231,9 +231,13 @@ impl Robot {
         }
     }
 
-    /// When [`Robot::tick`] is due.
+    /// When [`RobotOrders::tick`] is due.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        let retries = self.records.list.iter().filter_map(Record::waits_until);
+        let retries = self
+            .records
+            .list
+            .iter()
+            .filter_map(OrderRecord::waits_until);
         let losses = self.config.link_loss.into_iter().flat_map(|link_loss| {
             let open = |token| self.records.has_open(token);
             let watched = self
@@ -278,7 +282,7 @@ impl Robot {
     fn go_on(&mut self, index: usize, now: MonotonicNs, out: &mut Vec<Output>) {
         let record = &mut self.records.list[index];
         record.go_on(now);
-        if let State::PassedOn(passage) = &record.state {
+        if let OrderState::PassedOn(passage) = &record.state {
             out.push(Output::Send {
                 station: record.station,
                 service: record.service,
@@ -291,10 +295,10 @@ impl Robot {
 
     fn give_up(&mut self, index: usize, now: MonotonicNs, out: &mut Vec<Output>) {
         let record = &mut self.records.list[index];
-        if matches!(record.state, State::PassedOn(_)) {
+        if matches!(record.state, OrderState::PassedOn(_)) {
             out.push(record.give_up());
         }
-        record.note(&Verdict::GivenUp.report(record.request_id, now));
+        record.note(&RelayVerdict::GivenUp.report(record.request_id, now));
     }
 
     /// Answers a copy of an order: with the first report, which may have been lost, and the newest.
@@ -322,16 +326,16 @@ impl Robot {
 }
 
 /// What the relay itself says about an order that it sees for the first time. `None` if the server is asked.
-fn judge(order: &Order, traits: Traits, now: MonotonicNs) -> Option<Verdict> {
+fn judge(order: &Order, traits: Traits, now: MonotonicNs) -> Option<RelayVerdict> {
     if request_id(&order.request) == 0 {
-        Some(Verdict::InvalidRequest)
+        Some(RelayVerdict::InvalidRequest)
     } else if order.is_given_up {
-        Some(Verdict::GivenUp)
+        Some(RelayVerdict::GivenUp)
     } else if order.is_repeat {
         // It may have been executed: that it is too late now says nothing.
-        (!traits.is_repeatable).then_some(Verdict::NotRemembered)
+        (!traits.is_repeatable).then_some(RelayVerdict::NotRemembered)
     } else {
-        (order.expires < now).then(|| Verdict::Expired(now.since(order.expires)))
+        (order.expires < now).then(|| RelayVerdict::Expired(now.since(order.expires)))
     }
 }
 

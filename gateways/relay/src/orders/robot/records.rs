@@ -6,7 +6,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::payload::RequestReport;
 
 use super::sessions::Sessions;
-use crate::orders::message::{Answer, Order, Verdict, request_id};
+use crate::orders::message::{Answer, Order, RelayVerdict, request_id};
 
 /// What is to be known of a request before it is handed on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,7 +68,7 @@ pub enum Output {
 
 /// An order, and what is known about it.
 #[derive(Clone, Debug)]
-pub(super) struct Record {
+pub(super) struct OrderRecord {
     /// Instance of the station that ordered it.
     pub(super) station: u64,
     /// The session that it is answered in. `None` if that session is forgotten, and the request goes on without a station.
@@ -76,12 +76,12 @@ pub(super) struct Record {
     pub(super) number: u64,
     pub(super) service: u64,
     pub(super) request_id: u64,
-    pub(super) state: State,
+    pub(super) state: OrderState,
     reports: Reports,
 }
 
 #[derive(Clone, Debug)]
-pub(super) enum State {
+pub(super) enum OrderState {
     /// It waits for the orders before it.
     Early(Passage),
     /// The server has it, as far as is known.
@@ -120,25 +120,25 @@ struct Reports {
     serial: u32,
 }
 
-impl Record {
+impl OrderRecord {
     pub(super) fn is_open(&self) -> bool {
-        !matches!(self.state, State::Ended)
+        !matches!(self.state, OrderState::Ended)
     }
 
     /// Whether it was passed on, or has ended without.
     pub(super) fn has_begun(&self) -> bool {
-        !matches!(self.state, State::Early(_))
+        !matches!(self.state, OrderState::Early(_))
     }
 
     /// Whether it is to be passed on for the first time, and its server does not take it now.
     pub(super) fn is_held_up(&self) -> bool {
-        matches!(&self.state, State::Waiting(passage, _) if !passage.is_repeat)
+        matches!(&self.state, OrderState::Waiting(passage, _) if !passage.is_repeat)
     }
 
     /// When it is passed on again, if it waits for that.
     pub(super) fn waits_until(&self) -> Option<MonotonicNs> {
         match self.state {
-            State::Waiting(_, at) => Some(at),
+            OrderState::Waiting(_, at) => Some(at),
             _ => None,
         }
     }
@@ -154,7 +154,7 @@ impl Record {
             self.reports.first = *report;
         }
         if report.is_final() {
-            self.state = State::Ended;
+            self.state = OrderState::Ended;
         }
     }
 
@@ -172,21 +172,21 @@ impl Record {
 
     /// Passes the order on again at `until`.
     pub(super) fn wait(&mut self, until: MonotonicNs) {
-        if let State::PassedOn(passage) = &self.state {
-            self.state = State::Waiting(passage.clone(), until);
+        if let OrderState::PassedOn(passage) = &self.state {
+            self.state = OrderState::Waiting(passage.clone(), until);
         }
     }
 
     /// It waits no longer: it is passed on, or has ended, because it is too late.
     pub(super) fn go_on(&mut self, now: MonotonicNs) {
-        let (State::Early(passage) | State::Waiting(passage, _)) = &self.state else {
+        let (OrderState::Early(passage) | OrderState::Waiting(passage, _)) = &self.state else {
             return;
         };
         if !passage.is_repeat && passage.expires < now {
             let late = now.since(passage.expires);
-            self.note(&Verdict::Expired(late).report(self.request_id, now));
+            self.note(&RelayVerdict::Expired(late).report(self.request_id, now));
         } else {
-            self.state = State::PassedOn(passage.clone());
+            self.state = OrderState::PassedOn(passage.clone());
         }
     }
 
@@ -218,11 +218,11 @@ pub const ORPHANS: usize = 64;
 /// Orders: of each session those from its floor on, and [`ORPHANS`].
 #[derive(Clone, Debug, Default)]
 pub(super) struct Records {
-    pub(super) list: Vec<Record>,
+    pub(super) list: Vec<OrderRecord>,
 }
 
 /// What an order is to this robot side.
-pub(super) enum Known {
+pub(super) enum OrderMatch {
     /// This record is about it.
     Yes(usize),
     /// The record of the same request, which gets this order's session and number.
@@ -240,18 +240,18 @@ impl Records {
 
     /// How many orders of this session are open.
     pub(super) fn open(&self, session: u64) -> usize {
-        let is_open = |record: &&Record| record.session == Some(session) && record.is_open();
+        let is_open = |record: &&OrderRecord| record.session == Some(session) && record.is_open();
         self.list.iter().filter(is_open).count()
     }
 
     /// What is remembered about this order of this station.
-    pub(super) fn known(&self, order: &Order, station: u64) -> Known {
+    pub(super) fn known(&self, order: &Order, station: u64) -> OrderMatch {
         let id = request_id(&order.request);
-        let is_here = |record: &Record| record.session == Some(order.session);
+        let is_here = |record: &OrderRecord| record.session == Some(order.session);
         let records = || self.list.iter().enumerate();
         let copy = records().find(|(_, record)| is_here(record) && record.number == order.number);
         if let Some((index, _)) = copy {
-            return Known::Yes(index);
+            return OrderMatch::Yes(index);
         }
         let same = records().filter(|(_, record)| {
             record.station == station && record.service == order.service && record.request_id == id
@@ -259,17 +259,17 @@ impl Records {
         if let Some((index, record)) = same.max_by_key(|(_, record)| record.number) {
             if record.number > order.number {
                 // A late copy of an order that has moved to another number.
-                return Known::Yes(index);
+                return OrderMatch::Yes(index);
             }
             if record.is_open() || (is_here(record) && order.is_repeat) {
-                return Known::Moved(index);
+                return OrderMatch::Moved(index);
             }
         }
         let is_taken = records().any(|(_, record)| record.is_open() && record.request_id == id);
         if is_taken {
-            Known::IdIsTaken
+            OrderMatch::IdIsTaken
         } else {
-            Known::No
+            OrderMatch::No
         }
     }
 
@@ -278,16 +278,16 @@ impl Records {
         &mut self,
         order: &Order,
         station: u64,
-        verdict: Option<Verdict>,
+        verdict: Option<RelayVerdict>,
         now: MonotonicNs,
     ) -> usize {
-        let mut record = Record {
+        let mut record = OrderRecord {
             station,
             session: Some(order.session),
             number: order.number,
             service: order.service,
             request_id: request_id(&order.request),
-            state: State::Early(Passage {
+            state: OrderState::Early(Passage {
                 request: order.request.clone(),
                 is_repeat: order.is_repeat,
                 expires: order.expires,
@@ -308,7 +308,7 @@ impl Records {
         self.list.iter().position(|record| {
             record.service == service
                 && record.request_id == request_id
-                && matches!(record.state, State::PassedOn(_))
+                && matches!(record.state, OrderState::PassedOn(_))
         })
     }
 
@@ -320,7 +320,7 @@ impl Records {
     /// The lowest order of those that are passed on now, because all before them were here, and their server has taken its own.
     pub(super) fn in_turn(&self, sessions: &Sessions) -> Option<usize> {
         self.lowest(|early| {
-            let is_before = |other: &&Record| {
+            let is_before = |other: &&OrderRecord| {
                 other.session == early.session
                     && other.service == early.service
                     && other.number < early.number
@@ -329,11 +329,15 @@ impl Records {
                 && early
                     .session
                     .is_some_and(|session| sessions.is_in_turn(session, early.number))
-                && !self.list.iter().filter(is_before).any(Record::is_held_up)
+                && !self
+                    .list
+                    .iter()
+                    .filter(is_before)
+                    .any(OrderRecord::is_held_up)
         })
     }
 
-    fn lowest(&self, is_meant: impl Fn(&Record) -> bool) -> Option<usize> {
+    fn lowest(&self, is_meant: impl Fn(&OrderRecord) -> bool) -> Option<usize> {
         let records = self.list.iter().enumerate();
         let meant = records.filter(|(_, record)| is_meant(record));
         let lowest = meant.min_by_key(|(_, record)| (record.session, record.number));
@@ -342,7 +346,8 @@ impl Records {
 
     /// Forgets what a session has below `floor`. What is open goes on without a session, if it was passed on.
     pub(super) fn forget(&mut self, session: u64, floor: u64, out: &mut Vec<Output>) {
-        let is_meant = |record: &Record| record.session == Some(session) && record.number < floor;
+        let is_meant =
+            |record: &OrderRecord| record.session == Some(session) && record.number < floor;
         self.list
             .retain(|record| !is_meant(record) || (record.is_open() && record.has_begun()));
         for record in &mut self.list {

@@ -8,7 +8,7 @@ use std::time::Duration;
 use fastrand::Rng;
 use ipc_types::MonotonicNs;
 
-use crate::orders::message::{NO_PLACE, NOT_PERMITTED, Verdict, WINDOW};
+use crate::orders::message::{NO_PLACE, NOT_PERMITTED, RelayVerdict, WINDOW};
 
 /// Lives of stations that have a session at the same time: a fleet's three ground stations, each restarted once or twice within
 /// the time that an outage takes. One more has to wait, and its requests are refused.
@@ -34,7 +34,7 @@ pub struct OrderCounts {
 
 impl OrderCounts {
     /// An order is there for the first time.
-    pub(super) fn note(&mut self, verdict: Option<Verdict>, now: MonotonicNs) {
+    pub(super) fn note(&mut self, verdict: Option<RelayVerdict>, now: MonotonicNs) {
         match verdict {
             None => (self.executed, self.last) = (self.executed + 1, now),
             Some(_) => self.refused += 1,
@@ -44,7 +44,7 @@ impl OrderCounts {
 
 /// What the robot side knows of one instance of a station.
 #[derive(Clone, Debug)]
-pub(super) struct Session {
+pub(super) struct StationSession {
     pub(super) token: u64,
     /// Instance of the station.
     pub(super) station: u64,
@@ -69,12 +69,12 @@ const _: () = assert!(WINDOW == u128::BITS as u64);
 /// The sessions, of which there are at most [`SESSIONS`].
 #[derive(Clone, Debug)]
 pub(super) struct Sessions {
-    sessions: Vec<Session>,
+    sessions: Vec<StationSession>,
     /// State of the generator of tokens.
     random: Rng,
 }
 
-impl Session {
+impl StationSession {
     /// When the station has been silent for `link_loss`. `None` if that was reported.
     pub(super) fn lost_at(&self, link_loss: Duration) -> Option<MonotonicNs> {
         (!self.is_reported).then(|| self.heard + link_loss)
@@ -119,7 +119,7 @@ impl Sessions {
         }
     }
 
-    pub(super) fn of(&mut self, token: u64) -> Option<&mut Session> {
+    pub(super) fn of(&mut self, token: u64) -> Option<&mut StationSession> {
         self.sessions
             .iter_mut()
             .find(|session| session.token == token)
@@ -131,7 +131,7 @@ impl Sessions {
         sessions.any(|session| session.token == token && session.is_in_turn(number))
     }
 
-    pub(super) fn of_station(&self, station: u64) -> Option<&Session> {
+    pub(super) fn of_station(&self, station: u64) -> Option<&StationSession> {
         self.sessions
             .iter()
             .find(|session| session.station == station)
@@ -143,11 +143,11 @@ impl Sessions {
             .map(|session| session.name.as_str())
     }
 
-    pub(super) fn iter(&self) -> impl Iterator<Item = &Session> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = &StationSession> {
         self.sessions.iter()
     }
 
-    pub(super) fn iter_mut(&mut self) -> impl Iterator<Item = &mut Session> {
+    pub(super) fn iter_mut(&mut self) -> impl Iterator<Item = &mut StationSession> {
         self.sessions.iter_mut()
     }
 
@@ -158,7 +158,7 @@ impl Sessions {
         station: u64,
         name: &str,
         now: MonotonicNs,
-    ) -> (u64, Option<Session>) {
+    ) -> (u64, Option<StationSession>) {
         let mut sessions = self.sessions.iter_mut();
         if let Some(session) = sessions.find(|session| session.station == station) {
             if session.name != name {
@@ -176,7 +176,7 @@ impl Sessions {
             forgotten = Some(self.sessions.swap_remove(index));
         }
         let token = self.fresh_token();
-        self.sessions.push(Session {
+        self.sessions.push(StationSession {
             token,
             station,
             name: name.to_owned(),

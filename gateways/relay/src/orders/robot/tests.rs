@@ -7,7 +7,7 @@ const SECOND: u64 = 1_000 * MS;
 const STATION: u64 = 11;
 
 struct Rig {
-    robot: Robot,
+    robot: RobotOrders,
     session: u64,
     now: u64,
     out: Vec<Output>,
@@ -22,7 +22,7 @@ impl Rig {
     }
 
     fn with(config: Config) -> Rig {
-        let mut robot = Robot::new(config, 1);
+        let mut robot = RobotOrders::new(config, 1);
         let session = robot.session_for(STATION, "gcs", MonotonicNs(SECOND), &mut Vec::new());
         Rig {
             robot,
@@ -614,7 +614,7 @@ fn a_silent_station_with_an_open_order_is_lost_once() {
 #[test]
 fn sessions_of_two_instances_of_the_robot_side_differ() {
     let out = &mut Vec::new();
-    let mut robots = [1, 2].map(|seed| Robot::new(Config::default(), seed));
+    let mut robots = [1, 2].map(|seed| RobotOrders::new(Config::default(), seed));
     let tokens = [0, 1].map(|index| robots[index].session_for(STATION, "gcs", MonotonicNs(1), out));
     assert_ne!(tokens[0], tokens[1]);
     let again = robots[0].session_for(STATION, "gcs", MonotonicNs(2), out);

@@ -1,4 +1,4 @@
-//! [`Station`]: the station's orders. See the [states](super).
+//! [`StationOrders`]: the station's orders. See the [states](super).
 //!
 //! **Rounds.** A new order goes out at once. What the robot side has not answered goes out again in rounds, all of it in the order of
 //! the numbers: after an outage the robot side gets the older order first. There is one timer for all; its pauses double while nothing
@@ -18,7 +18,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::Stage;
 use ipc_types::payload::RequestReport;
 
-use super::message::{Answer, NO_PLACE, Order, Verdict, WINDOW, request_id};
+use super::message::{Answer, NO_PLACE, Order, RelayVerdict, WINDOW, request_id};
 
 /// Orders that a station has open at the same time: eight requests of one client to each of four services. One more is refused:
 /// too-many-requests.
@@ -77,14 +77,14 @@ pub enum Output {
 
 /// One instance of a station: its orders to one robot.
 #[derive(Clone, Debug)]
-pub struct Station {
+pub struct StationOrders {
     config: Config,
     session: Option<u64>,
     /// The robot side has no place for this station.
     is_left_out: bool,
     former_sessions: VecDeque<u64>,
     /// In the order of their numbers.
-    entries: Vec<Entry>,
+    entries: Vec<OpenOrder>,
     next_number: u64,
     timeout: Duration,
     /// When the next round is, if an order is to be asked for.
@@ -93,10 +93,10 @@ pub struct Station {
     unanswered_rounds: u32,
 }
 
-impl Station {
+impl StationOrders {
     /// A station that has not heard from its robot.
-    pub fn new(config: Config) -> Station {
-        Station {
+    pub fn new(config: Config) -> StationOrders {
+        StationOrders {
             config,
             session: None,
             is_left_out: false,
@@ -125,21 +125,21 @@ impl Station {
         let id = request_id(&request.bytes);
         self.catch_up(now, out);
         let refusal = if id == 0 {
-            Some(Verdict::InvalidRequest)
+            Some(RelayVerdict::InvalidRequest)
         } else if self.entries.iter().any(|entry| entry.request_id == id) {
-            Some(Verdict::Busy)
+            Some(RelayVerdict::Busy)
         } else if !is_link_up {
-            Some(Verdict::LinkDown)
+            Some(RelayVerdict::LinkDown)
         } else if self.is_left_out {
-            Some(Verdict::TooManyStations)
+            Some(RelayVerdict::TooManyStations)
         } else if self.session.is_none() {
-            Some(Verdict::LinkDown)
+            Some(RelayVerdict::LinkDown)
         } else if !self.has_room() {
-            Some(Verdict::TooManyRequests)
+            Some(RelayVerdict::TooManyRequests)
         } else {
             None
         };
-        let entry = Entry::new(request, id, self.next_number, now);
+        let entry = OpenOrder::new(request, id, self.next_number, now);
         if let Some(verdict) = refusal {
             out.push(report(&entry, &verdict.report(id, now), Origin::Station));
             return;
@@ -233,7 +233,7 @@ impl Station {
         }
     }
 
-    /// Does what is due. Call it at [`Station::deadline`].
+    /// Does what is due. Call it at [`StationOrders::deadline`].
     pub fn tick(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
         let limit = self.config.give_up;
         self.entries.retain_mut(|entry| {
@@ -245,14 +245,14 @@ impl Station {
                 out.push(report(entry, &held, Origin::Robot));
                 return false;
             }
-            let lost = Verdict::LinkLost.report(entry.request_id, now);
+            let lost = RelayVerdict::LinkLost.report(entry.request_id, now);
             out.push(report(entry, &lost, Origin::Station));
             true
         });
         self.ask_due(now, out);
     }
 
-    /// When [`Station::tick`] is due.
+    /// When [`StationOrders::tick`] is due.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         let from = self.asked_from().filter(|_| self.session.is_some());
         let round = from.map(|from| from.max(self.next_round));
@@ -277,7 +277,7 @@ impl Station {
 
     /// From when on an order is to be asked for.
     fn asked_from(&self) -> Option<MonotonicNs> {
-        self.entries.iter().map(Entry::asked_from).min()
+        self.entries.iter().map(OpenOrder::asked_from).min()
     }
 
     fn floor(&self) -> u64 {
@@ -319,7 +319,7 @@ impl Station {
     }
 
     /// Sends one more copy of each of these orders.
-    fn ask(&self, is_meant: impl Fn(&Entry) -> bool, out: &mut Vec<Output>) {
+    fn ask(&self, is_meant: impl Fn(&OpenOrder) -> bool, out: &mut Vec<Output>) {
         let Some(session) = self.session else {
             return;
         };
@@ -330,7 +330,7 @@ impl Station {
 }
 
 /// What hands a report on to the client of an order.
-fn report(entry: &Entry, report: &RequestReport, origin: Origin) -> Output {
+fn report(entry: &OpenOrder, report: &RequestReport, origin: Origin) -> Output {
     Output::Report {
         handle: entry.request.handle,
         report: RequestReport {
@@ -371,7 +371,7 @@ enum Requester {
 
 /// An order that is not settled.
 #[derive(Clone, Debug)]
-struct Entry {
+struct OpenOrder {
     request: ClientRequest,
     request_id: u64,
     client: Requester,
@@ -392,9 +392,9 @@ struct Entry {
     held: Option<(u32, RequestReport)>,
 }
 
-impl Entry {
-    fn new(request: ClientRequest, request_id: u64, number: u64, now: MonotonicNs) -> Entry {
-        Entry {
+impl OpenOrder {
+    fn new(request: ClientRequest, request_id: u64, number: u64, now: MonotonicNs) -> OpenOrder {
+        OpenOrder {
             request,
             request_id,
             client: Requester::Waits,

@@ -6,7 +6,7 @@ const SECOND: u64 = 1_000 * MS;
 const SESSION: u64 = 77;
 
 struct Rig {
-    station: Station,
+    station: StationOrders,
     now: u64,
     out: Vec<Output>,
 }
@@ -15,7 +15,7 @@ impl Rig {
     /// A station with a session.
     fn new() -> Rig {
         let mut rig = Rig {
-            station: Station::new(Config::default()),
+            station: StationOrders::new(Config::default()),
             now: SECOND,
             out: Vec::new(),
         };
@@ -25,7 +25,7 @@ impl Rig {
 
     fn act(
         &mut self,
-        act: impl FnOnce(&mut Station, MonotonicNs, &mut Vec<Output>),
+        act: impl FnOnce(&mut StationOrders, MonotonicNs, &mut Vec<Output>),
     ) -> Vec<Output> {
         act(&mut self.station, MonotonicNs(self.now), &mut self.out);
         std::mem::take(&mut self.out)

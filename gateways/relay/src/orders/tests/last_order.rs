@@ -12,8 +12,8 @@ use ipc_types::payload::RequestReport;
 use super::{MS, SECOND, count};
 use crate::clock::{Clock, Exchange, RemoteNs, Suspended};
 use crate::orders::message::{Answer, Order, request_id};
-use crate::orders::robot::{self, Robot, Traits};
-use crate::orders::station::{self, Station};
+use crate::orders::robot::{self, RobotOrders, Traits};
+use crate::orders::station::{self, StationOrders};
 use crate::station::moments::{Moments, earliest};
 
 /// What the clocks of the robot and of the stations show at the true moment 0.
@@ -80,7 +80,7 @@ enum Event {
 }
 
 struct Slot {
-    station: Station,
+    station: StationOrders,
     clock: Clock,
     moments: Moments,
     heard: Option<u64>,
@@ -96,7 +96,7 @@ struct Sky {
     repetition: f64,
     delay: u64,
     slots: Vec<Slot>,
-    robot: Robot,
+    robot: RobotOrders,
     robot_stalled_until: u64,
     bridge: Bridge,
     cases: Vec<Case>,
@@ -121,7 +121,7 @@ impl Sky {
         let mut random = Rng::with_seed(seed);
         let stations = 1 + random.u64(..3) as usize;
         let slot = |_| Slot {
-            station: Station::new(station::Config::default()),
+            station: StationOrders::new(station::Config::default()),
             clock: Clock::new(),
             moments: Moments::default(),
             heard: None,
@@ -135,7 +135,7 @@ impl Sky {
             repetition: random.u64(..30) as f64 / 100.0,
             delay: random.choice([20, 100, 400]).unwrap() * MS,
             slots: (0..stations).map(slot).collect(),
-            robot: Robot::new(robot::Config::default(), random.u64(..)),
+            robot: RobotOrders::new(robot::Config::default(), random.u64(..)),
             robot_stalled_until: 0,
             bridge: Bridge::default(),
             cases: Vec::new(),
@@ -352,7 +352,7 @@ impl Sky {
     fn with_station(
         &mut self,
         slot: usize,
-        act: impl FnOnce(&mut Station, MonotonicNs, &mut Vec<station::Output>),
+        act: impl FnOnce(&mut StationOrders, MonotonicNs, &mut Vec<station::Output>),
     ) {
         let mut out = Vec::new();
         act(
@@ -367,7 +367,10 @@ impl Sky {
         }
     }
 
-    fn with_robot(&mut self, act: impl FnOnce(&mut Robot, MonotonicNs, &mut Vec<robot::Output>)) {
+    fn with_robot(
+        &mut self,
+        act: impl FnOnce(&mut RobotOrders, MonotonicNs, &mut Vec<robot::Output>),
+    ) {
         let mut out = Vec::new();
         act(&mut self.robot, robot_clock(self.now), &mut out);
         for output in out {

@@ -10,8 +10,8 @@ use super::bridge::{Bridge, Kind, SERVICES, Step, traits_of};
 use super::cases::{Cases, Counts};
 use super::{MS, SECOND, around};
 use crate::orders::message::{Answer, Order, WINDOW};
-use crate::orders::robot::{self, ORPHANS, Robot, SESSIONS};
-use crate::orders::station::{self, OPEN_ORDERS, Station};
+use crate::orders::robot::{self, ORPHANS, RobotOrders, SESSIONS};
+use crate::orders::station::{self, OPEN_ORDERS, StationOrders};
 
 /// What goes wrong. Times are means, ns; 0 means never.
 #[derive(Clone, Copy, Debug, Default)]
@@ -75,7 +75,7 @@ enum Down {
 
 struct Slot {
     instance: u64,
-    station: Station,
+    station: StationOrders,
     heard: Option<u64>,
     outage_until: u64,
     /// The station has ended for good.
@@ -89,7 +89,7 @@ pub(super) struct World {
     random: Rng,
     faults: Faults,
     slots: Vec<Slot>,
-    robot: Option<Robot>,
+    robot: Option<RobotOrders>,
     robot_instance: u32,
     bridge: Bridge,
     cases: Cases,
@@ -132,7 +132,7 @@ impl World {
             let instance = world.random.u64(..);
             world.slots.push(Slot {
                 instance,
-                station: Station::new(station::Config::default()),
+                station: StationOrders::new(station::Config::default()),
                 heard: None,
                 outage_until: 0,
                 is_over: false,
@@ -169,7 +169,7 @@ impl World {
     fn end_those_that_are_too_many(&mut self) {
         for slot in SESSIONS..self.slots.len() {
             self.cases.station_gone(slot);
-            self.slots[slot].station = Station::new(station::Config::default());
+            self.slots[slot].station = StationOrders::new(station::Config::default());
             self.slots[slot].is_over = true;
         }
     }
@@ -191,7 +191,7 @@ impl World {
         let (&(at, _), _) = self.events.first_key_value().expect("pings never end");
         let stations = self.slots.iter().map(|slot| slot.station.deadline());
         let stations = stations.flatten().map(|at| at.0 - STATION_CLOCK).min();
-        let robot = self.robot.as_ref().and_then(Robot::deadline);
+        let robot = self.robot.as_ref().and_then(RobotOrders::deadline);
         let robot = robot.map(|at| at.0 - ROBOT_CLOCK);
         let due = [stations, robot].into_iter().flatten().min();
         match due {
@@ -217,7 +217,7 @@ impl World {
             let deadline = slot.station.deadline();
             assert!(!deadline.is_some_and(|at| late(at, station_clock(self.now))));
         }
-        let deadline = self.robot.as_ref().and_then(Robot::deadline);
+        let deadline = self.robot.as_ref().and_then(RobotOrders::deadline);
         assert!(!deadline.is_some_and(|at| late(at, robot_clock(self.now))));
     }
 
@@ -266,7 +266,7 @@ impl World {
                 self.cases.station_gone(slot);
                 let station = &mut self.slots[slot];
                 station.instance = self.random.u64(..);
-                station.station = Station::new(station::Config::default());
+                station.station = StationOrders::new(station::Config::default());
                 station.heard = None;
                 self.fault(faults.station_restart_every, Event::StationRestart(slot));
             }
@@ -296,7 +296,7 @@ impl World {
             link_loss: Some(Duration::from_secs(5)),
             still_open: Duration::from_secs(120),
         };
-        self.robot = Some(Robot::new(config, self.random.u64(..)));
+        self.robot = Some(RobotOrders::new(config, self.random.u64(..)));
     }
 
     fn client(&mut self, slot: usize) {
@@ -364,7 +364,7 @@ impl World {
     fn with_station(
         &mut self,
         slot: usize,
-        act: impl FnOnce(&mut Station, MonotonicNs, &mut Vec<station::Output>),
+        act: impl FnOnce(&mut StationOrders, MonotonicNs, &mut Vec<station::Output>),
     ) {
         let mut out = Vec::new();
         let station = &mut self.slots[slot].station;
@@ -385,7 +385,10 @@ impl World {
         }
     }
 
-    fn with_robot(&mut self, act: impl FnOnce(&mut Robot, MonotonicNs, &mut Vec<robot::Output>)) {
+    fn with_robot(
+        &mut self,
+        act: impl FnOnce(&mut RobotOrders, MonotonicNs, &mut Vec<robot::Output>),
+    ) {
         let Some(mut robot) = self.robot.take() else {
             return;
         };
@@ -405,7 +408,7 @@ impl World {
     fn robot_output(
         &mut self,
         output: robot::Output,
-        robot: &mut Robot,
+        robot: &mut RobotOrders,
         out: &mut Vec<robot::Output>,
     ) {
         match output {

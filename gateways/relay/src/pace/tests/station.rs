@@ -1,12 +1,12 @@
-//! A station at the other end of a narrow link, from the moment it is connected: its [`Link`] measures, the robot's pace follows.
+//! A station at the other end of a narrow link, from the moment it is connected: its [`RobotLink`] measures, the robot's pace follows.
 //!
 //! The link is QUIC's worst case: it keeps all that waits, and samples, which are datagrams, pass before answers.
 
 use std::collections::VecDeque;
 
 use super::*;
-use crate::message::{Page, Ping, Pong, Service};
-use crate::station::Link;
+use crate::message::{Ping, Pong, Service, ServicesPage};
+use crate::station::RobotLink;
 use crate::telemetry::{SampleSender, Selection};
 
 /// Instances of both relays.
@@ -78,12 +78,12 @@ fn minute(bytes_per_ms: u64) -> Seen {
         // 7 kB when it is packed.
         schema: (0..9000).map(|_| random.alphanumeric()).collect(),
     };
-    let pages = Page::of(&[described]);
+    let pages = ServicesPage::of(&[described]);
     // Length and period of each topic.
     let topics = [(184, 20), (256, 20), (500, 1000), (700, 1000), (900, 1000)];
     let mut senders = topics.map(|_| SampleSender::new(ROBOT, Selection::All));
     let (mut pace, mut first) = (Pace::default(), 0);
-    let mut link = Link::new(STATION, Duration::from_millis(2500), at(0));
+    let mut link = RobotLink::new(STATION, Duration::from_millis(2500), at(0));
     let mut way = Way {
         bytes_per_ms,
         waiting: Default::default(),

@@ -55,7 +55,7 @@ pub struct Craft {
     endpoint: String,
     /// Its processes, those of [`KINDS`] that were started.
     pub processes: Vec<ChildProcess>,
-    ports: Option<Ports>,
+    ports: Option<CraftPorts>,
     /// What a consumer beside it saw.
     pub seen: Seen,
     /// The operator's command for it that is under way, at the station.
@@ -69,7 +69,7 @@ pub struct Craft {
 }
 
 /// The consumer beside the robot.
-struct Ports {
+struct CraftPorts {
     _ipc: Ipc,
     dsp: Subscriber<DspTelemetry>,
     hero: Subscriber<HeroTelemetry>,
@@ -84,7 +84,7 @@ impl Craft {
         let domain = Domain::isolated();
         let robot = RobotId::new(number).expect("robots are counted from 1");
         let ipc = Ipc::join(&domain, robot, "demo").map_err(Failure::internal)?;
-        let ports = Ports {
+        let ports = CraftPorts {
             dsp: ipc.subscriber().map_err(Failure::internal)?,
             hero: ipc.subscriber().map_err(Failure::internal)?,
             state: ipc.subscriber().map_err(Failure::internal)?,

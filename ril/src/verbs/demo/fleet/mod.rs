@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 
 use ipc_types::code::{Functionality, LinkState, RelayLinkState};
 use ipc_types::{Descriptor, Domain, Source, Waiter, allow_many_files};
-use runtime::duration::Shown;
+use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::finding::Finding;
 use runtime::signal::Termination;
@@ -484,7 +484,7 @@ impl Fleet<'_> {
             }
             if Instant::now() >= self.deadline {
                 let limit = LIMIT + LIMIT_PER_ROBOT * self.robots;
-                let text = format!("not within {}: {what}", Shown(limit));
+                let text = format!("not within {}: {what}", DurationText(limit));
                 return Err(Failure::new(ExitCode::Timeout, text));
             }
             self.sleep()?;

@@ -1,4 +1,4 @@
-//! Times of a recording: [`Clock`], seconds since its beginning; [`RelativeDelay`], how late a sample is against the DSP's clock.
+//! Times of a recording: [`FlightClock`], seconds since its beginning; [`RelativeDelay`], how late a sample is against the DSP's clock.
 
 /// A step of the clock beyond this is none of a flight, s: a damaged number, or another start of the host.
 const MAX_STEP_S: f64 = 86_400.0;
@@ -8,14 +8,14 @@ const MAX_BACK_S: f64 = 10.0;
 
 /// Monotonic nanoseconds as seconds since the beginning. A clock that jumps goes on where it was.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Clock {
+pub struct FlightClock {
     first_ns: u64,
     /// What was the time at the last moment: ns, and s since the beginning.
     last: Option<(u64, f64)>,
     jumps: u64,
 }
 
-impl Clock {
+impl FlightClock {
     /// The moment `ns`.
     pub fn at(&mut self, ns: u64) -> f64 {
         let Some((last_ns, last_s)) = self.last else {
@@ -90,7 +90,7 @@ mod tests {
 
     #[test]
     fn a_clock_that_jumps_goes_on_where_it_was() {
-        let mut clock = Clock::default();
+        let mut clock = FlightClock::default();
         let seconds = |seconds: u64| seconds * 1_000_000_000;
         for (ns, expected) in [
             (seconds(1000), 0.0),

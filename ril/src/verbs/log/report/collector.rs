@@ -3,15 +3,15 @@
 use ipc_types::TelemetryGroup;
 use ipc_types::code::PilotSwitch;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use view::report::Flight;
+use view::report::FlightReport;
 use view::report::flight::{Ink, Lane, Limit, Map, Weight};
 
-use super::clock::{Clock, RelativeDelay};
+use super::clock::{FlightClock, RelativeDelay};
 use super::curves::{Curves, GAP_S};
-use super::events::{EventLog, Kind};
-use super::module::Module;
+use super::events::{EventLog, LoggedEventKind};
+use super::module::ModuleLog;
 use super::module::States;
-use super::requests::Requests;
+use super::requests::RequestLog;
 use crate::recorded::RequestEvent;
 use crate::render::messages::details;
 use crate::robot::chart::Chart;
@@ -96,7 +96,7 @@ struct Before {
 /// See the module's documentation.
 #[derive(Debug)]
 pub struct Collector {
-    clock: Clock,
+    clock: FlightClock,
     delay: RelativeDelay,
     curves: Curves,
     event_log: EventLog,
@@ -107,8 +107,8 @@ pub struct Collector {
     places: Places,
     gaps: Vec<[f64; 2]>,
     before: Option<Before>,
-    module: Module,
-    requests: Requests,
+    module: ModuleLog,
+    requests: RequestLog,
     /// What telemetry said beside the states of the module.
     flying: Option<bool>,
 }
@@ -116,7 +116,7 @@ pub struct Collector {
 impl Default for Collector {
     fn default() -> Self {
         Collector {
-            clock: Clock::default(),
+            clock: FlightClock::default(),
             delay: RelativeDelay::default(),
             curves: Curves::default(),
             event_log: EventLog::default(),
@@ -127,8 +127,8 @@ impl Default for Collector {
             places: Places::default(),
             gaps: Vec::new(),
             before: None,
-            module: Module::default(),
-            requests: Requests::default(),
+            module: ModuleLog::default(),
+            requests: RequestLog::default(),
             flying: None,
         }
     }
@@ -180,7 +180,7 @@ impl Collector {
     }
 
     /// Something happened to the recording, or was logged by a process, so long after the first sample.
-    pub fn happened(&mut self, kind: Kind, since_ns: u64, weight: Weight, text: &str) {
+    pub fn happened(&mut self, kind: LoggedEventKind, since_ns: u64, weight: Weight, text: &str) {
         let at_s = (since_ns as f64 / 1e9).min(self.clock.end_s());
         self.event_log.add(kind, at_s, weight, text, None);
     }
@@ -189,8 +189,13 @@ impl Collector {
     pub fn damage(&mut self, text: &str) {
         let at_s = self.clock.end_s();
         let text = format!("the recording is damaged: {text}");
-        self.event_log
-            .add(Kind::Recording, at_s, Weight::Warning, text, None);
+        self.event_log.add(
+            LoggedEventKind::Recording,
+            at_s,
+            Weight::Warning,
+            text,
+            None,
+        );
     }
 
     /// Losses, gaps and restarts.
@@ -212,7 +217,7 @@ impl Collector {
             };
             let text = format!("no sample for {interval_s:.1} s {whence}");
             self.event_log
-                .add(Kind::Gap, before.at_s, weight, text, place);
+                .add(LoggedEventKind::Gap, before.at_s, weight, text, place);
         }
         let is_same = before.dsp.epoch_ns == dsp.epoch_ns;
         match dsp.sequence.checked_sub(before.dsp.sequence) {
@@ -220,14 +225,20 @@ impl Collector {
             Some(steps @ 2..) if is_same => {
                 let lost = steps - 1;
                 self.curves.lost.add(at_s, lost as f64);
-                self.event_log
-                    .count(Kind::Lost, at_s, Weight::Warning, lost, "", place);
+                self.event_log.count(
+                    LoggedEventKind::Lost,
+                    at_s,
+                    Weight::Warning,
+                    lost,
+                    "",
+                    place,
+                );
             }
             _ => {
                 self.delay.reset();
                 let text = "the bridge began anew";
                 self.event_log
-                    .add(Kind::Restart, at_s, Weight::Alarm, text, place);
+                    .add(LoggedEventKind::Restart, at_s, Weight::Alarm, text, place);
             }
         }
     }
@@ -244,7 +255,7 @@ impl Collector {
                 if was_ms < u32::MAX - WRAP_MS {
                     let text = "the DSP booted";
                     self.event_log
-                        .add(Kind::Boot, at_s, Weight::Alarm, text, place);
+                        .add(LoggedEventKind::Boot, at_s, Weight::Alarm, text, place);
                 }
             }
         }
@@ -255,7 +266,7 @@ impl Collector {
                 details::dsp_error(dsp.last_dsp_error_code)
             );
             self.event_log.count(
-                Kind::DspError,
+                LoggedEventKind::DspError,
                 at_s,
                 Weight::Warning,
                 new.into(),
@@ -271,12 +282,17 @@ impl Collector {
         let place = view.place;
         match (before.view.flying, view.flying) {
             (Some(false), Some(true)) => {
-                self.event_log
-                    .add(Kind::Flying, at_s, Weight::Note, "took off", place);
+                self.event_log.add(
+                    LoggedEventKind::Flying,
+                    at_s,
+                    Weight::Note,
+                    "took off",
+                    place,
+                );
             }
             (Some(true), Some(false)) => {
                 self.event_log
-                    .add(Kind::Flying, at_s, Weight::Note, "landed", place);
+                    .add(LoggedEventKind::Flying, at_s, Weight::Note, "landed", place);
             }
             _ => {}
         }
@@ -292,7 +308,8 @@ impl Collector {
             _ => None,
         };
         if let Some((weight, text)) = change {
-            self.event_log.add(Kind::Switch, at_s, weight, text, place);
+            self.event_log
+                .add(LoggedEventKind::Switch, at_s, weight, text, place);
         }
         let (Some(was), Some(is)) = (before.view.gps, view.gps) else {
             return;
@@ -304,7 +321,7 @@ impl Collector {
                 Weight::Warning
             };
             self.event_log.add(
-                Kind::Fix,
+                LoggedEventKind::Fix,
                 at_s,
                 weight,
                 "the GPS lost its fix",
@@ -313,7 +330,7 @@ impl Collector {
         } else if was != is {
             let text = format!("the GPS fix is {}", is.name());
             self.event_log
-                .add(Kind::Fix, at_s, Weight::Note, text, place);
+                .add(LoggedEventKind::Fix, at_s, Weight::Note, text, place);
         }
     }
 
@@ -336,9 +353,9 @@ impl Collector {
     }
 
     /// The flight, with what files say of fence and plan. Its words are not there yet.
-    pub fn finish(self, title: String, chart: &Chart) -> Flight {
+    pub fn finish(self, title: String, chart: &Chart) -> FlightReport {
         let duration_s = self.clock.end_s();
-        let mut flight = Flight::new(title, duration_s);
+        let mut flight = FlightReport::new(title, duration_s);
         let lane = |name: &str, states: States| Lane {
             name: name.to_owned(),
             spans: states.finish(duration_s),

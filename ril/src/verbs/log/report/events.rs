@@ -13,7 +13,7 @@ const SETTLE_S: f64 = 5.0;
 
 /// What an event is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum LoggedEventKind {
     /// Take-off or landing.
     Flying,
     /// Samples that are missing; amounts are added.
@@ -42,20 +42,23 @@ pub enum Kind {
     Recording,
 }
 
-impl Kind {
+impl LoggedEventKind {
     /// Whether an event that comes again soon is the same one.
     fn is_joined(self) -> bool {
         matches!(
             self,
-            Kind::Lost | Kind::DspError | Kind::Process | Kind::Recording
+            LoggedEventKind::Lost
+                | LoggedEventKind::DspError
+                | LoggedEventKind::Process
+                | LoggedEventKind::Recording
         )
     }
 }
 
 /// Something that happened, and where.
 #[derive(Clone, Debug, PartialEq)]
-struct Entry {
-    kind: Kind,
+struct LoggedEvent {
+    kind: LoggedEventKind,
     at_s: f64,
     until_s: f64,
     weight: Weight,
@@ -68,7 +71,7 @@ struct Entry {
 /// See the module's documentation.
 #[derive(Clone, Debug, Default)]
 pub struct EventLog {
-    all: Vec<Entry>,
+    all: Vec<LoggedEvent>,
     left_out: u64,
 }
 
@@ -76,7 +79,7 @@ impl EventLog {
     /// Something happened once.
     pub fn add(
         &mut self,
-        kind: Kind,
+        kind: LoggedEventKind,
         at_s: f64,
         weight: Weight,
         text: impl Into<String>,
@@ -88,7 +91,7 @@ impl EventLog {
     /// Something happened `amount` times; `text` says what, without the number.
     pub fn count(
         &mut self,
-        kind: Kind,
+        kind: LoggedEventKind,
         at_s: f64,
         weight: Weight,
         amount: u64,
@@ -111,7 +114,7 @@ impl EventLog {
             self.left_out += 1;
             return;
         }
-        self.all.push(Entry {
+        self.all.push(LoggedEvent {
             kind,
             at_s,
             until_s: at_s,
@@ -126,7 +129,7 @@ impl EventLog {
     pub fn finish(mut self) -> (Vec<Event>, u64) {
         self.all
             .sort_by(|one, other| one.at_s.total_cmp(&other.at_s));
-        let event = |entry: Entry| Event {
+        let event = |entry: LoggedEvent| Event {
             at_s: entry.at_s,
             weight: entry.weight,
             text: entry.words(),
@@ -136,7 +139,7 @@ impl EventLog {
     }
 }
 
-impl Entry {
+impl LoggedEvent {
     fn words(&self) -> String {
         let text = &self.text;
         let lasted_s = self.until_s - self.at_s;
@@ -146,8 +149,8 @@ impl Entry {
             String::new()
         };
         match (self.kind, self.amount) {
-            (Kind::Lost, 1) => "1 sample was lost".to_owned(),
-            (Kind::Lost, amount) => format!("{amount} samples were lost{within}"),
+            (LoggedEventKind::Lost, 1) => "1 sample was lost".to_owned(),
+            (LoggedEventKind::Lost, amount) => format!("{amount} samples were lost{within}"),
             (_, 1) => text.clone(),
             (_, amount) => format!("{text}, {amount} times{within}"),
         }
@@ -162,9 +165,16 @@ mod tests {
     fn what_repeats_soon_is_one_event_and_amounts_are_added() {
         let mut event_log = EventLog::default();
         for (at_s, amount) in [(1.0, 2), (3.5, 1), (20.0, 1)] {
-            event_log.count(Kind::Lost, at_s, Weight::Warning, amount, "", None);
+            event_log.count(
+                LoggedEventKind::Lost,
+                at_s,
+                Weight::Warning,
+                amount,
+                "",
+                None,
+            );
         }
-        event_log.add(Kind::Flying, 2.0, Weight::Note, "took off", None);
+        event_log.add(LoggedEventKind::Flying, 2.0, Weight::Note, "took off", None);
         let (events, left_out) = event_log.finish();
         let texts: Vec<&str> = events.iter().map(|event| event.text.as_str()).collect();
         assert_eq!(
@@ -183,14 +193,20 @@ mod tests {
         let mut event_log = EventLog::default();
         for index in 0..10_000 {
             event_log.add(
-                Kind::Switch,
+                LoggedEventKind::Switch,
                 f64::from(index),
                 Weight::Note,
                 index.to_string(),
                 None,
             );
         }
-        event_log.add(Kind::Flying, 10_000.0, Weight::Note, "landed", None);
+        event_log.add(
+            LoggedEventKind::Flying,
+            10_000.0,
+            Weight::Note,
+            "landed",
+            None,
+        );
         let (events, left_out) = event_log.finish();
         assert_eq!(events.len(), MAX_OF_A_KIND + 1);
         assert_eq!(left_out, 10_000 - MAX_OF_A_KIND as u64);

@@ -17,10 +17,10 @@ use std::io::{self, Read as _, Write};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-use recording::read::{RecordFile, Summary as RecordSummary, summary_of};
+use recording::read::{RecordFile, RecordSummary, summary_of};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
-use view::report::Flight;
+use view::report::FlightReport;
 use view::report::flight::{Table, Weight};
 
 use self::collector::Collector;
@@ -28,7 +28,7 @@ use self::row::SampleReader;
 use super::files::ending;
 use super::files::{LogFile, MAX_NAMED, chosen_file, of_flight};
 use super::options::LogReportArgs;
-use super::recording::{Entry, Format, ReadError};
+use super::recording::{LogEntry, LogFormat, LogReadError};
 use super::row::UtcSource;
 use super::summary::{Summarizer, Summary};
 use crate::render::json_line;
@@ -57,9 +57,9 @@ struct ReportObject {
 
 /// A log that was read to its end.
 struct Read {
-    flight: Flight,
+    flight: FlightReport,
     summary: Summary,
-    trouble: Option<ReadError>,
+    trouble: Option<LogReadError>,
 }
 
 /// `ril log report`
@@ -75,8 +75,8 @@ pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
     let mut chart = of_files(args.bridge.as_deref(), args.plan.as_deref())?;
     let file = chosen_file(args.file.as_ref(), &args.place, of_flight())?;
     let log = file.path().to_owned();
-    let record = Record::open(&log)?;
-    if let Some(fence) = record.as_ref().and_then(Record::fence)
+    let record = OpenRecording::open(&log)?;
+    if let Some(fence) = record.as_ref().and_then(OpenRecording::fence)
         && args.bridge.is_none()
     {
         chart = Chart {
@@ -123,14 +123,14 @@ fn refuse_the_log_itself(log: &Path, output: &Path) -> Result<(), Failure> {
 }
 
 /// A record of `ril record`, which has more than the samples of the DSP.
-struct Record {
+struct OpenRecording {
     file: RecordFile,
     summary: RecordSummary,
 }
 
-impl Record {
+impl OpenRecording {
     /// The record at `path`; `None` if that is a log of status. No message is read.
-    fn open(path: &Path) -> Result<Option<Record>, Failure> {
+    fn open(path: &Path) -> Result<Option<OpenRecording>, Failure> {
         let unreadable = |error: io::Error| Failure::usage(format!("{}: {error}", path.display()));
         let mut file = super::files::open(path)?;
         let mut beginning = Vec::new();
@@ -138,13 +138,13 @@ impl Record {
             .take(BEGINNING_BYTES)
             .read_to_end(&mut beginning)
             .map_err(unreadable)?;
-        if Format::of(path, &beginning) != Format::Mcap {
+        if LogFormat::of(path, &beginning) != LogFormat::Mcap {
             return Ok(None);
         }
         let file = RecordFile::open(path).map_err(unreadable)?;
         // A damaged summary is no reason for no report: the samples are read without it.
         let summary = summary_of(&file).unwrap_or_default();
-        Ok(Some(Record { file, summary }))
+        Ok(Some(OpenRecording { file, summary }))
     }
 
     /// The fence that the bridge had, by the configuration in the record.
@@ -161,7 +161,7 @@ impl Record {
 }
 
 /// Reads the log to its end, or as far as it can be read.
-fn read(mut file: LogFile, record: Option<&Record>, chart: &Chart) -> Result<Read, Failure> {
+fn read(mut file: LogFile, record: Option<&OpenRecording>, chart: &Chart) -> Result<Read, Failure> {
     let (name, robot, created) = (file.name(), file.robot(), file.created_unix_s());
     file.begin()?;
     let columns = file.recording.columns().to_vec();
@@ -176,12 +176,12 @@ fn read(mut file: LogFile, record: Option<&Record>, chart: &Chart) -> Result<Rea
     let mut damaged = 0;
     let trouble = loop {
         match file.recording.next() {
-            Ok(Some(Entry::Row(row))) => {
+            Ok(Some(LogEntry::Row(row))) => {
                 start_unix_ns = start_unix_ns.or(row.unix_ns);
                 summarizer.row(&row);
                 collector.sample(&reader.sample(&row));
             }
-            Ok(Some(Entry::Damaged(damage))) => {
+            Ok(Some(LogEntry::Damaged(damage))) => {
                 damaged += 1;
                 summarizer.damage(&damage);
                 if damaged <= MAX_NAMED {

@@ -1,4 +1,4 @@
-//! [`Module`]: what the bridge said of itself, its link and its safety rules becomes phases, states and events.
+//! [`ModuleLog`]: what the bridge said of itself, its link and its safety rules becomes phases, states and events.
 
 use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::ModuleState;
@@ -6,19 +6,19 @@ use runtime::finding::Severity;
 use view::report::flight::{Ink, Lane, Span, Weight};
 
 use super::curves::Curves;
-use super::events::{EventLog, Kind};
+use super::events::{EventLog, LoggedEventKind};
 use crate::render::messages::details;
 use crate::robot::pilot;
 
 /// See the module's documentation.
 #[derive(Debug, Default)]
-pub struct Module {
+pub struct ModuleLog {
     doing: States,
     link: States,
     before: Option<ModuleState>,
 }
 
-impl Module {
+impl ModuleLog {
     /// Takes the next state; `flying` is what telemetry said last.
     pub fn state(
         &mut self,
@@ -115,7 +115,7 @@ fn link(
         _ => Weight::Warning,
     };
     let text = format!("the link to the DSP is {}", link.name());
-    event_log.add(Kind::Link, at_s, weight, text, None);
+    event_log.add(LoggedEventKind::Link, at_s, weight, text, None);
 }
 
 fn safety(at_s: f64, before: &ModuleState, state: &ModuleState, event_log: &mut EventLog) {
@@ -125,14 +125,14 @@ fn safety(at_s: f64, before: &ModuleState, state: &ModuleState, event_log: &mut 
     }
     let Some(broken) = details::broken_rule(safety) else {
         let text = "no safety rule is broken any more";
-        return event_log.add(Kind::Safety, at_s, Weight::Note, text, None);
+        return event_log.add(LoggedEventKind::Safety, at_s, Weight::Note, text, None);
     };
     let text = broken.words;
     let weight = match broken.severity {
         Severity::Error => Weight::Alarm,
         Severity::Note | Severity::Warning => Weight::Warning,
     };
-    event_log.add(Kind::Safety, at_s, weight, text, None);
+    event_log.add(LoggedEventKind::Safety, at_s, weight, text, None);
 }
 
 fn blocked(at_s: f64, before: &ModuleState, state: &ModuleState, event_log: &mut EventLog) {
@@ -147,10 +147,10 @@ fn blocked(at_s: f64, before: &ModuleState, state: &ModuleState, event_log: &mut
                 )
             }
         };
-        event_log.add(Kind::Module, at_s, weight, text, None);
+        event_log.add(LoggedEventKind::Module, at_s, weight, text, None);
     } else if before.is_blocked() && !state.is_blocked() {
         let text = "the module was started";
-        event_log.add(Kind::Module, at_s, Weight::Note, text, None);
+        event_log.add(LoggedEventKind::Module, at_s, Weight::Note, text, None);
     }
 }
 

@@ -11,7 +11,7 @@ use ros_messages::{Level, Log};
 use view::report::flight::{Table, Weight};
 
 use super::collector::Collector;
-use super::events::Kind;
+use super::events::LoggedEventKind;
 use crate::recorded::FLIGHT;
 use crate::recorded::{REQUEST_EVENT, RequestEvent};
 
@@ -36,7 +36,7 @@ pub fn take(collector: &mut Collector, file: &RecordFile, start_unix_ns: Option<
             collector.request(&event);
         } else if let Some((weight, text)) = complaint(&message) {
             if let Some(since_ns) = since(message.publish_time_ns) {
-                collector.happened(Kind::Process, since_ns, weight, &text);
+                collector.happened(LoggedEventKind::Process, since_ns, weight, &text);
             }
         } else if let Some(event) = RecordedEvent::of(&message) {
             recorded(collector, &event, since(event.log_time_ns));
@@ -49,13 +49,13 @@ fn recorded(collector: &mut Collector, event: &RecordedEvent, since_ns: Option<u
     let of_recording = || format!("recording: {}", event.text);
     let (kind, weight, text) = match event.kind {
         EventKind::Loss | EventKind::Late | EventKind::Disk => {
-            (Kind::Recording, Weight::Warning, of_recording())
+            (LoggedEventKind::Recording, Weight::Warning, of_recording())
         }
         EventKind::Split | EventKind::Clock | EventKind::Note => {
-            (Kind::Recording, Weight::Note, of_recording())
+            (LoggedEventKind::Recording, Weight::Note, of_recording())
         }
         // Also at the end of each flight, so it is no warning.
-        EventKind::End => (Kind::Process, Weight::Note, event.text.clone()),
+        EventKind::End => (LoggedEventKind::Process, Weight::Note, event.text.clone()),
         // Samples that are missing and starts of the bridge are seen in the samples themselves.
         _ => return,
     };
@@ -92,7 +92,7 @@ fn request(message: &RecordedMessage) -> Option<RequestEvent<'_>> {
 }
 
 /// What the file says of itself.
-pub fn tables(summary: &read::Summary) -> Vec<Table> {
+pub fn tables(summary: &read::RecordSummary) -> Vec<Table> {
     let text = |text: &str| text.to_owned();
     let mut tables = Vec::new();
     let topics = summary.topics.iter();

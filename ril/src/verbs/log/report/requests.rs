@@ -1,10 +1,10 @@
-//! [`Requests`]: what the robot was asked for and how it ended, of the topic `requests` of a record. All waypoints of a path are one
+//! [`RequestLog`]: what the robot was asked for and how it ended, of the topic `requests` of a record. All waypoints of a path are one
 //! request.
 
 use std::collections::BTreeMap;
 
 use ipc_types::code::Stage;
-use view::report::flight::{Outcome, Request};
+use view::report::flight::{Outcome, RequestRow};
 
 use crate::recorded::RequestEvent;
 use crate::robot::geo::Place;
@@ -17,7 +17,7 @@ const MAX_WAYPOINTS: usize = 5000;
 
 /// A request, of whatever became known of it.
 #[derive(Clone, Debug)]
-struct Open {
+struct OpenRow {
     at_ns: u64,
     sender: String,
     command: String,
@@ -33,16 +33,16 @@ struct Open {
 
 /// See the module's documentation.
 #[derive(Clone, Debug, Default)]
-pub struct Requests {
+pub struct RequestLog {
     /// By the path, or else by the request, in the order of arrival.
-    open: Vec<Open>,
+    open: Vec<OpenRow>,
     places: BTreeMap<(bool, u64), usize>,
     /// Waypoints, each with the request that it belongs to, by its place in `open`.
     path: Vec<(usize, Place)>,
     left_out: u64,
 }
 
-impl Requests {
+impl RequestLog {
     /// Takes what a message says.
     pub fn take(&mut self, event: &RequestEvent<'_>) {
         let key = match event.path_id {
@@ -81,7 +81,7 @@ impl Requests {
             return;
         }
         self.places.insert(key, self.open.len());
-        self.open.push(Open {
+        self.open.push(OpenRow {
             at_ns: event.at_ns,
             sender: match (event.station, event.sender_pid) {
                 ("", 0) => String::new(),
@@ -125,8 +125,8 @@ impl Requests {
     }
 
     /// The requests, with times that `at_s` makes of monotonic ones.
-    pub fn finish(&self, at_s: impl Fn(u64) -> f64) -> Vec<Request> {
-        let request = |open: &Open| Request {
+    pub fn finish(&self, at_s: impl Fn(u64) -> f64) -> Vec<RequestRow> {
+        let request = |open: &OpenRow| RequestRow {
             from_s: at_s(open.at_ns),
             to_s: open.ended_ns.map(&at_s),
             name: match open.waypoints {
@@ -188,7 +188,7 @@ mod tests {
 
     #[test]
     fn all_waypoints_of_a_path_are_one_request() {
-        let mut requests = Requests::default();
+        let mut requests = RequestLog::default();
         for event in [
             event(1, 1, 0, "request", "takeoff", ""),
             event(2, 1, 0, "report", "takeoff", "accepted"),
@@ -239,7 +239,7 @@ mod tests {
     #[test]
     fn waypoints_of_a_path_that_was_refused_are_no_plan_whatever_becomes_of_its_others() {
         for order in [["refused", "aborted"], ["aborted", "refused"]] {
-            let mut requests = Requests::default();
+            let mut requests = RequestLog::default();
             for event in [
                 event(1, 1, 8, "request", "goto", ""),
                 event(2, 2, 8, "request", "goto", ""),
@@ -256,7 +256,7 @@ mod tests {
 
     #[test]
     fn a_flood_of_requests_is_bounded() {
-        let mut requests = Requests::default();
+        let mut requests = RequestLog::default();
         for id in 0..10_000 {
             requests.take(&event(id, id + 1, 0, "request", "hold", ""));
         }

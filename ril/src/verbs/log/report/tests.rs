@@ -1,6 +1,6 @@
 //! Logs as reports.
 
-use view::report::Flight;
+use view::report::FlightReport;
 use view::report::flight::Weight;
 
 use status::log::read::LogReader;
@@ -9,14 +9,14 @@ use super::collector::Collector;
 use super::row::SampleReader;
 use super::words;
 use crate::robot::chart::Chart;
-use crate::verbs::log::recording::Entry;
+use crate::verbs::log::recording::LogEntry;
 use crate::verbs::log::row::UtcSource;
 use crate::verbs::log::summary::Summarizer;
 
 const HEADER: &str = "flying\tsequence\treceived_ns\tdsp_time_ms\tlatitude_deg\tlongitude_deg\taltitude_m\tgps_quality\tbattery_mv\tfuel_percent\tauto_switch\tdsp_errors\tlast_dsp_error_code\n";
 
 /// The flight of a log's text, and its sentences.
-fn flight(text: &str) -> (Flight, Vec<String>) {
+fn flight(text: &str) -> (FlightReport, Vec<String>) {
     let mut log = LogReader::new(text.as_bytes());
     assert!(log.begin().unwrap());
     let columns = log.columns().to_vec();
@@ -25,11 +25,11 @@ fn flight(text: &str) -> (Flight, Vec<String>) {
     let mut collector = Collector::default();
     while let Some(entry) = log.next().unwrap() {
         match entry {
-            Entry::Row(row) => {
+            LogEntry::Row(row) => {
                 summarizer.row(&row);
                 collector.sample(&reader.sample(&row));
             }
-            Entry::Damaged(damage) => {
+            LogEntry::Damaged(damage) => {
                 summarizer.damage(&damage);
                 collector.damage(&damage.to_string());
             }
@@ -78,7 +78,7 @@ impl Rows {
     }
 }
 
-fn texts(flight: &Flight) -> Vec<(&str, Weight)> {
+fn texts(flight: &FlightReport) -> Vec<(&str, Weight)> {
     flight
         .events
         .iter()

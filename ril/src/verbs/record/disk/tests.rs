@@ -23,16 +23,16 @@ fn place(folder: &TempDir) -> RecordFolder {
             max_total_bytes: 8192,
             min_free_bytes: 0,
         },
-        layout: Layout {
+        layout: ViewerLayout {
             name: "layout.json".to_owned(),
             text: "{}".to_owned(),
         },
     }
 }
 
-fn write(at: u64, bytes: &[u8]) -> Action {
+fn write(at: u64, bytes: &[u8]) -> FileAction {
     let bytes = bytes.to_vec();
-    Action::Write {
+    FileAction::Write {
         parts: vec![Part { at, bytes }],
     }
 }
@@ -44,7 +44,7 @@ fn actions_are_carried_out_and_files_are_named_in_the_order_of_time() {
     let mut worker = Worker::new(place.clone(), FileStore);
     let mut paths = Vec::new();
     for index in 0..3 {
-        let outcome = worker.perform(Action::Open { index });
+        let outcome = worker.perform(FileAction::Open { index });
         assert_eq!(outcome.result, Ok(()));
         let Some(Note::Opened(path)) = outcome.notes.last() else {
             panic!("{:?}", outcome.notes)
@@ -53,13 +53,13 @@ fn actions_are_carried_out_and_files_are_named_in_the_order_of_time() {
         for action in [
             write(0, b"abcdef"),
             write(3, b"DEFGHI"),
-            Action::Truncate { len: 7 },
-            Action::Sync,
+            FileAction::Truncate { len: 7 },
+            FileAction::Sync,
         ] {
             assert_eq!(worker.perform(action).result, Ok(()));
         }
         assert_eq!(fs::read(path).unwrap(), b"abcDEFG");
-        let closed = worker.perform(Action::Close {
+        let closed = worker.perform(FileAction::Close {
             is_whole: true,
             messages: 5,
         });
@@ -91,12 +91,12 @@ fn the_layout_lies_beside_the_files_and_one_that_is_there_stays() {
     let mut worker = Worker::new(place, FileStore);
     for (index, changed) in ["{}", "[]"].into_iter().enumerate() {
         let index = index as u32;
-        assert_eq!(worker.perform(Action::Open { index }).result, Ok(()));
+        assert_eq!(worker.perform(FileAction::Open { index }).result, Ok(()));
         assert_eq!(fs::read_to_string(&layout).unwrap(), changed);
         assert_eq!(fs::metadata(&layout).unwrap().mode() & 0o137, 0);
         fs::write(&layout, "[]").unwrap();
         let (is_whole, messages) = (true, 1);
-        worker.perform(Action::Close { is_whole, messages });
+        worker.perform(FileAction::Close { is_whole, messages });
     }
 }
 
@@ -105,9 +105,9 @@ fn a_file_without_a_message_goes() {
     let folder = tempfile::tempdir().unwrap();
     let place = place(&folder);
     let mut worker = Worker::new(place.clone(), FileStore);
-    worker.perform(Action::Open { index: 0 });
+    worker.perform(FileAction::Open { index: 0 });
     worker.perform(write(0, b"only the beginning"));
-    let closed = worker.perform(Action::Close {
+    let closed = worker.perform(FileAction::Close {
         is_whole: true,
         messages: 0,
     });
@@ -120,14 +120,14 @@ fn the_file_that_was_just_finished_stays_though_it_is_a_little_too_long() {
     let folder = tempfile::tempdir().unwrap();
     let mut worker = Worker::new(place(&folder), FileStore);
     let mut opened = |index| {
-        let notes = worker.perform(Action::Open { index }).notes;
+        let notes = worker.perform(FileAction::Open { index }).notes;
         let Some(Note::Opened(path)) = notes.last() else {
             panic!("{notes:?}")
         };
         // The last chunk and the summary come on top of the size at which another file is begun.
         worker.perform(write(0, &[1; 4097]));
         let (is_whole, messages) = (true, 1);
-        worker.perform(Action::Close { is_whole, messages });
+        worker.perform(FileAction::Close { is_whole, messages });
         path.clone()
     };
     let [_, before, last] = [0, 1, 2].map(&mut opened);
@@ -140,7 +140,7 @@ fn a_file_is_never_for_everybody_whatever_the_umask() {
     let folder = tempfile::tempdir().unwrap();
     let mut worker = Worker::new(place(&folder), FileStore);
     let before = rustix::process::umask(rustix::fs::Mode::empty());
-    let notes = worker.perform(Action::Open { index: 0 }).notes;
+    let notes = worker.perform(FileAction::Open { index: 0 }).notes;
     rustix::process::umask(before);
     let Some(Note::Opened(path)) = notes.last() else {
         panic!("{notes:?}")
@@ -152,7 +152,7 @@ fn a_file_is_never_for_everybody_whatever_the_umask() {
 fn a_file_that_another_program_has_cut_is_of_no_more_use() {
     let folder = tempfile::tempdir().unwrap();
     let mut worker = Worker::new(place(&folder), FileStore);
-    let notes = worker.perform(Action::Open { index: 0 }).notes;
+    let notes = worker.perform(FileAction::Open { index: 0 }).notes;
     let Some(Note::Opened(path)) = notes.last() else {
         panic!("{notes:?}")
     };
@@ -173,14 +173,14 @@ fn a_disk_that_is_nearly_full_is_left_alone_and_one_that_fails_says_so() {
     let folder = tempfile::tempdir().unwrap();
     let mut low = place(&folder);
     low.limits.min_free_bytes = u64::MAX;
-    let outcome = Worker::new(low, FileStore).perform(Action::Open { index: 0 });
+    let outcome = Worker::new(low, FileStore).perform(FileAction::Open { index: 0 });
     assert_eq!(outcome.result.unwrap_err().kind, DiskErrorKind::LowSpace);
     assert_eq!(outcome.notes, []);
 
     let mut blocked = place(&folder);
     fs::write(folder.path().join("file"), "").unwrap();
     blocked.folder = folder.path().join("file/log");
-    let outcome = Worker::new(blocked, FileStore).perform(Action::Open { index: 0 });
+    let outcome = Worker::new(blocked, FileStore).perform(FileAction::Open { index: 0 });
     let error = outcome.result.unwrap_err();
     assert_eq!(error.kind, DiskErrorKind::Failed);
     assert!(error.text.contains("file/log"), "{error}");
@@ -190,10 +190,10 @@ fn a_disk_that_is_nearly_full_is_left_alone_and_one_that_fails_says_so() {
 fn a_file_that_was_removed_is_an_error_at_the_next_sync() {
     let folder = tempfile::tempdir().unwrap();
     let mut worker = Worker::new(place(&folder), FileStore);
-    worker.perform(Action::Open { index: 0 });
+    worker.perform(FileAction::Open { index: 0 });
     fs::remove_dir_all(folder.path().join("a")).unwrap();
     assert_eq!(worker.perform(write(0, b"x")).result, Ok(()));
-    let error = worker.perform(Action::Sync).result.unwrap_err();
+    let error = worker.perform(FileAction::Sync).result.unwrap_err();
     assert_eq!(error.kind, DiskErrorKind::Failed);
     assert!(error.text.contains("removed"), "{error}");
 }
@@ -203,7 +203,7 @@ fn the_thread_answers_and_wakes() {
     let folder = tempfile::tempdir().unwrap();
     let mut disk = Disk::start(place(&folder)).unwrap();
     assert!(disk.outcome().unwrap().is_none());
-    disk.perform(Action::Open { index: 0 }).unwrap();
+    disk.perform(FileAction::Open { index: 0 }).unwrap();
     assert!(disk.is_busy());
     let mut ready = [rustix::event::PollFd::new(
         &disk,

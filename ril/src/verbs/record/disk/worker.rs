@@ -5,7 +5,7 @@ use std::io::{self, Write};
 use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-use recording::{Action, DiskError, DiskErrorKind, Part};
+use recording::{DiskError, DiskErrorKind, FileAction, Part};
 use status::log::config::LogLimits;
 use status::log::file_name::Series;
 use status::log::retention::Retention;
@@ -89,7 +89,7 @@ impl<S: Store<File: RecordFile>> Worker<S> {
     }
 
     /// Carries out an action.
-    pub(super) fn perform(&mut self, action: Action) -> ActionResult {
+    pub(super) fn perform(&mut self, action: FileAction) -> ActionResult {
         let result = self.act(action);
         ActionResult {
             result,
@@ -97,19 +97,19 @@ impl<S: Store<File: RecordFile>> Worker<S> {
         }
     }
 
-    fn act(&mut self, action: Action) -> Result<(), DiskError> {
-        if let Action::Close { is_whole, messages } = action {
+    fn act(&mut self, action: FileAction) -> Result<(), DiskError> {
+        if let FileAction::Close { is_whole, messages } = action {
             self.close(is_whole, messages);
             return Ok(());
         }
         let folder = self.place.folder.clone();
-        if let Action::Open { .. } = action {
+        if let FileAction::Open { .. } = action {
             let prepared = self.store.prepare(&folder);
             prepared.map_err(|error| failed(&folder, &error))?;
             self.check_free_space()?;
             return self.open(&folder).map_err(|error| failed(&folder, &error));
         }
-        if let Action::Write { .. } = action {
+        if let FileAction::Write { .. } = action {
             self.check_free_space()?;
         }
         let Some(open) = &mut self.file else {
@@ -208,20 +208,20 @@ impl<F: RecordFile> CurrentFile<F> {
         }
     }
 
-    fn act(&mut self, action: Action, folder: &Path) -> io::Result<()> {
+    fn act(&mut self, action: FileAction, folder: &Path) -> io::Result<()> {
         match action {
-            Action::Write { parts } => {
+            FileAction::Write { parts } => {
                 self.check_length()?;
                 for Part { at, bytes } in parts {
                     self.file.write_at(&bytes, at)?;
                     self.bytes = self.bytes.max(at.saturating_add(bytes.len() as u64));
                 }
             }
-            Action::Truncate { len } => {
+            FileAction::Truncate { len } => {
                 self.file.truncate(len)?;
                 self.bytes = len;
             }
-            Action::Sync => {
+            FileAction::Sync => {
                 self.check_length()?;
                 self.file.sync()?;
                 if !self.is_named {
@@ -230,14 +230,14 @@ impl<F: RecordFile> CurrentFile<F> {
                     self.is_named = true;
                 }
             }
-            Action::Open { .. } | Action::Close { .. } => {}
+            FileAction::Open { .. } | FileAction::Close { .. } => {}
         }
         Ok(())
     }
 }
 
 /// Writes the layout of viewers if there is none. A recording without it is as good, so that an error is no failure.
-fn write_layout(folder: &Path, layout: &Layout) {
+fn write_layout(folder: &Path, layout: &ViewerLayout) {
     let mut options = File::options();
     let options = options.write(true).create_new(true).mode(MODE);
     let written = options
@@ -308,12 +308,12 @@ pub(in super::super) struct RecordFolder {
     /// How much they may take.
     pub limits: LogLimits,
     /// What viewers show the files with.
-    pub layout: Layout,
+    pub layout: ViewerLayout,
 }
 
 /// A file beside the recordings that Foxglove and Lichtblick import.
 #[derive(Clone, Debug)]
-pub(in super::super) struct Layout {
+pub(in super::super) struct ViewerLayout {
     /// Its name.
     pub name: String,
     /// What it has.

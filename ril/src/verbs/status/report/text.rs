@@ -7,7 +7,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{ModuleId, ModuleStatus};
 use ipc_types::module::State;
 use ipc_types::payload::{DspErrorCounters, LinkHealth, ModuleState, MovementState, SafetyState};
-use runtime::duration::Shown;
+use runtime::duration::DurationText;
 
 use super::{StateReport, UNREADABLE, implausible, known_dsp_errors, pc_timeout_supported};
 use crate::render::fields::{Selection, Tree};
@@ -184,7 +184,7 @@ impl StateReport {
         };
         let since_ns = Some(link.state_since_ns).filter(|since_ns| *since_ns > 0);
         let since = match since_ns.and_then(|ns| age_ms(MonotonicNs(ns), self.now)) {
-            Some(ms) => format!("for {}", Shown(Duration::from_millis(ms))),
+            Some(ms) => format!("for {}", DurationText(Duration::from_millis(ms))),
             None => "since an unknown time".to_owned(),
         };
         let delivery = match link.delivery_verified {

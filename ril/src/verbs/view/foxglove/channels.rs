@@ -15,7 +15,7 @@ use crate::render::stamps::StampReader;
 use crate::robot::clock::Clocks;
 
 /// A topic that is offered.
-struct Topic {
+struct OfferedTopic {
     schema: Schema,
     /// Of the schema, as its provider has laid it down.
     text: String,
@@ -33,7 +33,7 @@ struct RobotTopics {
     /// What [`Ipc::generations`] was at the last look; `None` before the first, and when something is to be looked at again.
     seen: Option<u32>,
     /// By key.
-    topics: BTreeMap<String, Topic>,
+    topics: BTreeMap<String, OfferedTopic>,
 }
 
 /// See the module's documentation.
@@ -139,7 +139,7 @@ impl RobotTopics {
             tracing::warn!(key = facts.key, "not offered: there are too many topics");
             return true;
         };
-        let topic = Topic {
+        let topic = OfferedTopic {
             stamps: StampReader::of(&facts.schema),
             schema: facts.schema,
             text: facts.text,

@@ -21,7 +21,7 @@ use crate::robot::clock::Clocks;
 use crate::robot::geo::Place;
 use crate::robot::history::EventLine;
 use crate::robot::model::{Process, WatchedRobot};
-use crate::verbs::view::fleet::Shown;
+use crate::verbs::view::fleet::ShownRobot;
 use crate::verbs::view::messages;
 
 /// How often conditions are sent although they did not change: all robots share the topic, and a client that comes later gets its
@@ -42,17 +42,17 @@ struct RobotTopics {
     of_telemetry: Vec<(ViewerMessage, ChannelId)>,
     /// `None` while no client wants what is made of it.
     telemetry: Option<Subscriber<HeroTelemetry>>,
-    diagnostics: Topic<Vec<Diagnostic>>,
+    diagnostics: DerivedTopic<Vec<Diagnostic>>,
     conditions: Diagnostics,
-    chart: Topic<page::Chart>,
-    track: Topic<Vec<Place>>,
+    chart: DerivedTopic<page::Chart>,
+    track: DerivedTopic<Vec<Place>>,
     log: Option<ChannelId>,
     /// Lines of the robot's journal that were sent.
     said_lines: u64,
 }
 
 /// A topic that says one thing, when it changes.
-struct Topic<T> {
+struct DerivedTopic<T> {
     channel: Option<ChannelId>,
     /// The last sample and its time; `None` while no client subscribes.
     said: Option<(T, MonotonicNs)>,
@@ -60,7 +60,7 @@ struct Topic<T> {
 
 impl Derived {
     /// Offers the topics of a robot, and sends what is new of those that a client wants.
-    pub fn drain(&mut self, shown: &Shown, server: &mut Server, clock: Clocks) {
+    pub fn drain(&mut self, shown: &ShownRobot, server: &mut Server, clock: Clocks) {
         let robot = shown.robot.id;
         let topics = self.robots.entry(robot);
         let topics = topics.or_insert_with(|| RobotTopics::offer(robot, server));
@@ -80,10 +80,10 @@ impl RobotTopics {
                 .filter_map(|one| Some((one, offer(one.topic(robot), one.type_name())?)))
                 .collect(),
             telemetry: None,
-            diagnostics: Topic::new(offer("/diagnostics".to_owned(), DIAGNOSTIC_ARRAY)),
+            diagnostics: DerivedTopic::new(offer("/diagnostics".to_owned(), DIAGNOSTIC_ARRAY)),
             conditions: Diagnostics::default(),
-            chart: Topic::new(offer(topic(robot, "chart"), GEO_JSON)),
-            track: Topic::new(offer(topic(robot, "track"), GEO_JSON)),
+            chart: DerivedTopic::new(offer(topic(robot, "chart"), GEO_JSON)),
+            track: DerivedTopic::new(offer(topic(robot, "track"), GEO_JSON)),
             log: offer(topic(robot, "log"), Log::TYPE_NAME),
             said_lines: 0,
         }
@@ -141,7 +141,7 @@ impl RobotTopics {
     }
 
     /// Fence, path and home, and the track.
-    fn map(&mut self, shown: &Shown, server: &mut Server, clock: Clocks) {
+    fn map(&mut self, shown: &ShownRobot, server: &mut Server, clock: Clocks) {
         if let Some(channel) = self.chart.wanted(server) {
             let chart = messages::chart(&shown.robot, shown.ports.outline());
             if self.chart.is_new(&chart) {
@@ -184,10 +184,10 @@ impl RobotTopics {
     }
 }
 
-impl<T: PartialEq> Topic<T> {
-    fn new(channel: Option<ChannelId>) -> Topic<T> {
+impl<T: PartialEq> DerivedTopic<T> {
+    fn new(channel: Option<ChannelId>) -> DerivedTopic<T> {
         let said = None;
-        Topic { channel, said }
+        DerivedTopic { channel, said }
     }
 
     /// The channel if a client subscribes to it. If none does, the last sample is forgotten, so that the next subscriber gets it again.

@@ -16,7 +16,7 @@ pub(super) struct Diagnostics {
 
 impl Diagnostics {
     /// The conditions of `robot`: what it does, and each alarm. `is_fresh` says whether its bridge's state is of the present.
-    pub fn take(&mut self, robot: &page::Robot, is_fresh: bool) -> Vec<Diagnostic> {
+    pub fn take(&mut self, robot: &page::RobotStatus, is_fresh: bool) -> Vec<Diagnostic> {
         let hardware = format!("robot{}", robot.robot);
         let condition = |name: &str, level, message: &str| Diagnostic {
             level,

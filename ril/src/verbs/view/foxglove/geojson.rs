@@ -85,7 +85,7 @@ mod tests {
     fn fence_path_and_home_are_features_with_longitude_first() {
         let text = chart(&page::Chart {
             robot: 1,
-            source: page::Source::Bridge,
+            source: page::ChartSource::Bridge,
             number: 3,
             fence: vec![page::Area {
                 name: "field".to_owned(),

@@ -17,7 +17,7 @@ use crate::request::{Exchange, Next, Outcome, Until};
 use crate::robot::changes::Weight;
 use crate::robot::freshness::Freshness;
 use crate::robot::model::Process;
-use crate::verbs::view::fleet::{Fleet, Shown};
+use crate::verbs::view::fleet::{Fleet, ShownRobot};
 
 /// A robot's cache, and its bridge.
 #[derive(Default)]
@@ -86,7 +86,7 @@ impl Parameters {
 }
 
 impl OfRobot {
-    fn take(&mut self, shown: &mut Shown, server: &mut Server, now: MonotonicNs) {
+    fn take(&mut self, shown: &mut ShownRobot, server: &mut Server, now: MonotonicNs) {
         let Some(client) = &mut self.client else {
             return;
         };
@@ -129,7 +129,7 @@ impl OfRobot {
     }
 
     /// Forgets all that is known of a bridge that is gone: another one may have other ports, and their values are not known.
-    fn follow(&mut self, shown: &Shown, server: &mut Server, now: MonotonicNs) {
+    fn follow(&mut self, shown: &ShownRobot, server: &mut Server, now: MonotonicNs) {
         let bridge = shown.robot.process(Process::Bridge, now);
         let is_gone = matches!(bridge, Freshness::Absent | Freshness::Gone(_));
         let state = shown.robot.state.as_ref().filter(|_| !is_gone);
@@ -144,7 +144,7 @@ impl OfRobot {
         }
     }
 
-    fn ask(&mut self, shown: &Shown, config: &RequestConfig, now: MonotonicNs) {
+    fn ask(&mut self, shown: &ShownRobot, config: &RequestConfig, now: MonotonicNs) {
         if self.epoch_ns.is_none() || self.asked.is_some() {
             return;
         }
@@ -166,7 +166,7 @@ impl OfRobot {
         self.asked = Some((ask, exchange));
     }
 
-    fn send(&mut self, shown: &Shown, request: &ParameterRequest) -> Result<(), String> {
+    fn send(&mut self, shown: &ShownRobot, request: &ParameterRequest) -> Result<(), String> {
         if self.client.is_none() {
             self.client = Some(
                 shown
@@ -195,7 +195,7 @@ fn say(robot: &RobotId, cache: &Cache, port: usize, server: &mut Server) {
 
 /// Writes into the log and the robot's journal what became of a value that a client has set.
 fn note(
-    shown: &mut Shown,
+    shown: &mut ShownRobot,
     name: &str,
     value: f64,
     from: &str,

@@ -48,14 +48,14 @@ pub(super) enum Ask {
 
 /// What is known of a port.
 #[derive(Clone, Debug, PartialEq)]
-struct Port {
+struct PortValue {
     info: PortInfo,
     value: Option<f64>,
 }
 
 /// What is done while no parameter is to be set.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-enum Step {
+enum QueryStep {
     List(u32),
     Read(usize),
     #[default]
@@ -65,8 +65,8 @@ enum Step {
 /// See the module's documentation.
 #[derive(Debug, Default)]
 pub(super) struct Cache {
-    ports: Vec<Port>,
-    step: Step,
+    ports: Vec<PortValue>,
+    step: QueryStep,
     /// No question to the bridge before this moment.
     due: MonotonicNs,
     writes: VecDeque<Ask>,
@@ -81,16 +81,16 @@ impl Cache {
         if now < self.due {
             return None;
         }
-        if self.step == Step::Rest {
+        if self.step == QueryStep::Rest {
             self.step = match self.ports.is_empty() {
-                true => Step::List(0),
-                false => Step::Read(0),
+                true => QueryStep::List(0),
+                false => QueryStep::Read(0),
             };
         }
         match self.step {
-            Step::List(index) => Some(Ask::List(index)),
-            Step::Read(port) => Some(Ask::Read(port)),
-            Step::Rest => None,
+            QueryStep::List(index) => Some(Ask::List(index)),
+            QueryStep::Read(port) => Some(Ask::Read(port)),
+            QueryStep::Rest => None,
         }
     }
 
@@ -103,22 +103,22 @@ impl Cache {
                 None
             }
             Ask::List(index) => {
-                self.ports.push(Port {
+                self.ports.push(PortValue {
                     info: report.port,
                     value: None,
                 });
                 let next = index + 1;
                 self.step = match next < report.port.count.min(MAX_PORTS) {
-                    true => Step::List(next),
-                    false => Step::Read(0),
+                    true => QueryStep::List(next),
+                    false => QueryStep::Read(0),
                 };
                 None
             }
             Ask::Read(port) => {
                 self.set(*port, report.value().filter(|_| is_done));
-                self.step = Step::Read(port + 1);
+                self.step = QueryStep::Read(port + 1);
                 if port + 1 == self.ports.len() {
-                    (self.step, self.due) = (Step::Rest, now + REST);
+                    (self.step, self.due) = (QueryStep::Rest, now + REST);
                 }
                 Some(*port)
             }
@@ -134,7 +134,7 @@ impl Cache {
     /// The bridge did not answer, or takes no questions.
     pub fn no_answer(&mut self, now: MonotonicNs) {
         self.due = now + RETRY;
-        if let Step::List(_) = self.step {
+        if let QueryStep::List(_) = self.step {
             *self = Cache {
                 due: self.due,
                 ..Cache::default()

@@ -7,7 +7,7 @@ use ipc_types::MonotonicNs;
 use serde::Deserialize;
 use serde_json::json;
 use view::page::{OrderKind, OrderReport, OrderRequest, OrderStage};
-use view::{Call, Server, Service};
+use view::{Call, OfferedService, Server};
 
 use crate::config::RequestConfig;
 use crate::verbs::view::fleet::Fleet;
@@ -78,7 +78,8 @@ impl Services {
     /// Offers the services of these robots.
     pub fn offer(&mut self, robots: Vec<u32>, server: &mut Server) {
         if self.offered != robots {
-            let services: Vec<Service> = robots.iter().flat_map(|robot| of_robot(*robot)).collect();
+            let services: Vec<OfferedService> =
+                robots.iter().flat_map(|robot| of_robot(*robot)).collect();
             server.services(&services);
             self.offered = robots;
         }
@@ -183,8 +184,8 @@ fn may_order(kind: OrderKind, is_commanded: bool) -> bool {
     matches!(kind, OrderKind::Hold | OrderKind::Land) || !is_commanded
 }
 
-fn of_robot(robot: u32) -> impl Iterator<Item = Service> {
-    SERVICES.iter().map(move |(name, _, properties, required)| Service {
+fn of_robot(robot: u32) -> impl Iterator<Item = OfferedService> {
+    SERVICES.iter().map(move |(name, _, properties, required)| OfferedService {
         name: service_name(robot, name),
         kind: format!("ril/{name}"),
         request: format!(

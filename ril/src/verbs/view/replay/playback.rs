@@ -8,13 +8,13 @@ use ipc_types::MonotonicNs;
 use recording::play::Playhead;
 use recording::read::RecordedMessage;
 use runtime::exit::Failure;
-use view::page::{Replay, ReplayAction, ReplayInfo, ReplayRequest};
+use view::page::{ReplayAction, ReplayInfo, ReplayRequest, ReplayStatus};
 use view::{ChannelId, Server, ViewerId};
 
 use super::super::messages;
-use super::super::speaker::{Seen, Speaker};
+use super::super::speaker::{Speaker, SpokenRobot};
 use super::recording::Recording;
-use super::topics::{Found, Topics};
+use super::topics::{FileChannels, ReplayTopics};
 
 /// Time between two jumps: each sends the last minutes anew, and a hand that draws the scrubber asks for dozens in a second.
 const JUMP_PERIOD: Duration = Duration::from_millis(200);
@@ -26,8 +26,8 @@ const SAY_PERIOD: Duration = Duration::from_secs(1);
 pub(in super::super) struct Playback {
     recording: Recording,
     head: Playhead,
-    found: Option<Found>,
-    topics: Topics,
+    found: Option<FileChannels>,
+    topics: ReplayTopics,
     /// Whether a viewer has come or wanted something so far: when the first page comes, it begins to play.
     has_begun: bool,
     /// Where to jump to.
@@ -47,13 +47,13 @@ impl Playback {
     ///
     /// Code 2 when the file cannot be read or is no recording.
     pub fn open(path: &Path) -> Result<(Playback, ReplayInfo), Failure> {
-        let mut found = Found::default();
+        let mut found = FileChannels::default();
         let (recording, info) = Recording::open(path, |message| found.take(message))?;
         let playback = Playback {
             head: Playhead::new(recording.length()),
             recording,
             found: Some(found),
-            topics: Topics::default(),
+            topics: ReplayTopics::default(),
             has_begun: false,
             jump: None,
             jumped_at: MonotonicNs(0),
@@ -68,7 +68,7 @@ impl Playback {
     pub fn offer(&mut self, server: &mut Server) {
         server.set_robots(vec![self.recording.robot().get()]);
         if let Some(found) = self.found.take() {
-            self.topics = Topics::offer(found, server);
+            self.topics = ReplayTopics::offer(found, server);
         }
     }
 
@@ -200,7 +200,7 @@ impl Playback {
 
     /// Says where it is.
     fn say(&mut self, server: &mut Server, now: MonotonicNs) {
-        let replay = Replay {
+        let replay = ReplayStatus {
             position_s: self.head.position(now).as_secs_f64(),
             playing: self.head.is_playing(now),
             speed: self.head.speed(),
@@ -209,9 +209,9 @@ impl Playback {
         (self.has_changed, self.said_at) = (false, now);
     }
 
-    fn seen(&self, has_news: bool) -> Seen<'_> {
+    fn seen(&self, has_news: bool) -> SpokenRobot<'_> {
         let played = self.recording.played();
-        Seen {
+        SpokenRobot {
             robot: &played.robot,
             outline: played.outline(),
             has_news,

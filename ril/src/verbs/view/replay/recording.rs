@@ -28,7 +28,7 @@ const FIRST_SPACING: Duration = Duration::from_secs(10);
 const MAX_DAMAGE: usize = 20;
 
 /// What was done last.
-enum Step<'a> {
+enum PlayStep<'a> {
     Took(&'a RecordedMessage),
     Looked,
     /// No message and no look is left before the wanted moment.
@@ -36,7 +36,7 @@ enum Step<'a> {
 }
 
 /// A robot that is kept.
-struct Kept {
+struct KeptRobot {
     at: MonotonicNs,
     played: PlayedRobot,
     mark: FlightMark,
@@ -54,7 +54,7 @@ pub(super) struct Recording {
     played: PlayedRobot,
     /// Until when all was taken.
     now: MonotonicNs,
-    kept: Vec<Kept>,
+    kept: Vec<KeptRobot>,
     begin: MonotonicNs,
     end: MonotonicNs,
     /// Why parts of the file cannot be read, and when; `None` once that is known. Each damaged place is met again at each pass.
@@ -122,9 +122,9 @@ impl Recording {
             // The replay ends with the last message.
             while self.pending.is_some() {
                 match self.step(keep_at) {
-                    Step::Took(message) => seen(message),
-                    Step::Looked => course.take(&self.played, self.now),
-                    Step::Done => break,
+                    PlayStep::Took(message) => seen(message),
+                    PlayStep::Looked => course.take(&self.played, self.now),
+                    PlayStep::Done => break,
                 }
             }
         }
@@ -145,7 +145,7 @@ impl Recording {
             });
             *spacing *= 2;
         }
-        self.kept.push(Kept {
+        self.kept.push(KeptRobot {
             at,
             played: self.played.clone(),
             mark: self.mark,
@@ -170,7 +170,7 @@ impl Recording {
     }
 
     /// Does what comes next until the moment `until`.
-    fn step(&mut self, until: MonotonicNs) -> Step<'_> {
+    fn step(&mut self, until: MonotonicNs) -> PlayStep<'_> {
         let look = self.played.deadline().filter(|look| *look <= until);
         let next = self.pending.as_ref().map(|(at, _)| *at);
         let next = next.filter(|at| *at <= until && look.is_none_or(|look| *at <= look));
@@ -181,15 +181,15 @@ impl Recording {
             self.end = self.end.max(at);
             self.played.take(&message, at);
             self.read();
-            return Step::Took(self.taken.insert(message));
+            return PlayStep::Took(self.taken.insert(message));
         }
         if let Some(look) = look {
             self.now = look;
             self.played.look(look);
-            return Step::Looked;
+            return PlayStep::Looked;
         }
         self.now = self.now.max(until);
-        Step::Done
+        PlayStep::Done
     }
 
     /// Goes to a position, and lets `seen` see the messages on the way, which may begin anywhere before if it does not go on from here.
@@ -220,7 +220,7 @@ impl Recording {
     }
 
     fn restore(&mut self, kept: usize) {
-        let Kept { at, played, mark } = &self.kept[kept];
+        let KeptRobot { at, played, mark } = &self.kept[kept];
         self.played = played.clone();
         self.now = *at;
         self.stream.go_to(*mark);
@@ -230,9 +230,9 @@ impl Recording {
     fn run(&mut self, until: MonotonicNs, mut seen: impl FnMut(&RecordedMessage)) {
         loop {
             match self.step(until) {
-                Step::Took(message) => seen(message),
-                Step::Looked => {}
-                Step::Done => break,
+                PlayStep::Took(message) => seen(message),
+                PlayStep::Looked => {}
+                PlayStep::Done => break,
             }
         }
     }

@@ -1,4 +1,4 @@
-//! [`Topics`]: the recorded topics for Foxglove clients, with the bytes and times of the file.
+//! [`ReplayTopics`]: the recorded topics for Foxglove clients, with the bytes and times of the file.
 
 use std::collections::BTreeMap;
 
@@ -10,9 +10,9 @@ const MAX_TOPICS: usize = recording::MAX_CHANNELS;
 
 /// The topics of a file, by name. A topic whose layout changes is offered with the first one.
 #[derive(Default)]
-pub(super) struct Found(BTreeMap<String, Channel>);
+pub(super) struct FileChannels(BTreeMap<String, Channel>);
 
-impl Found {
+impl FileChannels {
     pub fn take(&mut self, message: &RecordedMessage) {
         if self.0.contains_key(message.topic()) || self.0.len() == MAX_TOPICS {
             return;
@@ -30,15 +30,15 @@ impl Found {
 
 /// See the module's documentation.
 #[derive(Default)]
-pub(super) struct Topics(BTreeMap<String, ChannelId>);
+pub(super) struct ReplayTopics(BTreeMap<String, ChannelId>);
 
-impl Topics {
-    pub fn offer(found: Found, server: &mut Server) -> Topics {
+impl ReplayTopics {
+    pub fn offer(found: FileChannels, server: &mut Server) -> ReplayTopics {
         let offered = found.0.into_iter().filter_map(|(topic, channel)| {
             let id = server.channel(channel)?;
             Some((topic, id))
         });
-        Topics(offered.collect())
+        ReplayTopics(offered.collect())
     }
 
     /// Whether a client wants the message; its channel.

@@ -12,7 +12,7 @@ use crate::view_setup::config::TlsConfig;
 pub(in super::super) enum Tls {}
 
 /// There is none.
-pub(in super::super) enum Session {}
+pub(in super::super) enum TlsSession {}
 
 impl Tls {
     pub fn load(_config: &TlsConfig) -> Result<Tls, Failure> {
@@ -22,12 +22,12 @@ impl Tls {
         ))
     }
 
-    pub fn session(&self) -> io::Result<Session> {
+    pub fn session(&self) -> io::Result<TlsSession> {
         match *self {}
     }
 }
 
-impl Session {
+impl TlsSession {
     pub fn read(&mut self, _stream: &mut TcpStream, _plain: &mut Vec<u8>) -> io::Result<bool> {
         match *self {}
     }

@@ -1,4 +1,4 @@
-//! [`Tls`] and [`Session`]: rustls with the cryptography of ring, which the relay has, too. Nothing here blocks.
+//! [`Tls`] and [`TlsSession`]: rustls with the cryptography of ring, which the relay has, too. Nothing here blocks.
 
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Read, Write};
@@ -18,7 +18,7 @@ use crate::view_setup::config::TlsConfig;
 pub(in super::super) struct Tls(Arc<ServerConfig>);
 
 /// TLS of one connection.
-pub(in super::super) struct Session(Box<ServerConnection>);
+pub(in super::super) struct TlsSession(Box<ServerConnection>);
 
 impl Tls {
     /// Reads the certificates and the key.
@@ -46,13 +46,13 @@ impl Tls {
     }
 
     /// For a connection that begins.
-    pub fn session(&self) -> io::Result<Session> {
+    pub fn session(&self) -> io::Result<TlsSession> {
         let connection = ServerConnection::new(self.0.clone()).map_err(io::Error::other)?;
-        Ok(Session(Box::new(connection)))
+        Ok(TlsSession(Box::new(connection)))
     }
 }
 
-impl Session {
+impl TlsSession {
     /// Reads what has come, and puts what it means into `plain`. False at the end.
     pub fn read(&mut self, stream: &mut TcpStream, plain: &mut Vec<u8>) -> io::Result<bool> {
         plain.clear();
