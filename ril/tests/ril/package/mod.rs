@@ -5,6 +5,7 @@
 mod completion;
 mod manual;
 mod units;
+mod upgrade;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
