@@ -19,6 +19,7 @@ pub mod namespaces;
 pub mod outcome;
 pub mod plan;
 pub mod port;
+pub mod power_cut;
 pub mod records;
 pub mod site;
 pub mod starts;

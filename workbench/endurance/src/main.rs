@@ -82,6 +82,8 @@ enum What {
     Full,
     /// Another user makes very many files (200000) in shared memory
     ForeignFiles,
+    /// Power cuts: all states, or so many of them, in which one leaves records, logs and what is kept
+    PowerCut,
     /// Processes (2000) are stopped while they start
     Joiners,
     /// Process numbers (of 600 consumers), clocks and mounts of containers
@@ -177,6 +179,10 @@ fn measure(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool, mut show: impl F
             show(foreign_files::run(&site(), plan));
             namespaces::other_users(&site()).into_iter().for_each(show);
         }
+        What::PowerCut => match power_cut::run(&site(), plan, goes_on) {
+            Ok(outcome) => show(outcome),
+            Err(reason) => eprintln!("SKIPPED: {reason}"),
+        },
         What::Joiners => show(joiners::run(&site(), plan, goes_on)),
         What::Namespaces => {
             let numbers = namespaces::same_numbers(&site(), plan, goes_on);

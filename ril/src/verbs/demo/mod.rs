@@ -150,10 +150,14 @@ fn folder(args: &DemoArgs) -> Result<PathBuf, Failure> {
         .folder
         .clone()
         .unwrap_or_else(|| std::env::temp_dir().join(format!("hero-demo-{}", std::process::id())));
-    fs::create_dir_all(&folder).or_fail_with(
-        ExitCode::Usage,
-        format!("the folder {} cannot be made", folder.display()),
-    )?;
+    fs::create_dir_all(&folder)
+        .or_fail_with(
+            ExitCode::Usage,
+            format!("the folder {} cannot be made", folder.display()),
+        )
+        .map_err(|failure| {
+            failure.with_next_step("name one with --folder, which keeps the files")
+        })?;
     folder.canonicalize().or_fail_with(
         ExitCode::Usage,
         format!("the folder {} cannot be used", folder.display()),

@@ -6,6 +6,7 @@ mod build;
 mod completion;
 mod manual;
 mod units;
+mod upgrade;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

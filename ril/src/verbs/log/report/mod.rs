@@ -236,6 +236,7 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 
 fn unwritten(path: &Path, error: &io::Error) -> Failure {
     Failure::usage(format!("{} cannot be written: {error}", path.display()))
+        .with_next_step("name another place with --output")
 }
 
 /// Says what was written.
