@@ -356,7 +356,7 @@ fn both() -> Vec<(Fault, &'static str)> {
         (TakesLowWaypoints, "8.4-too-low"),
         (ReachedStays, "8.4-reached"),
         (NoTimeout, "8.8-pc-timeout"),
-        (TimeoutFactor(0.9), "8.8-pc-timeout"),
+        (TimeoutFactor(0.8), "8.8-pc-timeout"),
         (TimeoutFactor(2.0), "8.8-pc-timeout"),
         (TimeoutIgnoresReads, "8.8-sign-of-life"),
         (TimeoutIgnoresWaypoints, "8.8-waypoint-sign-of-life"),

@@ -91,18 +91,17 @@ fn a_replay_leaves_a_helicopter_alone_that_flies_or_of_which_it_does_not_know() 
             Profile::Classic => &[0xF0, 0x01],
             Profile::Extended => &[0xB3, 0x07, 0x70],
         };
-        let mut flying = in_a_climb(profile);
         for may_move in [false, true] {
-            let (ended, sent) = after_a_look(&mut flying, profile, may_move);
+            let (ended, sent) = after_a_look(&mut in_a_climb(profile), profile, may_move);
             assert_eq!(ended, Some(Ended::Flies));
             assert!(!holds(&sent, first), "{sent:02X?}");
         }
-        let mut silent = Dsp::new(profile, 115_200, Fault::SendsNoStatus);
-        let (ended, sent) = after_a_look(&mut silent, profile, false);
+        let without_status = || Dsp::new(profile, 115_200, Fault::SendsNoStatus);
+        let (ended, sent) = after_a_look(&mut without_status(), profile, false);
         assert_eq!(ended, Some(Ended::NoStatus));
         assert!(!holds(&sent, first), "{sent:02X?}");
         // Its rotor is disconnected.
-        let (ended, sent) = after_a_look(&mut silent, profile, true);
+        let (ended, sent) = after_a_look(&mut without_status(), profile, true);
         assert_eq!(ended, None);
         assert!(holds(&sent, first), "{sent:02X?}");
     }

@@ -91,6 +91,7 @@ fn a_dsp_without_status_is_left_alone_unless_its_rotor_is_disconnected() {
         let played = play(&mut peer, settings.clone());
         assert_eq!(played.report.ended_early, Some(Ended::NoStatus));
         settings.proof = everything(profile, 115_200).proof;
+        let mut peer = Dsp::new(profile, 115_200, Fault::SendsNoStatus);
         let played = play(&mut peer, settings);
         assert_eq!(played.report.ended_early, None);
     }

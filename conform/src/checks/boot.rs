@@ -237,6 +237,8 @@ fn before_start_up() -> Check {
             ensure(reads == 0, || {
                 format!("10121 reads {reads} after a take-off that should have been refused")
             })?;
+            // Three flow control periods.
+            bench.sleep(Duration::from_millis(300)).await;
             let seen = bench.since(mark);
             let flows = seen.iter().filter_map(Arrival::flow);
             ensure(flows.count() == 0, || {

@@ -166,7 +166,7 @@ fn of_a_take_off() -> Vec<Check> {
     let observed = Observed::<TakeOff>::default();
     let check = |id: &str, sentence: &str, expects: &str, judge: fn(&TakeOff) -> Judged| {
         let observed = observed.clone();
-        let sends = "following on, a height of 3 m, 0.5 m/s, a flow control period of 1 s, 1 to 10121; during the take-off 10121 and 10122 again, a waypoint and invalidate path, and reads of 10121 until flow control 1";
+        let sends = "following on, a height of 3 m, 0.5 m/s, a flow control period of 0.85 s, 1 to 10121; during the take-off 10121 and 10122 again, a waypoint and invalidate path, and reads of 10121 until flow control 1";
         Check::moving(
             Place::Ground,
             id,
@@ -262,7 +262,7 @@ async fn observe_take_off(bench: &Bench, proof: RotorDisconnected) -> Judged<Tak
     let ground = position(bench).await.ok();
     set_height(bench).await?;
     slow_climb(bench).await?;
-    let write_period = Harmless::write_16(QuietPort16::FlowControlPeriod, 1_000);
+    let write_period = Harmless::write_16(QuietPort16::FlowControlPeriod, 850);
     bench.ask(write_period).await?;
     bench.set_period(50).await?;
     let mut facts = TakeOff::default();
