@@ -129,7 +129,7 @@ pub fn run(command: RelayCommand) -> Result<(), Failure> {
             if !WallClock::look().was_set() {
                 let reason = "the clock of this machine was never set: the certificates would hold in the past";
                 return Err(Failure::new(ExitCode::NotInOrder, reason)
-                    .with_next_step("set it, such as by `sudo date --set '2026-11-26 18:00'`, and repeat the command"));
+                    .with_next_step("set it, such as by `sudo date --set 'YYYY-MM-DD hh:mm'`, and repeat the command"));
             }
             let text = certify(&args, SystemTime::now().into())?;
             let written = std::io::stdout().write_all(text.as_bytes());

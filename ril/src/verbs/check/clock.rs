@@ -26,7 +26,7 @@ pub(super) fn diagnose(facts: &ClockFacts) -> Finding {
         Finding::warning(
             ID,
             format!("the clock was never set: {now} is before this program was installed"),
-            "set it: connect a network that has the time, or `sudo date --set '2026-11-26 18:00'`; until then files have wrong names and times, \
+            "set it: connect a network that has the time, or `sudo date --set 'YYYY-MM-DD hh:mm'`; until then files have wrong names and times, \
              and no certificate of other machines is taken",
         )
     } else if facts.is_synchronized {
