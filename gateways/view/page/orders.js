@@ -55,12 +55,10 @@ export class OrderBook {
     }
   }
 
-  /** The server was started again: it does not know the orders of before. @param {number} at */
-  forgotten(at) {
+  /** No reports come of what goes on, for this reason. Those that come again say how it goes on. @param {string} why @param {number} at */
+  unheard(why, at) {
     for (const entry of this.entries) {
-      if (entry.final) continue;
-      const text = "the server was started again; see what the robot does";
-      Object.assign(entry, { stage: "unknown", text, final: true, changed: at });
+      if (!entry.final) Object.assign(entry, { stage: "unknown", text: `${why}; see what the robot does`, final: true, changed: at });
     }
   }
 
@@ -75,8 +73,8 @@ export class OrderBook {
   /** @param {string} order @param {Partial<Entry>} change */
   #change(order, change) {
     const entry = this.entries.find((known) => known.order === order);
-    // A final report is the last word; one that comes later is an echo.
-    if (entry && !entry.final) Object.assign(entry, change);
+    // A final report is the last word; one that comes later is an echo. What became of an unknown one can still be told.
+    if (entry && (!entry.final || entry.stage === "unknown")) Object.assign(entry, change);
     return entry !== undefined;
   }
 }
