@@ -185,7 +185,7 @@ export class StandIn {
         page.robot = this.how.robots.includes(message.robot) ? message.robot : this.how.robots[0];
         if (!this.pages.has(page)) {
           this.pages.add(page);
-          this.send(page, { type: "hello", protocol: "hero.view.v1", build: this.build, instance: this.instance, role: this.how.role, robots: this.how.robots, replay: replay ? this.info() : null, tiles: this.how.tiles ?? null, stale_after_ms: 1500 });
+          this.send(page, { type: "hello", protocol: "hero.view.v1", build: this.build, instance: this.instance, role: this.how.role, robots: this.how.robots, replay: replay ? this.info() : null, report: replay, tiles: this.how.tiles ?? null, stale_after_ms: 1500 });
         }
         return this.welcome(page);
       case "ping":

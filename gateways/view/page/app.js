@@ -198,7 +198,7 @@ function answer() {
   if (model.now && model.now.n !== seen && link.send({ type: "seen", n: model.now.n })) seen = model.now.n;
   if (!isAlive) return;
   isAlive = false;
-  picture.restart();
+  picture.restart(performance.now());
 }
 
 /** What is renewed once a second: plots, and the words for screen readers. @param {number} at @param {string} freshness */
@@ -224,7 +224,7 @@ function tick() {
   const at = performance.now();
   const gap = contact.tick(at, Date.now());
   if (document.visibilityState !== "visible") return;
-  hands.restart();
+  hands.restart(at);
   if (gap) {
     ages.gap();
     contact.wake(ping());

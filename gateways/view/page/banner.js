@@ -101,11 +101,15 @@ function drawLast(model, heardUnixMs) {
   byId("cover-last").replaceChildren(...rows.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));
 }
 
+/** Each restart costs the browser a further frame, so not every picture is one. By so much the cover comes earlier. */
+const RESTART_MS = 200;
+
 /** The animations that end in a cover unless the page goes on. */
 export class DeadMan {
   /** @param {string} id */
   constructor(id) {
     this.node = byId(id);
+    this.restarted = -Infinity;
   }
 
   /** Ends in the cover after so long. @param {number} ms */
@@ -113,8 +117,10 @@ export class DeadMan {
     this.node.style.animationDuration = `${ms}ms`;
   }
 
-  /** Begins anew. */
-  restart() {
+  /** Begins anew. @param {number} at ms */
+  restart(at) {
+    if (at - this.restarted < RESTART_MS) return;
+    this.restarted = at;
     const [animation] = this.node.getAnimations();
     if (!animation) return;
     animation.currentTime = 0;

@@ -209,7 +209,7 @@ test("reports follow their order to its end", () => {
   assert.equal(book.entries.length, 20);
 });
 
-const HELLO = { type: "hello", protocol: "hero.view.v1", build: "b", instance: "1", role: "command", robots: [1, 2], replay: null, tiles: null, stale_after_ms: 1500 };
+const HELLO = { type: "hello", protocol: "hero.view.v1", build: "b", instance: "1", role: "command", robots: [1, 2], replay: null, report: false, tiles: null, stale_after_ms: 1500 };
 
 test("the first robot is chosen, and what is about another one is dropped", () => {
   const model = new Model();

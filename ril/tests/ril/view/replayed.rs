@@ -8,7 +8,7 @@ use ril_tests::process::Signal;
 use ril_tests::{Process, Sandbox, StandInBridge};
 use serde_json::{Value, json};
 
-use super::page::{Message, Page};
+use super::page::{Message, Page, request};
 use super::{View, free_port, order, ril, run_file, token};
 use crate::common::{end, sandbox};
 use crate::record::feed::{only_file, until_publishers, words};
@@ -217,6 +217,14 @@ fn all_pages_share_one_playhead_and_order_nothing() {
         (&hello["robots"], &info["start_unix_ms"]),
         (&json!([1]), &json!(1_700_000_000_000_u64))
     );
+    // Its report is what `ril log report` makes of it.
+    assert_eq!(hello["report"], true);
+    let host = format!("127.0.0.1:{}", shown.port);
+    let (status, report) = request(shown.port, "/report", &[("Host", &host)]);
+    assert!(status.contains(" 200 "), "{status}");
+    ril(&rig, "log report flight.mcap --output flight.html").exits(0);
+    let written = std::fs::read_to_string(rig.path("flight.html")).unwrap();
+    assert!(report == written, "another page");
     // It begins to play when the first page comes.
     page.until("that it plays", |message| {
         is_replay(message) && message["playing"] == true
