@@ -220,7 +220,7 @@ scenario("land: a dialog names robot and effect; mouse, keyboard, touch; a doubl
   await live(phone);
   await phone.tap("#order-land");
   await phone.tap("#confirm-land");
-  await progress(phone, "Land robot 1");
+  await phone.waitForFunction(() => document.querySelectorAll('#progress [data-kind="land"]').length === 3);
   assert.equal(orders(server, "land").length, 3);
 });
 

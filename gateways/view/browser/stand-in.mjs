@@ -214,7 +214,7 @@ export class StandIn {
     this.send(page, this.chart(page.robot));
     this.past(page);
     this.sendLease(page);
-    for (const report of this.orders.values()) if (report.robot === page.robot) this.send(page, report);
+    for (const report of this.orders.values()) if (report.robot === page.robot && !report.final) this.send(page, report);
     if (this.how.replay) this.send(page, { type: "replay", ...this.head() });
   }
 

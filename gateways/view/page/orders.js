@@ -50,7 +50,8 @@ export class OrderBook {
   report(report, at) {
     const { order, robot, kind, stage, text, final } = report;
     if (!this.#change(order, { stage, text, final, changed: at })) {
-      this.entries.unshift({ order, robot, kind, stage, text, final, given: at, changed: at });
+      // It was not given here: a press that follows is no double click.
+      this.entries.unshift({ order, robot, kind, stage, text, final, given: -Infinity, changed: at });
       this.entries.length = Math.min(this.entries.length, KEPT);
     }
   }

@@ -184,6 +184,8 @@ test("an order is sent at once or never, and a double click sends one", () => {
   assert.equal(book.give("land", 1, { order: "ee", at: 2000, live: false, seen: 7 }), null);
   assert.equal(book.entries[0].stage, "not-sent");
   assert.ok(book.give("land", 1, { order: "ff", at: 2100, ...live }), "what was not sent can be given again");
+  book.report(/** @type {any} */ ({ order: "gg", robot: 3, kind: "hold", stage: "sent", text: "", final: false }), 3000);
+  assert.ok(book.give("hold", 3, { order: "hh", at: 3010, ...live }), "another page's order makes no press of this one a double click");
 });
 
 test("reports follow their order to its end", () => {

@@ -316,7 +316,7 @@ impl ViewShell {
                 }
                 Event::Subscribed(_) => {
                     if let Some(playback) = &mut self.playback {
-                        playback.subscribed();
+                        playback.subscribed(now);
                     }
                 }
                 Event::Rejected { from, why, count } => {

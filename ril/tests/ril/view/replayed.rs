@@ -363,6 +363,26 @@ fn foxglove_gets_the_recorded_samples() {
 }
 
 #[test]
+fn a_foxglove_client_without_a_page_sees_the_recording_play() {
+    let rig = sandbox();
+    let _made = record(rig.folder());
+    let shown = ShownFile::start(&rig, "flight.mcap");
+    let mut client = Page::foxglove("foxglove.websocket.v1", shown.port, None).expect("an upgrade");
+    let offered = client.until("the channels", |message| message["op"] == "advertise");
+    let channels = offered["channels"].as_array().unwrap();
+    let channel = channels
+        .iter()
+        .find(|one| one["topic"] == "/robot1/bridge/state")
+        .unwrap();
+    client.send(
+        &json!({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channel["id"]}]}),
+    );
+    let first = sample(&mut client).0;
+    while sample(&mut client).0 == first {}
+    end(shown.process, Signal::TERM);
+}
+
+#[test]
 fn a_file_that_cannot_be_shown_is_named_with_the_reason_and_another_port_is_found() {
     let rig = sandbox();
     let made = record(rig.folder());
