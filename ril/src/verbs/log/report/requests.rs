@@ -38,9 +38,9 @@ struct OpenRow {
 
 /// See the module's documentation.
 #[derive(Clone, Debug, Default)]
-pub struct Requests {
+pub struct RequestLog {
     /// In the order of arrival.
-    open: Vec<Open>,
+    open: Vec<OpenRow>,
     /// The place in `open` of each path, and of each other request until its final report.
     places: BTreeMap<(bool, u64), usize>,
     /// Waypoints, each with the request that it belongs to, by its place in `open`.
@@ -106,7 +106,7 @@ impl RequestLog {
             return;
         }
         self.places.insert(key, index);
-        self.open.push(Open {
+        self.open.push(OpenRow {
             at_ns: event.at_ns,
             sender,
             command: event.command.to_owned(),
@@ -284,7 +284,7 @@ mod tests {
             service: "parameter",
             ..event(at_ns, id, 0, event_name, command, stage)
         };
-        let mut requests = Requests::default();
+        let mut requests = RequestLog::default();
         for id in 1..=40 {
             let stage = if id == 7 { "refused" } else { "done" };
             requests.take(&parameter(id * 10, id, "request", "read", ""));
