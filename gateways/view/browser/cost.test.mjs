@@ -93,7 +93,7 @@ function makeVirtual() {
       type: "robot", robot: 1, phase, activity: `${phase} since ${t % 60} s`, module: "running", blocked: false, link: { text: "up", state: "up", age_s: 0.1 }, switch: "auto", commander: { text: `process ${t}` },
       control: { exclusive: false, holder: null }, alarms, movement: { text: "path", waypoints_total: 5, waypoints_reached: t % 5, distance_to_go_m: 50 - (t % 50), time_to_go_s: 10 }, replayed: false, relayed: false,
     });
-    if (t % 2 === 0) say({ type: "event", robot: 1, at_unix_ms: began + now, severity: severities[(t / 2) % 4], text: `something happened at ${t} s` });
+    if (t % 6 === 0) say({ type: "event", robot: 1, at_unix_ms: began + now, severity: severities[(t / 6) % 4], text: `something happened at ${t} s` });
     if (t % 30 === 0) say({ type: "order", order: `n${t}`, robot: 1, kind: "hold", stage: "done", text: "hovers where it is", final: true });
     if (t % 10 === 0) say({ type: "chart", robot: 1, source: "bridge", number: t, fence: [], floor_m: 0, ceiling_m: 60, path: [[37.411, -6.001, 30], [37.412, -6.002, 30]], home: [37.4112, -6.001, 10] });
   };

@@ -111,7 +111,7 @@ impl Files {
     ///
     /// # Errors
     ///
-    /// Code 70 when the operating system gives no thread.
+    /// Code 1 when the operating system gives no thread.
     pub fn start(
         tiles: Option<TileFolder>,
         recording: Option<PathBuf>,
