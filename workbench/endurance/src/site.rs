@@ -184,7 +184,9 @@ pub fn cpu_s(process: &Process) -> f64 {
     let fields = stat.rsplit(')').next().expect("fields").split_whitespace();
     // Behind the name: user time is the 12th field, system time the 13th.
     let times = fields.skip(11).take(2);
-    let ticks: f64 = times.map(|ticks| ticks.parse::<f64>().expect("a number")).sum();
+    let ticks: f64 = times
+        .map(|ticks| ticks.parse::<f64>().expect("a number"))
+        .sum();
     ticks / TICKS_PER_S
 }
 

@@ -202,10 +202,7 @@ fn watch(site: &Site, plan: &Plan, ground: &mut Ground, case: &Case) -> Outcome 
     stations.iter_mut().for_each(Station::connect);
     if case.is_each_sample {
         let wish = [ATTITUDE.id as f32, EACH_SAMPLE_US, 0.0, 0.0, 0.0, 0.0, 0.0];
-        assert_eq!(
-            stations[0].command(command::SET_MESSAGE_INTERVAL, wish),
-            0
-        );
+        assert_eq!(stations[0].command(command::SET_MESSAGE_INTERVAL, wish), 0);
     }
     let duration = plan.duration(60);
     let (before_s, begun) = (cpu_s(&ground.gateway), Instant::now());
@@ -266,7 +263,10 @@ fn send_mission(plan: &Plan, ground: &mut Ground, loss: f64) -> Outcome {
     let mut outcome = Outcome::default();
     outcome.cell("items", count);
     outcome.cell("lost in each direction", format!("{:.0} %", loss * 100.0));
-    outcome.cell("sent and in force after", format!("{:.2} s", sent.as_secs_f64()));
+    outcome.cell(
+        "sent and in force after",
+        format!("{:.2} s", sent.as_secs_f64()),
+    );
     outcome.cell("read after", format!("{:.2} s", took.as_secs_f64()));
     outcome.require(result == 0, format!("the mission was refused: {result}"));
     let is_whole = read == mission::contents(&items);
@@ -360,7 +360,10 @@ fn fly_in_a_flood(site: &Site, plan: &Plan, ground: &mut Ground, bridge: &mut Pr
     let done = Times(held.iter().map(|one| one.done_after).collect());
 
     let mut outcome = Outcome::default();
-    outcome.cell("hostile datagrams a second", format!("{:.0}", sent as f64 / seconds));
+    outcome.cell(
+        "hostile datagrams a second",
+        format!("{:.0}", sent as f64 / seconds),
+    );
     outcome.cell("dropped by the kernel", drops);
     outcome.cell("processor", format!("{cpu:.1} %"));
     let memory_mb = most.memory_kib as f64 / 1024.0;
@@ -369,7 +372,10 @@ fn fly_in_a_flood(site: &Site, plan: &Plan, ground: &mut Ground, bridge: &mut Pr
     outcome.cell("sent", copies);
     outcome.cell("requests of the bridge", requests);
     outcome.cell("commanded to mode Hold", &done);
-    outcome.cell("ATTITUDE at the station, published to read", micros(&published.ages(&heard)));
+    outcome.cell(
+        "ATTITUDE at the station, published to read",
+        micros(&published.ages(&heard)),
+    );
     outcome.cell("log lines", ground.gateway.lines().len() - log_before);
     // A copy that comes when the first one is answered already is a hold, too.
     let are_right = (held.len()..=copies).contains(&requests);
@@ -447,5 +453,7 @@ fn dropped(process: &Process, port: u16) -> u64 {
         address.is_some_and(|address| format!("{address} ").ends_with(&local))
     });
     let drops = line.and_then(|line| line.split_whitespace().next_back());
-    drops.and_then(|drops| drops.parse().ok()).expect("a socket")
+    drops
+        .and_then(|drops| drops.parse().ok())
+        .expect("a socket")
 }
