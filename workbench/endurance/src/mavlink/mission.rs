@@ -84,7 +84,7 @@ pub fn upload_until(station: &mut Station, items: &[Message], stop: Option<usize
     }
     let mut again = Instant::now() + RETRY;
     while Instant::now() < give_up {
-        let message = station.next();
+        let message = station.next_message();
         match &message {
             Some(message) if message.is(MISSION_ACK.id) && message.u8(2) == CANCELLED => {
                 last = count(items.len());
@@ -123,7 +123,7 @@ fn ask(
     station.send(question);
     let mut again = Instant::now() + QUESTION_RETRY;
     while Instant::now() < give_up {
-        if let Some(message) = station.next()
+        if let Some(message) = station.next_message()
             && is_answer(&message)
         {
             return message;

@@ -148,7 +148,10 @@ fn listen(station: &mut Station, duration: Duration) -> Heard {
     let (begun, before) = (Instant::now(), station.received);
     let mut heard = Heard::default();
     while begun.elapsed() < duration {
-        if let Some(message) = station.next().filter(|message| message.is(ATTITUDE.id)) {
+        if let Some(message) = station
+            .next_message()
+            .filter(|message| message.is(ATTITUDE.id))
+        {
             heard.samples.push((message.i32(0) as u32, message.at));
         }
     }
@@ -196,14 +199,14 @@ impl Published {
 
 /// What stations cost, and what they get.
 fn watch(site: &Site, plan: &Plan, ground: &mut Ground, case: &Case) -> Outcome {
-    let mut telemetry = site.subscribe::<HeroTelemetry>(1);
-    let _ = telemetry.next_sample();
     let stations = &mut ground.stations[..case.stations];
     stations.iter_mut().for_each(Station::connect);
     if case.is_each_sample {
         let wish = [ATTITUDE.id as f32, EACH_SAMPLE_US, 0.0, 0.0, 0.0, 0.0, 0.0];
         assert_eq!(stations[0].command(command::SET_MESSAGE_INTERVAL, wish), 0);
     }
+    let mut telemetry = site.subscribe::<HeroTelemetry>(1);
+    let _ = telemetry.next_sample();
     let duration = plan.duration(60);
     let (before_s, begun) = (cpu_s(&ground.gateway), Instant::now());
     let (heard, published) = thread::scope(|scope| {
@@ -411,7 +414,7 @@ fn hold(pilot: &mut Station) -> Held {
             (copies, next) = (copies + 1, next + COMMAND_RETRY);
         }
         assert!(begun.elapsed() < ril_tests::process::WAIT_LIMIT, "no hold");
-        let Some(message) = pilot.next() else {
+        let Some(message) = pilot.next_message() else {
             continue;
         };
         if message.is(COMMAND_ACK.id) && message.u16(0) == command::PAUSE_CONTINUE {

@@ -15,7 +15,7 @@ use ril_tests::process::WAIT_LIMIT;
 /// How often the station says that it is there.
 const HEARTBEAT_PERIOD: Duration = Duration::from_millis(500);
 
-/// How long [`Station::next`] waits for a datagram.
+/// How long [`Station::next_message`] waits for a datagram.
 const NEXT_LIMIT: Duration = Duration::from_millis(20);
 
 /// A message of the helicopter.
@@ -125,7 +125,7 @@ impl Station {
         let give_up = Instant::now() + WAIT_LIMIT;
         while self.vehicle == before {
             assert!(Instant::now() < give_up, "no other gateway came");
-            self.next();
+            self.next_message();
         }
         self.waiting.clear();
         self.connect();
@@ -169,7 +169,7 @@ impl Station {
     /// # Panics
     ///
     /// When what comes is no frame.
-    pub fn next(&mut self) -> Option<Received> {
+    pub fn next_message(&mut self) -> Option<Received> {
         if self.vehicle.is_some() && Instant::now() >= self.next_heartbeat {
             self.next_heartbeat = Instant::now() + HEARTBEAT_PERIOD;
             self.send(&Message::new(HEARTBEAT).u32(0).u8(6).u8(8).u8(0).u8(4).u8(3));
@@ -205,7 +205,7 @@ impl Station {
     pub fn until(&mut self, what: &str, mut is_right: impl FnMut(&Received) -> bool) -> Received {
         let give_up = Instant::now() + WAIT_LIMIT;
         while Instant::now() < give_up {
-            if let Some(message) = self.next()
+            if let Some(message) = self.next_message()
                 && is_right(&message)
             {
                 return message;
