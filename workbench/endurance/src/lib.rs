@@ -14,6 +14,7 @@ pub mod gap;
 pub mod joiners;
 pub mod kills;
 mod listener;
+pub mod mavlink;
 pub mod memory;
 pub mod namespaces;
 pub mod outcome;

@@ -90,6 +90,8 @@ enum What {
     Namespaces,
     /// Pages and clients of Foxglove, slow ones and hostile ones among them (60 s each)
     Views,
+    /// Stations that speak MAVLink, missions over a bad line, and a flood of hostile datagrams (60 s each; 200 commands)
+    Mavlink,
     /// Relays: the operator's verbs at the station, through loss
     Mission,
     /// Relays: many requests (1000), through loss, outages and restarts of everything
@@ -193,6 +195,7 @@ fn measure(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool, mut show: impl F
         }
         What::Narrow => measure_narrow(args, ril, goes_on, show),
         What::Views => views::run(&site(), plan, goes_on, &mut show),
+        What::Mavlink => mavlink::run(&site(), plan, goes_on, &mut show),
         What::Mission | What::Requests | What::Outages | What::Connect => {
             let protocols = match args.what {
                 What::Connect => args.protocols(),
