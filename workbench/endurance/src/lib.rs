@@ -25,4 +25,5 @@ pub mod records;
 pub mod site;
 pub mod starts;
 pub mod subscribers;
+pub mod usage;
 pub mod views;

@@ -172,24 +172,6 @@ pub fn is_done(args: &str, finished: &Finished) -> bool {
     }
 }
 
-/// Time of a process on processors so far, s.
-///
-/// # Panics
-///
-/// When it has ended.
-pub fn cpu_s(process: &Process) -> f64 {
-    // The kernel counts in ticks of 10 ms.
-    const TICKS_PER_S: f64 = 100.0;
-    let stat = fs::read_to_string(format!("/proc/{}/stat", process.id())).expect("it runs");
-    let fields = stat.rsplit(')').next().expect("fields").split_whitespace();
-    // Behind the name: user time is the 12th field, system time the 13th.
-    let times = fields.skip(11).take(2);
-    let ticks: f64 = times
-        .map(|ticks| ticks.parse::<f64>().expect("a number"))
-        .sum();
-    ticks / TICKS_PER_S
-}
-
 /// How many lines with `text` a process has printed.
 pub fn count_lines(process: &mut Process, text: &str) -> usize {
     let lines = process.lines().iter();

@@ -178,7 +178,7 @@ impl Default for EndpointsConfig {
 /// Most robots of one station's relay. Each takes some 210 open files, as was counted with the nine services of a robot that has no
 /// modules of its own, together 6,720: the relay raises its limit of 1,024 to what the system allows, which is 524,288 under
 /// systemd. One thread publishes the samples of all.
-pub const MAX_ROBOTS: usize = 32;
+pub const MAX_ROBOTS: usize = 128;
 
 /// `[station]`
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use dsp_sim::random::Random;
 use mavlink_gateway::message::{ALL, COMMAND_LONG, HEARTBEAT};
-use mavlink_gateway::wire::Message;
+use mavlink_gateway::wire::MessageWriter;
 
 /// Threads that send, and sockets of each.
 const SENDERS: u64 = 4;
@@ -92,7 +92,7 @@ fn datagram(chance: &mut Random) -> Vec<u8> {
         return (0..length).map(|_| chance.next_u64() as u8).collect();
     }
     let message = match kind {
-        4 => Message::new(HEARTBEAT).u32(0).u8(6).u8(8).u8(0).u8(4).u8(3),
+        4 => MessageWriter::new(HEARTBEAT).u32(0).u8(6).u8(8).u8(0).u8(4).u8(3),
         5 => command(chance),
         _ => any_message(chance),
     };
@@ -108,19 +108,19 @@ fn datagram(chance: &mut Random) -> Vec<u8> {
     bytes
 }
 
-fn any_message(chance: &mut Random) -> Message {
+fn any_message(chance: &mut Random) -> MessageWriter {
     let kind = ALL[below(chance, ALL.len())];
     let fields = below(chance, 60);
-    (0..fields).fold(Message::new(kind), |message, _| {
+    (0..fields).fold(MessageWriter::new(kind), |message, _| {
         message.u8(chance.next_u64() as u8)
     })
 }
 
 /// Arms, takes off, holds, lands, returns, starts the mission, or changes the speed.
-fn command(chance: &mut Random) -> Message {
+fn command(chance: &mut Random) -> MessageWriter {
     const COMMANDS: [u16; 7] = [400, 22, 193, 21, 20, 300, 178];
     let command = COMMANDS[below(chance, COMMANDS.len())];
     let value = chance.uniform() as f32;
-    let message = Message::new(COMMAND_LONG).f32(value).f32s(0.0, 6);
+    let message = MessageWriter::new(COMMAND_LONG).f32(value).f32s(0.0, 6);
     message.u16(command).u8(1).u8(1).u8(0)
 }

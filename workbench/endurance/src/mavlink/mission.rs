@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use mavlink_gateway::message::{
     MISSION_ACK, MISSION_COUNT, MISSION_ITEM_INT, MISSION_REQUEST_INT, MISSION_REQUEST_LIST,
 };
-use mavlink_gateway::wire::Message;
+use mavlink_gateway::wire::MessageWriter;
 use ril_tests::process::WAIT_LIMIT;
 
 use super::station::{Received, Station};
@@ -17,9 +17,9 @@ const RETRY: Duration = Duration::from_millis(250);
 const QUESTION_RETRY: Duration = Duration::from_millis(20);
 
 /// A take-off to this height, then waypoints beside home, `count` items in all.
-pub fn mission(count: u16, height_m: f32) -> Vec<Message> {
+pub fn mission(count: u16, height_m: f32) -> Vec<MessageWriter> {
     let item = |sequence: u16| {
-        let message = Message::new(MISSION_ITEM_INT)
+        let message = MessageWriter::new(MISSION_ITEM_INT)
             .f32(0.0)
             .f32(0.0)
             .f32(0.0)
@@ -42,8 +42,8 @@ pub fn mission(count: u16, height_m: f32) -> Vec<Message> {
     (0..count).map(item).collect()
 }
 
-fn count(count: usize) -> Message {
-    Message::new(MISSION_COUNT)
+fn count(count: usize) -> MessageWriter {
+    MessageWriter::new(MISSION_COUNT)
         .u16(count as u16)
         .u8(1)
         .u8(1)
@@ -51,7 +51,7 @@ fn count(count: usize) -> Message {
 }
 
 /// What of an item is the mission's own.
-fn content(item: &Message) -> Vec<u8> {
+fn content(item: &MessageWriter) -> Vec<u8> {
     let bytes = item.payload().0;
     [&bytes[..32], &bytes[34..37]].concat()
 }
@@ -65,7 +65,7 @@ const CANCELLED: u8 = 15;
 ///
 /// After [`WAIT_LIMIT`] without a question.
 #[track_caller]
-pub fn upload(station: &mut Station, items: &[Message]) -> u8 {
+pub fn upload(station: &mut Station, items: &[MessageWriter]) -> u8 {
     upload_until(station, items, None).expect("a result")
 }
 
@@ -75,7 +75,7 @@ pub fn upload(station: &mut Station, items: &[Message]) -> u8 {
 ///
 /// As [`upload`].
 #[track_caller]
-pub fn upload_until(station: &mut Station, items: &[Message], stop: Option<usize>) -> Option<u8> {
+pub fn upload_until(station: &mut Station, items: &[MessageWriter], stop: Option<usize>) -> Option<u8> {
     let mut give_up = Instant::now() + WAIT_LIMIT;
     let mut last = count(items.len());
     station.send(&last);
@@ -116,7 +116,7 @@ pub fn upload_until(station: &mut Station, items: &[Message], stop: Option<usize
 #[track_caller]
 fn ask(
     station: &mut Station,
-    question: &Message,
+    question: &MessageWriter,
     is_answer: impl Fn(&Received) -> bool,
 ) -> Received {
     let give_up = Instant::now() + WAIT_LIMIT;
@@ -143,10 +143,10 @@ fn ask(
 /// After [`WAIT_LIMIT`] without an answer.
 #[track_caller]
 pub fn download(station: &mut Station) -> Vec<Vec<u8>> {
-    let list = Message::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
+    let list = MessageWriter::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
     let total = ask(station, &list, |message| message.is(MISSION_COUNT.id)).u16(0);
     let item = |sequence: u16| {
-        let request = Message::new(MISSION_REQUEST_INT)
+        let request = MessageWriter::new(MISSION_REQUEST_INT)
             .u16(sequence)
             .u8(1)
             .u8(1)
@@ -157,11 +157,11 @@ pub fn download(station: &mut Station) -> Vec<Vec<u8>> {
         [item.part(0..32), item.part(34..37)].concat()
     };
     let items = (0..total).map(item).collect();
-    station.send(&Message::new(MISSION_ACK).u8(1).u8(1).u8(0).u8(0));
+    station.send(&MessageWriter::new(MISSION_ACK).u8(1).u8(1).u8(0).u8(0));
     items
 }
 
 /// What [`download`] gives of a mission that is whole.
-pub fn contents(items: &[Message]) -> Vec<Vec<u8>> {
+pub fn contents(items: &[MessageWriter]) -> Vec<Vec<u8>> {
     items.iter().map(content).collect()
 }

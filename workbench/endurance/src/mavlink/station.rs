@@ -9,7 +9,7 @@ use dsp_sim::random::Random;
 use ipc_types::MonotonicNs;
 use ipc_types::code::Reason;
 use mavlink_gateway::message::{COMMAND_INT, COMMAND_LONG, HEARTBEAT};
-use mavlink_gateway::wire::{Message, frames};
+use mavlink_gateway::wire::{MessageWriter, frames};
 use ril_tests::process::WAIT_LIMIT;
 
 /// How often the station says that it is there.
@@ -155,7 +155,7 @@ impl Station {
     /// # Panics
     ///
     /// When the helicopter was not heard.
-    pub fn send(&mut self, message: &Message) {
+    pub fn send(&mut self, message: &MessageWriter) {
         if self.is_lost() {
             return;
         }

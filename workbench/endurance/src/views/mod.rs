@@ -17,7 +17,8 @@ use serde_json::{Value, json};
 
 use crate::outcome::{Outcome, Times};
 use crate::plan::Plan;
-use crate::site::{Site, count_lines, cpu_s};
+use crate::site::{Site, count_lines};
+use crate::usage::Usage;
 use client::{Client, Kind, Seen, Viewer};
 use hostile::Hostile;
 
@@ -152,11 +153,11 @@ fn measure(
     let hostile = case
         .is_attacked
         .then(|| Hostile::start(view.port, connections, per_second, plan.seed));
-    let (before_s, begun) = (cpu_s(&view.process), Instant::now());
+    let (before, begun) = (Usage::of(&view.process), Instant::now());
     let first_report = case.is_attacked.then(|| land(view));
     let status_ages = ages(site, plan.duration(60));
     let seconds = begun.elapsed().as_secs_f64();
-    let cpu = (cpu_s(&view.process) - before_s) / seconds * 100.0;
+    let cpu = Usage::of(&view.process).since(&before).all_percent;
     let memory_kib = Holdings::of(view.process.id()).memory_kib;
     let attack = hostile.map(Hostile::end);
     let seen: Vec<Seen> = viewers.into_iter().map(Viewer::end).collect();
