@@ -77,7 +77,6 @@ pub fn run(fleet: &Fleet<'_>) -> Outcome {
     let mut robots: Vec<OneRobot> = (1..=fleet.robots)
         .map(|number| OneRobot::start(fleet, &network, number))
         .collect();
-    let player = Player::start(&mut robots, fleet.rate_hz);
     let stations: Vec<Sandbox> = (0..fleet.stations).map(|_| machine(fleet)).collect();
     let station = &stations[0];
     let router = network.has_router.then(|| {
@@ -99,6 +98,8 @@ pub fn run(fleet: &Fleet<'_>) -> Outcome {
         let some = start_station(fleet, &network, station, place);
         relays.extend(some.into_iter().map(|relay| (kind, relay)));
     }
+    // After all processes: a process inherits what this one has open, and its files are counted.
+    let player = Player::start(&robots, fleet.rate_hz);
     let observers: Vec<Observer> = robots
         .iter()
         .map(|robot| Observer::start(station, robot.number))
@@ -308,15 +309,13 @@ struct OneRobot {
     number: u32,
     /// `None` when it is played.
     whole: Option<Robot>,
-    /// Until the player takes it.
-    played: Option<Played>,
     relay: Option<Process>,
     /// Last: dropping it asserts that nothing is left.
     machine: Sandbox,
 }
 
 impl OneRobot {
-    /// Starts it, but for its relay.
+    /// Starts what is a process of its own, but for its relay.
     fn start(fleet: &Fleet<'_>, network: &Network, number: u32) -> OneRobot {
         let machine = machine(fleet);
         let relay_toml = network.robot_toml(number);
@@ -333,7 +332,6 @@ impl OneRobot {
         OneRobot {
             number,
             whole,
-            played: (!is_whole).then(|| Played::new(&machine.domain, number)),
             relay: None,
             machine,
         }
@@ -388,8 +386,9 @@ struct Player {
 }
 
 impl Player {
-    fn start(robots: &mut [OneRobot], rate_hz: u32) -> Player {
-        let played = robots.iter_mut().filter_map(|robot| robot.played.take());
+    fn start(robots: &[OneRobot], rate_hz: u32) -> Player {
+        let played = robots.iter().filter(|robot| robot.whole.is_none());
+        let played = played.map(|robot| Played::new(&robot.machine.domain, robot.number));
         let played: Vec<Played> = played.collect();
         let (end, is_over) = mpsc::channel();
         let thread = thread::spawn(move || {
@@ -420,13 +419,15 @@ fn play(played: &[Played], rate_hz: u32, is_over: &Receiver<()>) {
     if turns == 0 {
         return;
     }
-    let (began, turn) = (MonotonicNs::now(), Duration::from_secs(1) / turns);
+    let turn = Duration::from_secs(1) / turns;
+    let mut next = MonotonicNs::now();
     for (count, one) in (1_u32..).zip(played.iter().cycle()) {
         one.publish();
         if (count / played.len() as u32).is_multiple_of(rate_hz) {
             one.publish_state();
         }
-        let next = began + turn * count;
+        // What a busy machine is late by is not made up for.
+        next = (next + turn).max(MonotonicNs::now());
         match is_over.recv_timeout(next.since(MonotonicNs::now())) {
             Err(RecvTimeoutError::Timeout) => {}
             Ok(()) | Err(RecvTimeoutError::Disconnected) => return,
