@@ -695,6 +695,18 @@ bool hero_dsp_is_plausible_place(const hero_dsp_geographic *place)
     return is_plausible_geographic(place);
 }
 
+bool hero_dsp_is_copy(const hero_dsp_uplink *command, const hero_dsp_uplink *last)
+{
+    float_bits value;
+    float_bits last_value;
+    value.number = command->command.value32;
+    last_value.number = last->command.value32;
+    return (command->header == last->header) && (command->sequence == last->sequence) &&
+           (command->command.code == last->command.code) && (command->command.port == last->command.port) &&
+           (command->command.value16 == last->command.value16) && (value.bits == last_value.bits) &&
+           (command->command.on == last->command.on);
+}
+
 uint16_t hero_dsp_error_of(hero_dsp_result result)
 {
     uint16_t error = 0u;

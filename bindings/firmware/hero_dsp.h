@@ -264,7 +264,7 @@ typedef enum {
     HERO_DSP_EXTENDED = 1 /* one header for each direction, a sequence number, a CRC-32 (11) */
 } hero_dsp_profile;
 
-/* A command of the PC (5.1). */
+/* A command of the PC (5.1). A decoded one has 0 in the members that its code lacks. */
 typedef struct {
     hero_dsp_byte code; /* hero_dsp_command_code */
     uint16_t port;      /* of the four commands that read or write a port */
@@ -332,6 +332,10 @@ uint16_t hero_dsp_implausible_groups(const hero_dsp_status *status);
 
 /* Whether a position or waypoint lies within the limits of section 9. */
 bool hero_dsp_is_plausible_place(const hero_dsp_geographic *place);
+
+/* Whether a command of the extended profile is a copy of the last one: its number and its bytes are equal (11). Values that are not a
+ * number are compared by their bits. */
+bool hero_dsp_is_copy(const hero_dsp_uplink *command, const hero_dsp_uplink *last);
 
 /* The error that the DSP reports for a rejection (5.1), or 0 for none. For HERO_DSP_OTHER_PROFILE it is 100, which does not wait in the
  * queue of errors and is sent at most once a second (11). */

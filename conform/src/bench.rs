@@ -12,6 +12,7 @@ use dsp_protocol::{Command, Downlink, Profile, Sequence, Status, StatusMask, Upl
 use crate::arrival::{Arrival, describe_command, describe_uplink};
 use crate::outcome::{Judged, Stop, broken, ensure, not_judged};
 use crate::permitted::{Harmless, Permitted, QuietPort16, Raw};
+use crate::report::Rejected;
 use crate::wire::{Reset, Sent, Wire, encode};
 
 /// How often a command, or a single expectation, is tried on a line that damages bytes. At 1 % a command with its acknowledgement
@@ -20,8 +21,8 @@ const LOSSY_ATTEMPTS: usize = 40;
 /// How many attempts of an expectation without a sign of damage from the DSP decide on such a line: as many that fulfil it, or as
 /// many that do not. Damage on the way to the DSP shows no sign, and can look like a fault or hide one.
 const LOSSY_VOTES: usize = 3;
-/// How many times as long a status may take to come on such a line.
-const LOSSY_PATIENCE: u32 = 8;
+/// How many times as long the time-out for statuses is on such a line.
+const LOSSY_TIMEOUT_FACTOR: u32 = 8;
 
 /// Within which time an acknowledgement begins (section 8.2).
 pub const ACK_TIME: Duration = Duration::from_millis(50);
@@ -95,6 +96,11 @@ impl Bench {
     pub fn since(&self, mark: usize) -> Vec<Arrival> {
         let wire = self.0.borrow();
         wire.arrivals.get(mark..).unwrap_or_default().to_vec()
+    }
+
+    /// The rejected frame that says most; `None` if none was rejected.
+    pub fn rejected(&self) -> Option<Rejected> {
+        self.0.borrow().rejected.clone()
     }
 
     /// Lets everything that has come count as taken: what is waited for next must be new.
@@ -295,11 +301,11 @@ impl Bench {
     fn statuses_limit(&self, count: usize) -> Duration {
         let wire = self.0.borrow();
         let each = wire.period + wire.line_time(wire.status_and_error_len());
-        let attempts = match wire.setup.is_lossy {
-            true => LOSSY_PATIENCE,
+        let factor = match wire.setup.is_lossy {
+            true => LOSSY_TIMEOUT_FACTOR,
             false => 1,
         };
-        wire.now + each * (count as u32 + 2) * attempts + wire.setup.slack
+        wire.now + each * (count as u32 + 2) * factor + wire.setup.slack
     }
 
     /// Waits for `count` statuses that are new.

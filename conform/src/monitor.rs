@@ -181,7 +181,9 @@ impl Monitor {
             DecodeError::Value | DecodeError::UnknownCommand => Rule::Values,
             DecodeError::OtherProfile => Rule::Profile,
         };
-        let found = format!("the PC rejects a frame: {}", error.name());
+        // The newest line is this frame, with the reason.
+        let why = lines.back().map_or(error.name(), |line| &line.text);
+        let found = format!("a frame of the DSP is {why}");
         self.broke(rule, found, lines);
         // A message is missing: the next number is not judged, nor is the place of the next error.
         self.forget_order();

@@ -27,6 +27,9 @@ pub(crate) const FLOW_MS: u16 = 100;
 /// Following on.
 pub(crate) const ON: Command = Command::Following { on: true };
 
+/// Climb speed of the kit's take-offs and landings, m/s: so slow that all that is sent meanwhile comes before their end.
+const SLOW_CLIMB_MPS: f32 = 0.5;
+
 /// Brings the helicopter from the ground to a hover with following on and an empty buffer, or from a hover to that.
 pub(crate) async fn to_hover(bench: &Bench, proof: RotorDisconnected) -> Judged {
     bench.ask(proof.permit(ON)).await?;
@@ -97,6 +100,12 @@ pub(crate) async fn wait_for_ground(bench: &Bench) -> Judged {
     broken("the landing does not end: the flag is 1 or 10122 reads 1 after two minutes")
 }
 
+/// Makes the next take-off or landing slow.
+pub(crate) async fn slow_climb(bench: &Bench) -> Judged {
+    let speed = Harmless::write_32(QuietPort32::ClimbSpeed, SLOW_CLIMB_MPS);
+    bench.ask(speed).await.map(|_| ())
+}
+
 pub(crate) async fn set_height(bench: &Bench) -> Judged {
     let height = Harmless::write_32(QuietPort32::TakeOffAltitude, HEIGHT_M);
     bench.ask(height).await.map(|_| ())
@@ -146,12 +155,23 @@ pub(crate) async fn errors_of(bench: &Bench, command: Permitted) -> Judged<Vec<u
 
 /// Port 10003.
 pub(crate) async fn count(bench: &Bench) -> Judged<u16> {
-    match bench.read_16(port::WAYPOINT_COUNT).await? {
-        count if count & 0x8000 != 0 => Ok(count),
-        _ => not_judged(
+    match count_if_any(bench).await? {
+        Some(count) => Ok(count),
+        None => not_judged(
             "the DSP has no port 10003, which may be missing: whether a waypoint is taken cannot be seen",
         ),
     }
+}
+
+/// Port 10003; `None` if the DSP does not have it. Then the error of the read is cleared.
+pub(crate) async fn count_if_any(bench: &Bench) -> Judged<Option<u16>> {
+    let count = bench.read_16(port::WAYPOINT_COUNT).await?;
+    if count & 0x8000 != 0 {
+        return Ok(Some(count));
+    }
+    bench.ask(Harmless::CLEAR_ERRORS).await?;
+    bench.statuses(2).await?;
+    Ok(None)
 }
 
 pub(crate) const fn next_count(count: u16) -> u16 {
@@ -217,7 +237,15 @@ pub(crate) async fn refused(
     waypoint: Waypoint,
     error: u16,
 ) -> Judged {
-    let before = count(bench).await?;
+    let Some(before) = count_if_any(bench).await? else {
+        let mark = bench.mark();
+        bench.send(proof.permit(waypoint))?;
+        bench.errors(3).await?;
+        let errors = link_errors(bench, mark);
+        return ensure(errors == [error], || {
+            format!("a waypoint should have brought error {error}: errors {errors:?}")
+        });
+    };
     let (after, errors) = offer(bench, proof, waypoint).await?;
     ensure(after == before && errors == [error], || {
         format!(
@@ -278,7 +306,11 @@ pub(crate) async fn flow_is(bench: &Bench, expected: FlowControl, what: &str) ->
         seen += 1;
         if seen == 2 {
             return ensure(flow == expected, || {
-                format!("behind {what} flow control says {flow:?}, {expected:?} was expected")
+                format!(
+                    "behind {what} flow control says {}, {} was expected",
+                    u8::from(flow == FlowControl::Send),
+                    u8::from(expected == FlowControl::Send)
+                )
             });
         }
     }

@@ -1,12 +1,17 @@
 //! A dialogue that is played again: the lines of the PC at their times, and what the DSP says to them now.
 
+use std::cell::RefCell;
 use std::collections::VecDeque;
+use std::pin::Pin;
+use std::rc::Rc;
+use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 
-use dsp_protocol::Profile;
+use dsp_protocol::{Profile, Sequence};
 
-use crate::report::Line;
-use crate::run::Player;
+use crate::bench::Bench;
+use crate::report::{Ended, Line};
+use crate::run::{Player, look};
 use crate::wire::{Setup, Wire};
 
 /// How long the DSP is listened to after the last line of the PC, and as much longer as this computer may be late.
@@ -73,32 +78,52 @@ impl Dialogue {
     }
 }
 
-/// A dialogue that is being played.
+/// A dialogue that is being played. Before its first line the kit looks whether the helicopter stands, as a run does.
 pub struct Replay {
-    wire: Wire,
+    wire: Rc<RefCell<Wire>>,
+    look: Option<Pin<Box<dyn Future<Output = Result<(), Ended>>>>>,
+    ended_early: Option<Ended>,
     left: VecDeque<(Duration, Vec<u8>)>,
-    until: Duration,
+    /// How long after the first line of the PC the DSP is listened to.
+    listen: Duration,
+    /// When the first line was sent.
+    began: Duration,
     now: Duration,
     /// A line that was not sent because it could move a rotor.
     refused: bool,
 }
 
 impl Replay {
-    /// Begins at time 0 with the first line of the PC. With `may_move`, what moves a rotor is sent as well.
-    pub fn new(dialogue: Dialogue, setup: Setup, may_move: bool) -> Replay {
+    /// Begins at time 0 with the look. With `may_move`, what moves a rotor is sent as well.
+    pub fn new(dialogue: Dialogue, mut setup: Setup, may_move: bool) -> Replay {
         let first = dialogue.lines.first().map_or(Duration::ZERO, |line| line.0);
+        // The last command of the look must not have the number of the first line, which would be its copy.
+        if let (Profile::Extended, Some((_, bytes))) = (dialogue.profile, dialogue.lines.first()) {
+            let number = bytes.get(1).copied().unwrap_or(0);
+            setup.first_number = Sequence::new((number & 0x7F) ^ 0x40);
+        }
         let left: VecDeque<_> = dialogue
             .lines
             .into_iter()
             .map(|(at, bytes)| (at.saturating_sub(first), bytes))
             .collect();
+        let wire = Rc::new(RefCell::new(Wire::new(setup, may_move)));
+        let bench = Bench::new(Rc::clone(&wire));
         Replay {
-            wire: Wire::new(setup, may_move),
-            until: left.back().map_or(Duration::ZERO, |line| line.0) + LISTEN + setup.slack,
+            wire,
+            look: Some(Box::pin(async move { look(&bench, !may_move).await })),
+            ended_early: None,
+            listen: left.back().map_or(Duration::ZERO, |line| line.0) + LISTEN + setup.slack,
             left,
+            began: Duration::ZERO,
             now: Duration::ZERO,
             refused: false,
         }
+    }
+
+    /// Why nothing was played; `None` if the helicopter stands.
+    pub fn ended_early(&self) -> Option<&Ended> {
+        self.ended_early.as_ref()
     }
 
     /// Whether it ended because a line could move a rotor, which was not allowed.
@@ -108,19 +133,43 @@ impl Replay {
 
     /// Both sides, as far as they are played.
     pub fn lines(&self) -> Vec<Line> {
-        self.wire.lines()
+        self.wire.borrow().lines()
+    }
+
+    /// Goes on with the look; true when it is over.
+    fn has_looked(&mut self) -> bool {
+        let Some(look) = &mut self.look else {
+            return true;
+        };
+        let mut context = Context::from_waker(Waker::noop());
+        let Poll::Ready(outcome) = look.as_mut().poll(&mut context) else {
+            return false;
+        };
+        self.look = None;
+        self.began = self.now;
+        self.wire.borrow_mut().begin_check();
+        if let Err(ended) = outcome {
+            self.ended_early = Some(ended);
+            self.left.clear();
+        }
+        true
     }
 }
 
 impl Player for Replay {
     fn step(&mut self, now: Duration, bytes: &[u8]) {
         self.now = now;
-        self.wire.receive(now, bytes);
-        while self.left.front().is_some_and(|(at, _)| *at <= now) {
+        self.wire.borrow_mut().receive(now, bytes);
+        if !self.has_looked() {
+            return;
+        }
+        let mut wire = self.wire.borrow_mut();
+        let played = now.saturating_sub(self.began);
+        while self.left.front().is_some_and(|(at, _)| *at <= played) {
             let Some((_, bytes)) = self.left.pop_front() else {
                 break;
             };
-            if self.wire.put(&bytes, "as recorded".to_owned()).is_err() {
+            if wire.put(&bytes, "as recorded".to_owned()).is_err() {
                 self.refused = true;
                 self.left.clear();
             }
@@ -128,15 +177,19 @@ impl Player for Replay {
     }
 
     fn take_outbox(&mut self) -> Vec<u8> {
-        self.wire.take_outbox()
+        self.wire.borrow_mut().take_outbox()
     }
 
     fn next_deadline(&self) -> Option<Duration> {
-        let next = self.left.front().map(|(at, _)| *at);
-        (!self.is_finished()).then(|| next.unwrap_or(self.until))
+        if self.look.is_some() {
+            return self.wire.borrow().next_deadline();
+        }
+        let next = self.left.front().map_or(self.listen, |(at, _)| *at);
+        (!self.is_finished()).then_some(self.began + next)
     }
 
     fn is_finished(&self) -> bool {
-        self.refused || self.left.is_empty() && self.now >= self.until
+        let is_over = self.left.is_empty() && self.now >= self.began + self.listen;
+        self.look.is_none() && (self.refused || self.ended_early.is_some() || is_over)
     }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 use std::fmt::Write as _;
 use std::time::Duration;
 
-use dsp_protocol::Profile;
+use dsp_protocol::{DecodeError, Profile, checksum, crc32};
 
 /// What became of a sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -121,12 +121,60 @@ pub struct Report {
 }
 
 /// Why a run ended before its end.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// The DSP answers nothing.
+    /// No byte came from the DSP.
     Silent,
+    /// Bytes came, but no frame that the PC accepts.
+    Garbled(Rejected),
+    /// No status came: whether the helicopter flies is unknown.
+    NoStatus,
     /// The helicopter flies, takes off or lands: the kit leaves it alone.
     Flies,
+}
+
+/// A frame of the DSP that the PC rejects.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rejected {
+    /// Why.
+    pub error: DecodeError,
+    /// Its bytes, at most [`Rejected::MAX_BYTES`].
+    pub bytes: Vec<u8>,
+}
+
+impl Rejected {
+    /// Bytes that are kept: more than the longest frame has.
+    pub const MAX_BYTES: usize = 160;
+
+    /// Why in words; of a wrong check field also what it should be.
+    pub fn describe(&self, profile: Profile) -> String {
+        let behind = match profile {
+            Profile::Classic => 1,
+            Profile::Extended => 5,
+        };
+        let name = self.error.name();
+        let parts = self
+            .bytes
+            .len()
+            .checked_sub(behind)
+            .and_then(|at| self.bytes.split_at_checked(at));
+        let Some((summed, check)) = parts.filter(|_| self.error == DecodeError::Checksum) else {
+            return name.to_owned();
+        };
+        let sent = check
+            .iter()
+            .fold(0, |sum: u64, byte| (sum << 7) | u64::from(byte & 0x7F));
+        match profile {
+            Profile::Classic => {
+                let sum = checksum(summed);
+                format!("{name}: 0x{sent:02X} was sent, the sum of the bytes is 0x{sum:02X}")
+            }
+            Profile::Extended => {
+                let crc = crc32(summed);
+                format!("{name}: 0x{sent:08X} was sent, the CRC of the bytes is 0x{crc:08X}")
+            }
+        }
+    }
 }
 
 impl Report {

@@ -129,7 +129,7 @@ impl Conformance {
             profile: self.settings.setup.profile,
             checks: progress.reports.clone(),
             own_errors: self.wire.borrow().monitor().own_errors().to_vec(),
-            ended_early: progress.ended_early,
+            ended_early: progress.ended_early.clone(),
         }
     }
 }
@@ -181,7 +181,7 @@ async fn run(
     settings: Settings,
     progress: Rc<RefCell<RunProgress>>,
 ) {
-    if let Err(ended) = begin(&bench).await {
+    if let Err(ended) = begin(&bench, settings.proof.is_none()).await {
         progress.borrow_mut().ended_early = Some(ended);
         return;
     }
@@ -348,8 +348,9 @@ async fn settle_errors(bench: &Bench) {
     bench.forget();
 }
 
-/// Learns whether the DSP answers and the helicopter stands.
-async fn begin(bench: &Bench) -> Result<(), Ended> {
+/// Learns whether the DSP answers and the helicopter stands. It writes nothing: another PC may fly the helicopter. `can_move`: the
+/// rotor may turn, so a DSP that sends no status is left alone.
+pub(crate) async fn look(bench: &Bench, can_move: bool) -> Result<(), Ended> {
     let mark = bench.mark();
     let first = [
         Harmless::read_16(port::TAKE_OFF),
@@ -366,13 +367,27 @@ async fn begin(bench: &Bench) -> Result<(), Ended> {
         }
     }
     if !bench.since(mark).iter().any(|seen| seen.event.is_ok()) {
-        return Err(Ended::Silent);
+        return Err(match bench.rejected() {
+            Some(rejected) => Ended::Garbled(rejected),
+            None => Ended::Silent,
+        });
     }
-    // A helicopter that flies is written nothing.
+    // Whether statuses come is judged below, and by the checks.
     let _ = bench.statuses(1).await;
-    if flies_or_moves(&bench.since(mark)) {
+    let seen = bench.since(mark);
+    if flies_or_moves(&seen) {
         return Err(Ended::Flies);
     }
+    match can_move && !seen.iter().any(|seen| seen.status().is_some()) {
+        true => Err(Ended::NoStatus),
+        false => Ok(()),
+    }
+}
+
+/// Looks twice: the second time at statuses that come quickly.
+async fn begin(bench: &Bench, can_move: bool) -> Result<(), Ended> {
+    let mark = bench.mark();
+    look(bench, can_move).await?;
     let period = Harmless::write_16(QuietPort16::StatusPeriod, PERIOD_MS);
     insist(bench, period).await;
     let _ = bench.statuses(2).await;

@@ -5,14 +5,14 @@ use std::num::NonZeroU32;
 use std::time::Duration;
 
 use dsp_protocol::{
-    Command, Decoded, Decoder, Downlink, Profile, Sequence, StatusMask, Uplink, port,
+    Command, DecodeError, Decoded, Decoder, Downlink, Profile, Sequence, StatusMask, Uplink, port,
 };
 
 use crate::arrival::{Arrival, describe_downlink};
 use crate::monitor::Monitor;
 use crate::outcome::{Judged, not_judged};
 use crate::permitted::MotionWatch;
-use crate::report::{Line, Side};
+use crate::report::{Line, Rejected, Side};
 
 /// Arrivals that one check may see: two minutes of a status each 4 ms. Further ones are counted, and the check is not judged.
 const MAX_ARRIVALS: usize = 32_768;
@@ -75,6 +75,8 @@ pub struct Wire {
     pub(crate) reset: Reset,
     /// Whether repeated attempts of the check agree that the DSP is wrong.
     pub(crate) is_sure: bool,
+    /// The first rejected frame, or the first with a wrong check field: that says most.
+    pub(crate) rejected: Option<Rejected>,
 }
 
 /// A reset of the DSP that a check waits for.
@@ -117,6 +119,7 @@ impl Wire {
             monitor: Monitor::new(setup.profile),
             reset: Reset::None,
             is_sure: false,
+            rejected: None,
         }
     }
 
@@ -131,7 +134,8 @@ impl Wire {
         while !bytes.is_empty() {
             let (count, decoded) = self.decoder.receive(bytes);
             let (taken, rest) = bytes.split_at(count);
-            self.arriving.extend_from_slice(taken);
+            let room = Rejected::MAX_BYTES.saturating_sub(self.arriving.len());
+            self.arriving.extend(taken.iter().take(room));
             bytes = rest;
             let (event, sequence, acknowledges) = match decoded {
                 Decoded::Incomplete => continue,
@@ -144,11 +148,11 @@ impl Wire {
                 sequence,
                 acknowledges,
             };
+            let bytes = std::mem::take(&mut self.arriving);
             let text = match &event {
                 Ok(message) => describe_downlink(message),
-                Err(error) => format!("rejected: {}", error.name()),
+                Err(error) => self.reject(*error, &bytes),
             };
-            let bytes = std::mem::take(&mut self.arriving);
             self.record(Side::Dsp, bytes, text);
             self.monitor.saw(&arrival, &self.lines);
             if self.arrivals.len() < MAX_ARRIVALS {
@@ -157,6 +161,21 @@ impl Wire {
                 self.overflow = true;
             }
         }
+    }
+
+    /// Keeps the rejected frame that says most; gives why it is rejected.
+    fn reject(&mut self, error: DecodeError, bytes: &[u8]) -> String {
+        let rejected = Rejected {
+            error,
+            bytes: bytes.to_vec(),
+        };
+        let text = format!("rejected: {}", rejected.describe(self.setup.profile));
+        let kept = self.rejected.as_ref().map(|kept| kept.error);
+        let says_more = error == DecodeError::Checksum && kept != Some(error);
+        if kept.is_none() || says_more {
+            self.rejected = Some(rejected);
+        }
+        text
     }
 
     /// The bytes to send.

@@ -7,7 +7,7 @@ use conform::permitted::{CONFIRMATION, RotorDisconnected};
 use conform::report::Report;
 use conform::run::{Conformance, Player, Settings};
 use conform::wire::Setup;
-use dsp_protocol::{Profile, Sequence};
+use dsp_protocol::{Command, Profile, Sequence, Uplink, port};
 use dsp_sim::simulator::Simulator;
 
 /// The virtual time at which a run is taken for one that does not end.
@@ -69,6 +69,28 @@ pub fn everything(profile: Profile, baud: u32) -> Settings {
         proof: RotorDisconnected::confirmed_by(CONFIRMATION),
         only: Vec::new(),
     }
+}
+
+/// A simulator that another PC has started up and ordered to take off.
+pub fn in_a_climb(profile: Profile) -> Simulator {
+    let mut peer = Simulator::new(dsp_sim::simulator::Setup {
+        profile,
+        ..dsp_sim::simulator::Setup::default()
+    });
+    let orders = [
+        Command::Following { on: true },
+        Command::Write16 {
+            port: port::TAKE_OFF,
+            value: 1,
+        },
+    ];
+    for (number, order) in orders.into_iter().enumerate() {
+        let sequence = Sequence::new(number as u8);
+        let frame = Uplink::Command(order).encode_in(profile, sequence);
+        Peer::receive(&mut peer, Duration::ZERO, frame.as_bytes());
+    }
+    Peer::take_output(&mut peer);
+    peer
 }
 
 /// What a run gave.

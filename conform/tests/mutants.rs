@@ -1,5 +1,7 @@
 //! Wrong DSPs: each breaks one sentence, and the kit names it.
 
+use std::time::Duration;
+
 use dsp_protocol::Profile;
 
 use crate::dsp::Dsp;
@@ -17,6 +19,8 @@ fn dsp(mutant: &Mutant) -> Dsp {
 /// Why the kit does not name the sentence that the mutant breaks; `None` if it does.
 fn escapes(mutant: &Mutant, peer: &mut impl Peer, only: Vec<String>) -> Option<String> {
     let mut settings = everything(mutant.profile, 115_200);
+    // The default of `ril conform`: it must not hide what a wrong DSP does.
+    settings.setup.slack = Duration::from_millis(25);
     settings.only = only;
     let report = play(peer, settings).report;
     let check = report.checks.iter().find(|check| check.id == mutant.check);

@@ -5,13 +5,13 @@ use std::path::Path;
 
 use conform::permitted::MotionWatch;
 use conform::replay::{Dialogue, Replay, ReplayError};
-use conform::report::{Line, Side, Verdict};
+use conform::report::{Ended, Line, Side, Verdict};
 use conform::run::Player;
 use dsp_protocol::Profile;
 
 use crate::dsp::Dsp;
 use crate::fault::Fault;
-use crate::harness::{everything, play, serve};
+use crate::harness::{Peer, everything, in_a_climb, play, serve};
 
 fn replayed(text: &str, fault: Fault, may_move: bool) -> (Vec<Line>, Vec<u8>, bool) {
     let dialogue = Dialogue::parse(text).expect("a dialogue");
@@ -61,6 +61,50 @@ fn the_dialogues_of_the_protocol_can_be_played_and_move_nothing_without_the_proo
         played += usize::from(refused);
     }
     assert!(played >= 10, "all that switch following on are refused");
+}
+
+/// Replays a line of the PC that writes a port.
+fn after_a_look(
+    peer: &mut impl Peer,
+    profile: Profile,
+    may_move: bool,
+) -> (Option<Ended>, Vec<u8>) {
+    let text = match profile {
+        Profile::Classic => "pc profile = classic\n0 > F0 01 00 4E 12 00 00 09 5A",
+        Profile::Extended => "pc profile = extended\n0 > B3 07 70 04 00 00 00 00 00",
+    };
+    let dialogue = Dialogue::parse(text).expect("a dialogue");
+    let setup = everything(profile, 115_200).setup;
+    let mut replay = Replay::new(dialogue, setup, may_move);
+    let (sent, _) = serve(&mut replay, peer, |_, _, _| {});
+    (replay.ended_early().cloned(), sent)
+}
+
+fn holds(sent: &[u8], part: &[u8]) -> bool {
+    sent.windows(part.len()).any(|bytes| bytes == part)
+}
+
+#[test]
+fn a_replay_leaves_a_helicopter_alone_that_flies_or_of_which_it_does_not_know() {
+    for profile in Profile::ALL {
+        let first: &[u8] = match profile {
+            Profile::Classic => &[0xF0, 0x01],
+            Profile::Extended => &[0xB3, 0x07, 0x70],
+        };
+        for may_move in [false, true] {
+            let (ended, sent) = after_a_look(&mut in_a_climb(profile), profile, may_move);
+            assert_eq!(ended, Some(Ended::Flies));
+            assert!(!holds(&sent, first), "{sent:02X?}");
+        }
+        let without_status = || Dsp::new(profile, 115_200, Fault::SendsNoStatus);
+        let (ended, sent) = after_a_look(&mut without_status(), profile, false);
+        assert_eq!(ended, Some(Ended::NoStatus));
+        assert!(!holds(&sent, first), "{sent:02X?}");
+        // Its rotor is disconnected.
+        let (ended, sent) = after_a_look(&mut without_status(), profile, true);
+        assert_eq!(ended, None);
+        assert!(holds(&sent, first), "{sent:02X?}");
+    }
 }
 
 #[test]

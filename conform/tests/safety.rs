@@ -2,12 +2,12 @@
 
 use conform::permitted::{MotionWatch, moves};
 use conform::report::Ended;
-use dsp_protocol::{Command, Decoded, Decoder, Profile, Uplink};
+use dsp_protocol::{Command, DecodeError, Decoded, Decoder, Profile, Uplink};
 use dsp_sim::simulator::{Setup, Simulator};
 
 use crate::dsp::Dsp;
 use crate::fault::{Fault, mutants};
-use crate::harness::{Peer, everything, play};
+use crate::harness::{everything, in_a_climb, play};
 
 /// What moves a rotor, as a right decoder of the profile sees it.
 fn moving(profile: Profile, sent: &[u8]) -> Vec<Uplink> {
@@ -82,28 +82,55 @@ fn with_the_proof_a_run_takes_off() {
 }
 
 #[test]
+fn a_dsp_without_status_is_left_alone_unless_its_rotor_is_disconnected() {
+    for profile in Profile::ALL {
+        let mut peer = Dsp::new(profile, 115_200, Fault::SendsNoStatus);
+        let mut settings = everything(profile, 115_200);
+        settings.only = vec!["5.1-read-16".to_owned()];
+        settings.proof = None;
+        let played = play(&mut peer, settings.clone());
+        assert_eq!(played.report.ended_early, Some(Ended::NoStatus));
+        settings.proof = everything(profile, 115_200).proof;
+        let mut peer = Dsp::new(profile, 115_200, Fault::SendsNoStatus);
+        let played = play(&mut peer, settings);
+        assert_eq!(played.report.ended_early, None);
+    }
+}
+
+#[test]
+fn a_dsp_that_sends_nothing_right_is_named_by_its_bytes() {
+    for profile in Profile::ALL {
+        let run = |kit: Profile, fault| {
+            let mut peer = Dsp::new(profile, 115_200, fault);
+            play(&mut peer, everything(kit, 115_200)).report.ended_early
+        };
+        let Some(Ended::Garbled(rejected)) = run(profile, Fault::AlwaysSendsWrongCheckField) else {
+            panic!("{profile:?}");
+        };
+        assert_eq!(rejected.error, DecodeError::Checksum);
+        let (sent, expected) = match profile {
+            Profile::Classic => ("checksum: 0x", "was sent, the sum of the bytes is 0x"),
+            Profile::Extended => ("checksum: 0x", "was sent, the CRC of the bytes is 0x"),
+        };
+        let text = rejected.describe(profile);
+        assert!(text.starts_with(sent) && text.contains(expected), "{text}");
+        let other = match profile {
+            Profile::Classic => Profile::Extended,
+            Profile::Extended => Profile::Classic,
+        };
+        let Some(Ended::Garbled(rejected)) = run(other, Fault::None) else {
+            panic!("{profile:?}");
+        };
+        assert_eq!(rejected.error, DecodeError::OtherProfile);
+    }
+}
+
+#[test]
 fn a_helicopter_that_flies_is_left_alone() {
     for profile in Profile::ALL {
-        let mut peer = Simulator::new(Setup {
-            profile,
-            ..Setup::default()
-        });
+        let mut peer = in_a_climb(profile);
         let mut proof = everything(profile, 115_200);
         proof.only = vec!["8.4-taken".to_owned()];
-        // Another PC has flown it: started up, and in a climb.
-        let orders = [
-            Command::Following { on: true },
-            Command::Write16 {
-                port: dsp_protocol::port::TAKE_OFF,
-                value: 1,
-            },
-        ];
-        for (number, order) in orders.into_iter().enumerate() {
-            let sequence = dsp_protocol::Sequence::new(number as u8);
-            let frame = Uplink::Command(order).encode_in(profile, sequence);
-            Peer::receive(&mut peer, std::time::Duration::ZERO, frame.as_bytes());
-        }
-        Peer::take_output(&mut peer);
         let played = play(&mut peer, proof);
         assert_eq!(played.report.ended_early, Some(Ended::Flies));
         assert!(!played.report.conforms());

@@ -234,21 +234,12 @@ static void execute(dsp *self, const hero_dsp_command *command, hero_dsp_downlin
 /* A copy of the last command is acknowledged as that one was, and not executed (11). */
 static void on_command(dsp *self, const hero_dsp_uplink *message, uint32_t now_ms)
 {
-    hero_dsp_byte bytes[HERO_DSP_MAX_FRAME_LEN];
-    const size_t len = hero_dsp_encode_uplink(self->profile, message, bytes);
-    bool is_copy =
-        (self->profile == HERO_DSP_EXTENDED) && self->has_last_command && (len == self->last_command_len);
-    size_t at;
-    for (at = 0u; is_copy && (at < len); at++) {
-        is_copy = (bytes[at] == self->last_command[at]);
-    }
+    const bool is_copy = (self->profile == HERO_DSP_EXTENDED) && self->has_last_command &&
+                         hero_dsp_is_copy(message, &self->last_command);
     if (!is_copy) {
         execute(self, &message->command, &self->last_ack, now_ms);
         self->last_ack.acknowledges = message->sequence;
-        for (at = 0u; at < len; at++) {
-            self->last_command[at] = bytes[at];
-        }
-        self->last_command_len = len;
+        self->last_command = *message;
         self->has_last_command = true;
     }
     if (self->acks_len < DSP_ACKS) {

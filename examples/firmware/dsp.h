@@ -12,8 +12,6 @@
 #define DSP_PATH 16u
 #define DSP_ERRORS 16u
 #define DSP_ACKS 4u
-/* The longest frame of the PC: a waypoint of the extended profile has 22 bytes. */
-#define DSP_COMMAND_LEN 24u
 
 /* Where the helicopter is in its flight: the rows of the table of 8.5. */
 typedef enum { DSP_GROUND, DSP_ROTOR_STARTS, DSP_CLIMB, DSP_HOVER, DSP_DESCENT, DSP_ROTOR_STOPS } dsp_phase;
@@ -55,8 +53,7 @@ typedef struct {
     hero_dsp_byte errors_len;
 
     bool has_last_command; /* to know a copy (11) */
-    hero_dsp_byte last_command[DSP_COMMAND_LEN];
-    size_t last_command_len;
+    hero_dsp_uplink last_command;
     hero_dsp_downlink last_ack;
 
     /* What waits for the line (8.2). */

@@ -272,7 +272,6 @@ mod tests {
     struct Example {
         request: TerminationRequest,
         due: Option<MonotonicNs>,
-        wakes: u32,
         asked: u32,
     }
 
@@ -283,7 +282,6 @@ mod tests {
         fn sources<'a>(&'a mut self, _sources: &mut Sources<'a>) {}
 
         fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
-            self.wakes += 1;
             if self.due.is_some_and(|due| MonotonicNs::now() >= due) {
                 self.request.request();
                 self.due = None;
@@ -307,11 +305,10 @@ mod tests {
         let mut example = Example {
             request,
             due: Some(MonotonicNs::now() + Duration::from_millis(5)),
-            wakes: 0,
             asked: 0,
         };
         run(&mut example, &termination, &Notifier::from_env()).unwrap();
+        // Only what woke it for the deadline has asked it to end.
         assert_eq!((example.due, example.asked), (None, 3));
-        assert!(example.wakes >= 4, "{}", example.wakes);
     }
 }

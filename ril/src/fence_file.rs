@@ -3,10 +3,6 @@
 //! Only areas whose names begin with [`PREFIX`] are changed: those of the plan before go, those of this plan come. The fence never
 //! becomes wider: inclusion areas are one area together, so a plan's inclusions are refused beside those of the operator.
 
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
-
 use plans::check::area_config;
 use plans::model::FenceArea;
 use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table, value};
@@ -65,22 +61,6 @@ fn table(area: &FenceArea) -> Table {
         table["radius_m"] = value(radius_m);
     }
     table
-}
-
-/// Replaces the file as a whole, so that the bridge never reads half of it. Links and permissions stay.
-pub(crate) fn replace(file: &Path, text: &str) -> io::Result<()> {
-    let file = fs::canonicalize(file)?;
-    let permissions = fs::metadata(&file)?.permissions();
-    let folder = file
-        .parent()
-        .map(Path::to_owned)
-        .unwrap_or_else(|| PathBuf::from("."));
-    let mut new = tempfile::NamedTempFile::new_in(folder)?;
-    io::Write::write_all(&mut new, text.as_bytes())?;
-    new.as_file().set_permissions(permissions)?;
-    new.as_file().sync_all()?;
-    new.persist(&file).map_err(|error| error.error)?;
-    Ok(())
 }
 
 #[cfg(test)]

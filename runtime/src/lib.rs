@@ -2,6 +2,7 @@
 //!
 //! * [`args`]: the options that every process takes: robot, configuration, verbosity;
 //! * [`config`]: TOML files whose mistakes are refused with file, line and reason;
+//! * [`durable`]: files that a kill and a power cut leave whole;
 //! * [`duration`]: times as people write them, such as `1m30s`;
 //! * [`exit`]: exit codes, and how an error is printed once;
 //! * [`finding`]: one thing that a check found, with what to do about it;
@@ -9,7 +10,8 @@
 //! * [`manual`]: pages of the manual from the definition of the command line;
 //! * [`notify`]: readiness and watchdog for a supervisor;
 //! * [`session`]: the session that a process belongs to;
-//! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on; limits on file sizes as errors.
+//! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on; limits on file sizes as errors;
+//! * [`wall_clock`]: whether anybody has set the clock of this machine.
 //!
 //! Nothing here knows the helicopter, the serial line or shared memory.
 //!
@@ -64,6 +66,7 @@
 
 pub mod args;
 pub mod config;
+pub mod durable;
 pub mod duration;
 pub mod exit;
 pub mod finding;
@@ -72,3 +75,4 @@ pub mod manual;
 pub mod notify;
 pub mod session;
 pub mod signal;
+pub mod wall_clock;

@@ -112,6 +112,7 @@ pub mod domain;
 pub mod garbage;
 pub mod languages;
 pub mod packages;
+pub mod preload;
 pub mod process;
 pub mod pty;
 pub mod readers;

@@ -76,7 +76,14 @@ const ARROWS: [(&str, &[&str]); 19] = [
     ),
     (
         "endurance",
-        &["dsp-sim", "ipc-types", "recording", "ril-tests", "runtime"],
+        &[
+            "dsp-sim",
+            "ipc-types",
+            "mavlink-gateway",
+            "recording",
+            "ril-tests",
+            "runtime",
+        ],
     ),
 ];
 

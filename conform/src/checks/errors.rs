@@ -1,17 +1,21 @@
 //! The queue of errors: section 8.6.
 
-use dsp_protocol::port;
+use std::time::Duration;
 
-use crate::arrival::Arrival;
+use dsp_protocol::{StatusMask, port};
+
+use crate::arrival::{Arrival, describe_downlink};
 use crate::bench::Bench;
 use crate::check::Check;
 use crate::monitor::Rule;
-use crate::outcome::{Judged, ensure};
+use crate::outcome::{Judged, broken, ensure};
 use crate::permitted::{Harmless, Raw};
 
 const INVALID: u16 = 30;
 const UNKNOWN_HEADER: u16 = 100;
 const CHECK_FIELD: u16 = 102;
+/// Errors that wait at once.
+const MANY: usize = 6;
 /// Places of the queue.
 const PLACES: usize = 16;
 
@@ -42,6 +46,35 @@ pub fn checks() -> Vec<Check> {
             "8.6",
             "nothing comes between the two",
             "no error that is not right behind a status, but those about the other profile",
+        ),
+        Check::harmless(
+            "8.6-before-acknowledgements",
+            "8.6",
+            "nothing comes between the two",
+            "6 unknown headers, then all groups every 100 ms (200 ms at 19200 baud and below), and one read after the other",
+            "an error right behind each status until six have come: an acknowledgement that waits comes after it",
+            |bench| async move {
+                in_one_pause(&bench, 1_000).await?;
+                for _ in 0..MANY {
+                    bench.send_raw(&unknown_header(), "an unknown header")?;
+                }
+                bench.set_mask(StatusMask::ALL).await?;
+                let period_ms = match bench.frame_time() < Duration::from_millis(50) {
+                    true => 100,
+                    false => 200,
+                };
+                bench.set_period(period_ms).await?;
+                // The errors wait. A status that was composed before may come without one.
+                bench.statuses(1).await?;
+                let mark = bench.mark();
+                let limit = bench.now() + 10 * bench.period() + 10 * bench.frame_time();
+                let statuses =
+                    |seen: &[Arrival]| seen.iter().filter(|one| one.status().is_some()).count();
+                while statuses(&bench.since(mark)) <= MANY && bench.now() < limit {
+                    bench.ask(Harmless::read_16(port::STATUS_PERIOD_MS)).await?;
+                }
+                each_right_behind(&bench.since(mark))
+            },
         ),
         Check::harmless(
             "8.6-sixteen-places",
@@ -85,6 +118,28 @@ pub fn checks() -> Vec<Check> {
             },
         ),
     ]
+}
+
+/// Judges that an error stands right behind each status but the last errors: five or six, as the status before had one or not.
+fn each_right_behind(seen: &[Arrival]) -> Judged {
+    let mut errors = 0;
+    for pair in seen.windows(2) {
+        let [first, second] = pair else { continue };
+        if second.link_error().is_some() {
+            errors += 1;
+        } else if first.status().is_some() && errors < MANY - 1 {
+            return broken(format!(
+                "no error came right behind a status while errors waited: {} came",
+                second.event.map_or_else(
+                    |error| error.name().to_owned(),
+                    |message| describe_downlink(&message)
+                )
+            ));
+        }
+    }
+    ensure(errors >= MANY - 1, || {
+        format!("{errors} errors came where {MANY} waited")
+    })
 }
 
 /// Waits for the beginning of a pause of `period_ms` between two statuses.

@@ -55,7 +55,7 @@ pub fn checks() -> Vec<Check> {
                 ));
             }
             ensure(got == StatusMask::ALL, || {
-                format!("a status came with {got:?}")
+                format!("a status came with mask 0x{:04X}", got.0)
             })
         },
     ));
@@ -95,8 +95,9 @@ async fn with_group(bench: &Bench, group: Group) -> Judged<Vec<Status>> {
         }
         ensure(status.mask() == mask, || {
             format!(
-                "a status came with {:?} where {mask:?} was asked for",
-                status.mask()
+                "a status came with mask 0x{:04X} where 0x{:04X} was asked for",
+                status.mask().0,
+                mask.0
             )
         })?;
     }

@@ -10,8 +10,8 @@ use crate::check::{Check, StartPlace};
 use crate::outcome::{Judged, broken, ensure, not_judged};
 use crate::permitted::{Harmless, QuietPort16, QuietPort32, RotorDisconnected};
 use crate::pilot::{
-    HEIGHT_M, INVALID, MOVEMENT_LIMIT, ON, PLACES, count, far_from, fill, flow_is, link_errors,
-    next_count, offer_as, position, refused, silent, taken, taken_as,
+    FLOW_MS, HEIGHT_M, INVALID, MOVEMENT_LIMIT, ON, PLACES, count, far_from, fill, flow_is,
+    link_errors, next_count, offer_as, position, refused, silent, taken, taken_as,
 };
 
 /// Error of a waypoint that finds the buffer full.
@@ -127,8 +127,8 @@ fn of_the_buffer() -> Vec<Check> {
             "9-waypoint-limits",
             "9",
             "A waypoint has the limits of the geographic position; the DSP discards one outside them with error 30.",
-            "waypoints one step beyond each limit of latitude, longitude and altitude",
-            "error 30 for each; port 10003 as before",
+            "waypoints one step beyond each limit of latitude, longitude and altitude, and one at three limits",
+            "error 30 for each, port 10003 as before; the last one is taken",
             |bench, proof| async move {
                 let from = far_from(&position(&bench).await?, 0);
                 let beyond = [
@@ -160,7 +160,13 @@ fn of_the_buffer() -> Vec<Check> {
                 for waypoint in beyond {
                     refused(&bench, proof, waypoint, INVALID).await?;
                 }
-                Ok(())
+                // Both ends are inside. The helicopter sets out slowly, and hovers when the check is over.
+                let at_the_end = Waypoint {
+                    latitude_deg: 90.0,
+                    longitude_deg: -180.0,
+                    altitude_m: 20_000.0,
+                };
+                taken(&bench, proof, at_the_end).await
             },
         ),
         Check::moving(
@@ -190,6 +196,11 @@ fn of_the_buffer() -> Vec<Check> {
                 let from = position(&bench).await?;
                 let speed = Harmless::write_32(QuietPort32::ClimbSpeed, 2.0);
                 bench.ask(speed).await?;
+                // A DSP may count the climb into its cruise speed.
+                let speed = Harmless::write_32(QuietPort32::CruiseSpeed, 2.0);
+                bench.ask(speed).await?;
+                let radius = Harmless::write_32(QuietPort32::AcceptanceRadius, 0.5);
+                bench.ask(radius).await?;
                 let higher = Waypoint {
                     latitude_deg: from.latitude_deg,
                     longitude_deg: from.longitude_deg,
@@ -239,7 +250,7 @@ fn of_waypoint_numbers() -> Vec<Check> {
             "11-number-forgotten",
             "11",
             "Invalidate path, following off and the PC time-out make the DSP forget the number of the waypoint.",
-            "a waypoint, invalidate path, another under the same number; the same with following off and on",
+            "a waypoint, invalidate path, another under the same number; the same with following off and on, and with a PC time-out of 0.5 s and 1 s of silence",
             "all are taken",
             |bench, proof| async move {
                 let from = position(&bench).await?;
@@ -248,7 +259,15 @@ fn of_waypoint_numbers() -> Vec<Check> {
                 taken_as(&bench, proof, far_from(&from, 1), 50).await?;
                 bench.ask(Harmless::FOLLOWING_OFF).await?;
                 bench.ask(proof.permit(ON)).await?;
-                taken_as(&bench, proof, far_from(&from, 2), 50).await
+                taken_as(&bench, proof, far_from(&from, 2), 50).await?;
+                let write = Harmless::write_16(QuietPort16::PcTimeout, 500);
+                bench.ask(write).await?;
+                if bench.read_16(port::PC_TIMEOUT_MS).await? != 500 {
+                    // A classic DSP has no PC time-out.
+                    return Ok(());
+                }
+                bench.sleep(Duration::from_secs(1)).await;
+                taken_as(&bench, proof, far_from(&from, 3), 50).await
             },
         ),
         Check::moving(
@@ -324,21 +343,32 @@ fn of_the_loss_of_the_pc() -> Vec<Check> {
             "8.8",
             "it empties the buffer, forgets the number of the last waypoint, and hovers on the spot",
             "a PC time-out of 1 s, 15 waypoints, and 3 s of silence",
-            "flow control 0 for 0.6 s, and 1 at the end",
+            "flow control 0 for 1 s, and 1 within 0.3 s and two flow control periods then",
             |bench, proof| async move {
-                arm(&bench, proof, 1_000).await?;
+                let armed = arm(&bench, proof, 1_000).await?.at;
                 let mark = bench.mark();
-                bench.sleep(Duration::from_millis(600)).await;
-                let early = bench.since(mark);
-                let early = early.iter().filter_map(Arrival::flow);
-                ensure(early.clone().all(|flow| flow == FlowControl::Stop), || {
-                    "flow control 1 came before the PC time-out".to_owned()
+                bench.sleep(Duration::from_secs(3)).await;
+                let seen = bench.since(mark);
+                let send = |arrival: &&Arrival| arrival.flow() == Some(FlowControl::Send);
+                let Some(first) = seen.iter().find(send) else {
+                    return broken("the buffer was not emptied after the PC time-out");
+                };
+                let after = first.at.saturating_sub(armed);
+                // 5 ms: the DSP may count in steps. What this computer sees late is later still.
+                ensure(after >= Duration::from_millis(995), || {
+                    format!(
+                        "flow control 1 came {} ms after the last message of the PC, before the PC time-out",
+                        after.as_millis()
+                    )
                 })?;
-                bench.sleep(Duration::from_millis(2_400)).await;
-                let flows = bench.since(mark);
-                let last = flows.iter().filter_map(Arrival::flow).next_back();
-                ensure(last == Some(FlowControl::Send), || {
-                    "the buffer was not emptied after the PC time-out".to_owned()
+                let limit = Duration::from_millis(1_300 + 2 * u64::from(FLOW_MS))
+                    + 2 * bench.frame_time()
+                    + bench.slack();
+                ensure(after <= limit, || {
+                    format!(
+                        "flow control 1 came {} ms after the last message of the PC, long after the PC time-out",
+                        after.as_millis()
+                    )
                 })
             },
         ),
@@ -365,6 +395,37 @@ fn of_the_loss_of_the_pc() -> Vec<Check> {
         ),
         Check::moving(
             StartPlace::Hover,
+            "8.8-waypoint-sign-of-life",
+            "8.8",
+            "no valid message of the PC (command or waypoint, also one that is a copy or is refused) has arrived for that long",
+            "a PC time-out of 1 s, 15 waypoints, and each 300 ms for 3 s the newest of them again; then each 300 ms for 3 s one outside the limits",
+            "flow control 0 all the time",
+            |bench, proof| async move {
+                let newest = arm(&bench, proof, 1_000).await?.newest;
+                let beyond = Waypoint {
+                    latitude_deg: 91.0,
+                    ..newest
+                };
+                for (waypoint, what) in [
+                    (newest, "the newest waypoint came again"),
+                    (beyond, "waypoints came that are refused"),
+                ] {
+                    let mark = bench.mark();
+                    for _ in 0..10 {
+                        bench.sleep(Duration::from_millis(300)).await;
+                        bench.send(proof.permit(waypoint))?;
+                    }
+                    all_stop(
+                        &bench,
+                        mark,
+                        &format!("the buffer was emptied though {what}"),
+                    )?;
+                }
+                Ok(())
+            },
+        ),
+        Check::moving(
+            StartPlace::Hover,
             "8.8-off",
             "8.8",
             "When the port is not 0, no valid message of the PC (command or waypoint, also one that is a copy or is refused) has arrived for that long",
@@ -384,8 +445,15 @@ fn of_the_loss_of_the_pc() -> Vec<Check> {
     ]
 }
 
-/// Sets the PC time-out and fills 15 places.
-async fn arm(bench: &Bench, proof: RotorDisconnected, timeout_ms: u16) -> Judged {
+/// A DSP with 15 waypoints and a PC time-out.
+struct Armed {
+    /// When the PC time-out was sent.
+    at: Duration,
+    newest: Waypoint,
+}
+
+/// Fills 15 places and sets the PC time-out.
+async fn arm(bench: &Bench, proof: RotorDisconnected, timeout_ms: u16) -> Judged<Armed> {
     let from = position(bench).await?;
     let mark = bench.mark();
     let found = bench.read_16(port::PC_TIMEOUT_MS).await?;
@@ -395,9 +463,13 @@ async fn arm(bench: &Bench, proof: RotorDisconnected, timeout_ms: u16) -> Judged
     }
     fill(bench, proof, &from, PLACES - 1).await?;
     flow_is(bench, FlowControl::Stop, "15 waypoints").await?;
+    let at = bench.now();
     let write = Harmless::write_16(QuietPort16::PcTimeout, timeout_ms);
     bench.ask(write).await?;
-    Ok(())
+    Ok(Armed {
+        at,
+        newest: far_from(&from, PLACES - 2),
+    })
 }
 
 fn all_stop(bench: &Bench, mark: usize, found: &str) -> Judged {

@@ -3,7 +3,7 @@
 use dsp_protocol::Command;
 use dsp_protocol::port::{self, PORTS_16, PORTS_32, Port16, Port32};
 
-use crate::arrival::Arrival;
+use crate::arrival::{Arrival, describe_downlink};
 use crate::bench::Bench;
 use crate::check::{Check, StartPlace};
 use crate::outcome::{Judged, broken, ensure, not_judged};
@@ -386,6 +386,13 @@ fn judge_zero(answer: &Arrival, number: u16) -> Judged {
     match answer.event {
         Ok(Ack16 { value: 0, .. }) => Ok(()),
         Ok(Ack32 { value, .. }) if value.to_bits() == 0 => Ok(()),
-        other => broken(format!("unknown port {number} is answered with {other:?}")),
+        Ok(other) => broken(format!(
+            "unknown port {number} is answered with another value than 0: {}",
+            describe_downlink(&other)
+        )),
+        Err(error) => broken(format!(
+            "unknown port {number} is answered with a frame that the PC rejects: {}",
+            error.name()
+        )),
     }
 }

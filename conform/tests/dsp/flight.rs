@@ -72,6 +72,7 @@ impl Dsp {
         let is_within = latitude.abs() <= 90e7
             && longitude.abs() <= 180e7
             && (-1_000_000.0..=20_000_000.0).contains(&altitude)
+            && !(self.is(Fault::RefusesWaypointAtLimit) && altitude >= 20_000_000.0)
             || self.is(Fault::TakesAnyWaypoint);
         let is_high = altitude >= (GROUND_M + 0.5) * 1e3
             || self.is(Fault::TakesLowWaypoints)

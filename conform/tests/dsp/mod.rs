@@ -295,7 +295,11 @@ impl Dsp {
             self.change_periods(number);
         }
         if self.timeout_due.take_if(|due| *due <= now).is_some() && !self.path.is_empty() {
+            let number = self.waypoint_number;
             self.drop_path();
+            if self.is(Fault::TimeoutKeepsWaypointNumber) {
+                self.waypoint_number = number;
+            }
         }
         if self.phase != Phase::Ground && self.tick <= now {
             self.tick = now + TICK;

@@ -208,12 +208,19 @@ impl Dsp {
         if code == 7 && payload[1] > 1 && !self.is(Fault::TakesAnyFollowing) {
             return self.error(30);
         }
+        let errors = self.errors.len();
         if kind == 0x19 {
             self.take_waypoint(payload, sequence);
         } else {
             self.take_command(payload, sequence);
         }
-        if !(self.is(Fault::TimeoutIgnoresReads) && code == 0) {
+        let is_ignored = match self.fault {
+            Fault::TimeoutIgnoresReads => code == 0,
+            Fault::TimeoutIgnoresWaypoints => kind == 0x19,
+            Fault::TimeoutIgnoresRefused => self.errors.len() > errors,
+            _ => false,
+        };
+        if !is_ignored {
             self.restart_timeout();
         }
     }
@@ -363,6 +370,9 @@ impl Dsp {
             Fault::FirstStatusAtOnce => self.now,
             _ => self.now + self.status_period(),
         };
+        if self.is(Fault::ActivateStartsFlow) {
+            self.flow_due = self.flow_due.or(Some(self.now + self.flow_period()));
+        }
         self.status_due = match (self.status_due, self.fault) {
             (Some(_), Fault::ActivateSwitches) => None,
             (Some(old), fault) if fault != Fault::ActivateRestarts => Some(old),
@@ -405,7 +415,11 @@ impl Dsp {
             Fault::PeriodFactor(factor) => factor,
             _ => 1,
         };
-        MS * u32::from(self.word(10_001)).max(1) * factor
+        let period = MS * u32::from(self.word(10_001)).max(1) * factor;
+        match self.fault {
+            Fault::PeriodTooLong => period * 106 / 100,
+            _ => period,
+        }
     }
 
     pub(super) fn flow_period(&self) -> Duration {
@@ -418,7 +432,9 @@ impl Dsp {
             10_003 if self.is(Fault::CountWithoutBit15) => Some(self.count),
             10_003 => Some(0x8000 | self.count & 0x7FFF),
             10_121 => Some(u16::from(
-                self.takes_off() && !self.is(Fault::TakeOffReadsZero)
+                self.takes_off()
+                    && !self.is(Fault::TakeOffReadsZero)
+                    && !(self.is(Fault::TakeOffReadsZeroAtHeight) && self.phase == Phase::Hover)
                     || self.is(Fault::TakeOffReadsOneForever) && self.flies(),
             )),
             10_122 => Some(u16::from(
@@ -489,11 +505,13 @@ impl Dsp {
         );
         let keeps = self.is(Fault::KeepsOldPeriod);
         let from_now = self.is(Fault::CountsNewPeriodFromNow);
+        let (at_once, now) = (self.is(Fault::NewPeriodAtOnce), self.now);
         let change = |due: &mut Option<Duration>, new: Duration| {
             if let Some(due) = due {
                 *due = match () {
                     () if keeps => *due,
                     () if from_now => new,
+                    () if at_once && *due > new => now + MS,
                     () => (*due).min(new),
                 };
             }

@@ -10,6 +10,9 @@ impl Dsp {
         let busy = !self.statuses.is_empty()
             || self.sending.as_ref().is_some_and(|(_, _, status)| *status)
                 && !self.is(Fault::StatusBeforeAck);
+        if self.is(Fault::SendsNoStatus) {
+            return;
+        }
         if busy && !(self.is(Fault::QueuesStatuses) && self.statuses.len() < 8) {
             return;
         }
@@ -151,22 +154,29 @@ impl Dsp {
         if self.sending.is_some() {
             return;
         }
-        if let Some(code) = self.error_of_status.take() {
+        let now = self.now;
+        let ack_waits = self.acks.front().is_some_and(|(from, _)| *from <= now);
+        if ack_waits && self.is(Fault::AckForError) {
+            // The error goes back, to the next status.
+            if let Some(code) = self.error_of_status.take() {
+                self.errors.push_front(code);
+            }
+        }
+        if !(ack_waits && self.is(Fault::AckBeforeError))
+            && let Some(code) = self.error_of_status.take()
+        {
             let out = self.out(0xE6, digits(u32::from(code), 3));
             if self.is(Fault::TwoErrorsForStatus) {
                 self.error_of_status = self.errors.pop_front();
             }
             return self.begin(out);
         }
-        let now = self.now;
         if self.is(Fault::StatusBeforeAck)
             && let Some(out) = self.statuses.pop_front()
         {
             return self.begin_status(out);
         }
-        if self.acks.front().is_some_and(|(from, _)| *from <= now)
-            && let Some((_, out)) = self.acks.pop_front()
-        {
+        if ack_waits && let Some((_, out)) = self.acks.pop_front() {
             return self.begin(out);
         }
         if std::mem::take(&mut self.alarm) {
@@ -183,7 +193,9 @@ impl Dsp {
     }
 
     pub(super) fn begin_status(&mut self, out: Out) {
-        self.error_of_status = out.error;
+        if out.error.is_some() || !self.is(Fault::AckBeforeError) {
+            self.error_of_status = out.error;
+        }
         self.begin(out);
     }
 
@@ -203,7 +215,8 @@ impl Dsp {
             }
             (_, profile) => profile,
         };
-        let is_wrong = self.is(Fault::SendsWrongCheckField) && self.frames_sent.is_multiple_of(30);
+        let is_wrong = self.is(Fault::AlwaysSendsWrongCheckField)
+            || self.is(Fault::SendsWrongCheckField) && self.frames_sent.is_multiple_of(30);
         let mut frame = match profile {
             Profile::Classic => vec![out.header],
             Profile::Extended => vec![0xDA, self.number, out.header & 0x7F],

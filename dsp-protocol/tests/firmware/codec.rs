@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::fmt::{Debug, Write};
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process;
 
 use dsp_protocol::plausibility::implausible_groups;
 use dsp_protocol::port::{PORTS_16, PORTS_32};
 use dsp_protocol::{
-    DecodeError, Decoded, Direction, Downlink, DspErrorCode, FieldSpec, Group, Profile, Received,
-    Sequence, StatusMask, Uplink, checksum, crc32, header,
+    Command, DecodeError, Decoded, Direction, Downlink, DspErrorCode, FieldSpec, Group, Profile,
+    Received, Sequence, StatusMask, Uplink, checksum, crc32, header,
 };
 use fastrand::Rng;
 
@@ -735,6 +735,60 @@ fn ends_of_fields() -> Quiz {
     quiz
 }
 
+/// Each of some commands as a copy of each: number and bytes must be equal.
+fn copies() -> Quiz {
+    let commands = [
+        Command::Read16 { port: 10_001 },
+        Command::Read16 { port: 10_002 },
+        Command::Read32 { port: 10_001 },
+        Command::Write16 {
+            port: 10_001,
+            value: 50,
+        },
+        Command::Write16 {
+            port: 10_001,
+            value: 51,
+        },
+        Command::Write32 {
+            port: 20_000,
+            value: 0.0,
+        },
+        Command::Write32 {
+            port: 20_000,
+            value: -0.0,
+        },
+        Command::Write32 {
+            port: 20_000,
+            value: f32::NAN,
+        },
+        Command::ClearErrors,
+        Command::InvalidatePath,
+        Command::Following { on: false },
+        Command::Following { on: true },
+    ];
+    let frame = |command, number| {
+        let frame = Uplink::Command(command).encode_in(Profile::Extended, Sequence::new(number));
+        hex(frame.as_bytes())
+    };
+    let frames: Vec<String> = [7, 8]
+        .into_iter()
+        .flat_map(|number| commands.map(|command| frame(command, number)))
+        .collect();
+    let mut quiz = Quiz::default();
+    for last in &frames {
+        for command in &frames {
+            let is_copy = u8::from(last == command);
+            quiz.add(format!("copy {last} {command}"), is_copy.to_string());
+        }
+    }
+    quiz
+}
+
+#[test]
+fn a_copy_of_a_command_has_its_number_and_its_bytes() {
+    copies().check();
+}
+
 #[test]
 fn any_value_of_a_field_is_sent_within_its_type() {
     ends_of_fields().check();
@@ -757,7 +811,12 @@ fn what_cannot_be_encoded_gives_no_frame() {
 }
 
 /// Mistakes that a codec may have: the text, and what stands there instead.
-const MISTAKES: [(&str, &str); 20] = [
+const MISTAKES: [(&str, &str); 22] = [
+    (
+        "(value.bits == last_value.bits)",
+        "(value.number == last_value.number)",
+    ),
+    ("(command->sequence == last->sequence) &&", "true &&"),
     (
         "(bits <= 0x7FFFFFFFu) ? (int32_t)bits",
         "true ? (int32_t)(bits & 0x7FFFFFFFu)",
@@ -826,7 +885,12 @@ fn a_codec_with_a_mistake_is_found() {
         return;
     };
     let right = fs::read_to_string(path("hero_dsp.c")).expect("a file of the repository");
-    let quizzes = [vectors_to_encode(), vectors_to_decode(), ends_of_fields()];
+    let quizzes = [
+        vectors_to_encode(),
+        vectors_to_decode(),
+        ends_of_fields(),
+        copies(),
+    ];
     for (text, mistake) in MISTAKES {
         let wrong = right.replacen(text, mistake, 1);
         assert_ne!(wrong, right, "`{text}` is not in hero_dsp.c");
@@ -843,21 +907,24 @@ fn a_codec_with_a_mistake_is_found() {
 #[test]
 fn the_codec_is_compiled_for_a_cortex_m_and_needs_nothing_but_arithmetic() {
     let compiler = "arm-none-eabi-gcc";
-    if let Err(why) = run(Command::new(compiler).arg("--version")) {
+    if let Err(why) = run(process::Command::new(compiler).arg("--version")) {
         return skip("the codec in C for Cortex-M", &why);
     }
     let folder = tempfile::tempdir().expect("a folder");
     let object = folder.path().join("object");
     for processor in ["cortex-m0", "cortex-m4"] {
         let compile = |source: &Path| {
-            let mut command = Command::new(compiler);
+            let mut command = process::Command::new(compiler);
             command.args([&format!("-mcpu={processor}"), "-mthumb", "-Os"]);
             command.args(FREESTANDING).arg("-I").arg(path("")).arg("-c");
             run(command.arg(source).arg("-o").arg(&object)).expect("it is compiled");
         };
         compile(&path("../../examples/firmware/dsp.c"));
         compile(&path("hero_dsp.c"));
-        let symbols = run(Command::new("arm-none-eabi-nm").arg("-u").arg(&object)).expect("nm");
+        let symbols = run(process::Command::new("arm-none-eabi-nm")
+            .arg("-u")
+            .arg(&object))
+        .expect("nm");
         let wanted = symbols.split_whitespace().filter(|word| *word != "U");
         let others: Vec<_> = wanted
             .filter(|name| !name.starts_with("__aeabi_"))

@@ -7,6 +7,7 @@
  *   steps TYPE BITS STEPS                the steps of the double with these bits
  *   port16 NUMBER BITS, port32 NUMBER BITS   `-` for no port, or its row and whether it accepts the value
  *   error RESULT                         the error for a result
+ *   copy HEX HEX                         whether the second command of the extended profile is a copy of the first
  *
  * fields.inc has a line for each field of a status: FIELD(group's bit, name, place in hero_dsp_status, is signed). */
 #include <inttypes.h>
@@ -279,14 +280,33 @@ static void port32(uint16_t number, uint32_t bits)
     }
 }
 
+static hero_dsp_uplink uplink_of(const char *hex)
+{
+    const size_t len = strlen(hex) / 2;
+    hero_dsp_byte bytes[HERO_DSP_MAX_FRAME_LEN];
+    hero_dsp_decoder decoder;
+    hero_dsp_uplink message;
+    hero_dsp_result result;
+    size_t at;
+    for (at = 0; at < len && at < HERO_DSP_MAX_FRAME_LEN; at++) {
+        unsigned byte;
+        sscanf(hex + 2 * at, "%2X", &byte);
+        bytes[at] = (hero_dsp_byte)byte;
+    }
+    memset(&message, 0xA5, sizeof message);
+    hero_dsp_decoder_init(&decoder, HERO_DSP_EXTENDED);
+    hero_dsp_receive_uplink(&decoder, bytes, at, &message, &result);
+    return message;
+}
+
 int main(void)
 {
     static char line[1 << 20];
     while (fgets(line, sizeof line, stdin) != NULL) {
-        char what[16], first[16], second[16];
+        char what[16], first[64], second[64];
         int used = 0;
         line[strcspn(line, "\n")] = '\0';
-        if (sscanf(line, "%15s %15s %15s %n", what, first, second, &used) < 2) {
+        if (sscanf(line, "%15s %63s %63s %n", what, first, second, &used) < 2) {
             return 2;
         }
         if (strcmp(what, "decode") == 0 || strcmp(what, "encode") == 0) {
@@ -310,6 +330,10 @@ int main(void)
             port16((uint16_t)strtoul(first, NULL, 10), (uint16_t)strtoul(second, NULL, 10));
         } else if (strcmp(what, "port32") == 0) {
             port32((uint16_t)strtoul(first, NULL, 10), (uint32_t)strtoul(second, NULL, 10));
+        } else if (strcmp(what, "copy") == 0) {
+            const hero_dsp_uplink last = uplink_of(first);
+            const hero_dsp_uplink command = uplink_of(second);
+            printf("%u\n", (unsigned)hero_dsp_is_copy(&command, &last));
         } else if (strcmp(what, "error") == 0) {
             printf("%u\n", (unsigned)hero_dsp_error_of((hero_dsp_result)strtol(first, NULL, 10)));
         } else {

@@ -1,5 +1,7 @@
-//! [`Streams`]: when which message goes to a station that was heard. A message whose content has not changed since it was sent is not
-//! sent again under a new time: it waits for the next sample.
+//! [`Streams`]: when which message goes to a station that was heard.
+//!
+//! A message that is made of a sample is sent when that sample comes, so that it is new: of the samples it is the one that comes nearest to
+//! the moment at which the message is due. No sample is sent twice. When the next sample does not come, the one that is there is sent.
 
 use std::time::Duration;
 
@@ -153,10 +155,25 @@ struct Beat {
     sent: MonotonicNs,
 }
 
+impl Beat {
+    /// When it is due again, after a sample was sent now. The moments drift to those of the samples, so that samples which come as often as
+    /// the message is wanted are all sent, also those that are a little early or late. The rate stays what it is.
+    fn next_after_sample(&self, period: Duration, now: MonotonicNs) -> MonotonicNs {
+        const SHARE: u32 = 8;
+        match now > self.due {
+            true => self.due + period + now.since(self.due) / SHARE,
+            false => self.due + (period - self.due.since(now) / SHARE),
+        }
+    }
+}
+
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct Streams {
     beats: [Beat; StreamId::ALL.len()],
+    /// The moment of the newest sample, and how long after the one before it was measured.
+    sample: MonotonicNs,
+    interval: Duration,
     /// Until when everything that is due has been looked at.
     looked: MonotonicNs,
 }
@@ -170,6 +187,8 @@ impl Streams {
                 due: now,
                 sent: MonotonicNs(0),
             }),
+            sample: MonotonicNs(0),
+            interval: Duration::ZERO,
             looked: MonotonicNs(0),
         }
     }
@@ -186,30 +205,48 @@ impl Streams {
     /// Those that are due and have something to say, of a sample that was measured at `sample`. They count as sent.
     pub fn take_due(&mut self, sample: MonotonicNs, now: MonotonicNs) -> Vec<StreamId> {
         self.looked = now;
+        let has_come = sample > self.sample;
+        if has_come {
+            if self.sample > MonotonicNs(0) {
+                self.interval = sample.since(self.sample);
+            }
+            self.sample = sample;
+        }
+        let interval = self.interval;
         let mut due = Vec::new();
         for (stream, beat) in StreamId::ALL.into_iter().zip(&mut self.beats) {
-            let Some(period) = beat.period.filter(|_| beat.due <= now) else {
+            let Some(period) = beat.period else {
                 continue;
             };
-            if stream.content() == StreamContent::Sample {
-                if sample <= beat.sent {
-                    continue;
+            let next = match stream.content() {
+                StreamContent::State if beat.due <= now => beat.due + period,
+                StreamContent::Sample if sample > beat.sent => {
+                    let is_nearest = has_come && beat.due <= now + interval.min(period) / 2;
+                    if !is_nearest && now < beat.due + interval {
+                        continue;
+                    }
+                    beat.sent = sample;
+                    beat.next_after_sample(period, now)
                 }
-                beat.sent = sample;
-            }
+                _ => continue,
+            };
             // A machine that stalls does not make up for it.
-            let next = beat.due + period;
             beat.due = if next > now { next } else { now + period };
             due.push(stream);
         }
         due
     }
 
-    /// When the next one is due. Those that wait for a sample are looked at when one comes.
+    /// When the next one is due although no sample comes. Those that wait for a sample are looked at when one comes.
     pub fn deadline(&self) -> Option<MonotonicNs> {
-        let beats = self.beats.iter().filter(|beat| beat.period.is_some());
+        let beats = StreamId::ALL.into_iter().zip(&self.beats);
         beats
-            .map(|beat| beat.due)
+            .filter(|(_, beat)| beat.period.is_some())
+            .filter_map(|(stream, beat)| match stream.content() {
+                StreamContent::State => Some(beat.due),
+                StreamContent::Sample if self.sample > beat.sent => Some(beat.due + self.interval),
+                StreamContent::Sample => None,
+            })
             .filter(|due| *due > self.looked)
             .min()
     }
@@ -267,6 +304,59 @@ mod tests {
         // One sample a second: what is made of samples comes once a second.
         let rare = expected.map(|count: usize| count.min(10));
         assert_eq!(sent(1_000), rare);
+    }
+
+    /// Of 200 samples every 20 ms, up to 4 ms early or late, the first `phase_ms` after the station: how old each was when ATTITUDE was
+    /// made of it, ms. The station wants one every `period_ms`.
+    fn ages(phase_ms: u64, period_ms: u64) -> Vec<u64> {
+        let mut streams = Streams::new(MonotonicNs(0));
+        let period = Duration::from_millis(period_ms);
+        streams.set_period(StreamId::Attitude, Some(period), MonotonicNs(0));
+        let jitters = [0, 4, 1, 3, 2, 0, 0, 4, 4];
+        let mut ages = Vec::new();
+        let mut sample_ms = 0;
+        for ms in 100..4_100 {
+            let number = (ms - 100) / 20;
+            let comes_ms = 100 + number * 20 + phase_ms + jitters[number as usize % jitters.len()];
+            if ms == comes_ms {
+                sample_ms = ms;
+            }
+            let now = MonotonicNs(ms * MS);
+            let due = streams.take_due(MonotonicNs(sample_ms * MS), now);
+            if due.contains(&StreamId::Attitude) {
+                ages.push(ms - sample_ms);
+            }
+        }
+        ages
+    }
+
+    #[test]
+    fn a_message_is_sent_when_the_sample_comes_that_is_nearest_to_its_moment() {
+        for phase_ms in 0..16 {
+            // Each one, but for the first few.
+            let each = ages(phase_ms, 20);
+            assert!(each.iter().all(|age| *age == 0), "{phase_ms}: {each:?}");
+            assert!(each.len() >= 197, "{phase_ms}: {}", each.len());
+            let fifth = ages(phase_ms, 100);
+            assert!(fifth.iter().all(|age| *age == 0), "{phase_ms}: {fifth:?}");
+            assert!((39..=41).contains(&fifth.len()), "{}", fifth.len());
+        }
+    }
+
+    #[test]
+    fn the_last_sample_of_telemetry_that_ends_is_sent() {
+        let mut streams = Streams::new(MonotonicNs(0));
+        for ms in [1, 21, 41] {
+            let now = MonotonicNs(ms * MS);
+            let _ = streams.take_due(now, now);
+        }
+        let sample = MonotonicNs(41 * MS);
+        let sent = (42..1_000).find(|ms| {
+            let due = streams.take_due(sample, MonotonicNs(ms * MS));
+            due.contains(&StreamId::Attitude)
+        });
+        // It was due at 101, and another sample could have come until 121.
+        assert_eq!(sent, Some(121));
     }
 
     #[test]

@@ -9,7 +9,7 @@ use mavlink_gateway::{Order, OrderKind, Settings};
 use proptest::collection::vec;
 use proptest::prelude::*;
 
-use crate::common::{QGC, SCRIPT, Station, World, acks, reposition};
+use crate::common::{QGC, SCRIPT, Station, World, acks, long, reposition};
 use crate::{mission_file, script};
 
 /// A message of any kind, with any content.
@@ -92,8 +92,8 @@ enum Arrival {
     Report(Order, Stage),
 }
 
-/// One random sequence: some commands, each sent up to four times within 1.5 s, over a line that loses, doubles and reorders, to a bridge
-/// that takes its time.
+/// One random sequence: some commands to fly to a place or at a speed, each sent up to four times within 1.5 s, over a line that loses,
+/// doubles and reorders, to a bridge that takes its time.
 fn sequence(seed: u64) {
     let mut rng = Rng::with_seed(seed);
     let mut world = World::flying();
@@ -103,8 +103,11 @@ fn sequence(seed: u64) {
     let commands: Vec<(Station, MessageWriter)> = (0..count)
         .map(|number| {
             let station = if rng.bool() { QGC } else { SCRIPT };
-            let x = 374_200_000 + number as i32;
-            (station, reposition(6, x, -60_010_000, 30.0))
+            let message = match rng.bool() {
+                true => reposition(6, 374_200_000 + number as i32, -60_010_000, 30.0),
+                false => long(178, [1.0, 1.0 + number as f32, 0.0, 0.0, 0.0, 0.0, 0.0]),
+            };
+            (station, message)
         })
         .collect();
     let mut arrivals: Vec<(u64, Arrival)> = Vec::new();
@@ -113,7 +116,8 @@ fn sequence(seed: u64) {
         let begin = rng.u64(0..1_000);
         for copy in 0..rng.u64(1..=4) {
             for _ in 0..*rng.choice(&[0, 1, 1, 2]).unwrap_or(&1) {
-                let at = begin + 500 * copy + rng.u64(0..400);
+                // The last one comes within the memory of an answer to the first.
+                let at = begin + 500 * copy + rng.u64(0..900);
                 arrivals.push((at, Arrival::Copy(index)));
                 *has_arrived = true;
             }
@@ -155,13 +159,13 @@ fn sequence(seed: u64) {
     assert!(answered.len() >= expected, "seed {seed}: {answered:?}");
 }
 
-/// `RIL_SEQUENCES=100000 cargo test --release -p mavlink-gateway copies` plays more.
+/// `RIL_SEQUENCES=100000 cargo test -p mavlink-gateway copies` plays more, in about a minute.
 #[test]
 fn n_copies_of_a_command_are_one_request() {
     let most = std::env::var("RIL_SEQUENCES")
         .ok()
         .and_then(|text| text.parse().ok());
-    for seed in 0..most.unwrap_or(300) {
+    for seed in 0..most.unwrap_or(3_000) {
         sequence(seed);
     }
 }

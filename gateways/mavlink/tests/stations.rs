@@ -276,3 +276,30 @@ fn the_gateway_says_which_stations_there_are_and_what_it_did_not_take() {
     let script = sample.stations()[1];
     assert_eq!((script.is_lost, script.has_movement), (1, 0));
 }
+
+#[test]
+fn commands_of_strangers_fill_no_log() {
+    let mut world = World::new(Settings {
+        commanders: vec![QGC.system],
+        ..Settings::default()
+    });
+    world.heartbeat(SCRIPT);
+    world.sent();
+    while world.gateway.poll_event().is_some() {}
+    let mut lines = Vec::new();
+    for number in 0..1_000 {
+        let stranger = Station {
+            port: 1_000 + number,
+            system: 77,
+        };
+        // One that may not, and one that was never heard.
+        world.command(SCRIPT, 22, [0.0; 7]);
+        world.command(stranger, 22, [0.0; 7]);
+        assert_eq!(acks(&world.sent()).len(), 2, "each is answered");
+        world.tick(10);
+        world.sent();
+        lines.extend(std::iter::from_fn(|| world.gateway.poll_event()));
+    }
+    // Two reasons, at once and after five seconds.
+    assert_eq!(lines.len(), 4, "{lines:?}");
+}

@@ -158,7 +158,11 @@ fn authority(
     }
     let mut builder = DirBuilder::new();
     let made = builder.recursive(true).mode(0o700).create(folder);
-    made.or_fail_with(ExitCode::Internal, folder.display().to_string())?;
+    made.or_fail_with(
+        ExitCode::Internal,
+        format!("the folder {} cannot be made", folder.display()),
+    )
+    .map_err(|failure| failure.with_next_step("name one that this user may write"))?;
     let mut params = CertificateParams::default();
     params.distinguished_name = named(AUTHORITY_NAME);
     params.is_ca = IsCa::Ca(BasicConstraints::Constrained(0));

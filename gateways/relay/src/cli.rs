@@ -13,6 +13,7 @@ use runtime::args::CommonArgs;
 use runtime::config::Fault;
 use runtime::config::resulting::{Origin, Resulting};
 use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::wall_clock::WallClock;
 
 use crate::access;
 use crate::certificate_files;
@@ -125,6 +126,11 @@ pub fn run(command: RelayCommand) -> Result<(), Failure> {
         RelayCommand::Station(args) => station(args),
         RelayCommand::Router(args) => router(args),
         RelayCommand::Certify(args) => {
+            if !WallClock::look().was_set() {
+                let reason = "the clock of this machine was never set: the certificates would hold in the past";
+                return Err(Failure::new(ExitCode::NotInOrder, reason)
+                    .with_next_step("set it, such as by `sudo date --set 'YYYY-MM-DD hh:mm'`, and repeat the command"));
+            }
             let text = certify(&args, SystemTime::now().into())?;
             let written = std::io::stdout().write_all(text.as_bytes());
             written.map_err(Failure::output)
@@ -305,6 +311,16 @@ fn check(config: &Config, side: Side) -> Result<(), Fault> {
     certificate_files::check(&config.security)?;
     if let Some(warning) = warning {
         tracing::warn!("{warning}");
+    }
+    if config
+        .security
+        .certificates()
+        .is_ok_and(|files| files.is_some())
+        && !WallClock::look().was_set()
+    {
+        tracing::warn!(
+            "the clock of this machine was never set: no certificate is taken until it is, and the link comes up by itself then"
+        );
     }
     Ok(())
 }

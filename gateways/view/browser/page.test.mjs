@@ -220,7 +220,7 @@ scenario("land: a dialog names robot and effect; mouse, keyboard, touch; a doubl
   await live(phone);
   await phone.tap("#order-land");
   await phone.tap("#confirm-land");
-  await progress(phone, "Land robot 1");
+  await phone.waitForFunction(() => document.querySelectorAll('#progress [data-kind="land"]').length === 3);
   assert.equal(orders(server, "land").length, 3);
 });
 
@@ -284,6 +284,102 @@ scenario("take-off: findings, then held down or typed", { needs: "stand-in" }, a
   await page.locator("#takeoff-word:enabled").pressSequentially("takeoff");
   await page.waitForTimeout(200);
   assert.equal(orders(server, "takeoff").length, 2);
+});
+
+scenario("a take-off is not ordered when its dialog is closed while the button is held down", { needs: "stand-in" }, async ({ page, server }) => {
+  await live(page);
+  await page.click("#order-takeoff");
+  await page.locator("#confirm-takeoff:enabled").waitFor();
+  await page.hover("#confirm-takeoff");
+  await page.mouse.down();
+  await page.keyboard.press("Escape");
+  await page.waitForTimeout(2000);
+  await page.mouse.up();
+  assert.equal(orders(server, "takeoff").length, 0);
+  // The button of the right hand is no confirmation either.
+  await page.click("#order-takeoff");
+  await page.locator("#confirm-takeoff:enabled").waitFor();
+  await page.hover("#confirm-takeoff");
+  await page.mouse.down({ button: "right" });
+  await page.waitForTimeout(2000);
+  await page.mouse.up({ button: "right" });
+  assert.equal(orders(server, "takeoff").length, 0);
+});
+
+scenario("without new values phase and alarms are old, too", { needs: "stand-in" }, async ({ page, server }) => {
+  await live(page);
+  assert.match(await text(page, "#alarm-word"), /No alarm/);
+  server.quiet = true;
+  await timeUntil(page, "#phase", /^STALE \d/);
+  assert.match(await text(page, "#alarm-word"), /Alarms unknown/);
+  assert.match(await text(page, "#strip-module"), /\?$/);
+  server.quiet = false;
+  await timeUntil(page, "#alarm-word", "No alarm");
+  assert.doesNotMatch(await text(page, "#phase"), /STALE/);
+});
+
+scenario("after a reconnection the picture of before is covered until a new one is drawn", { needs: "stand-in" }, async ({ page, server }) => {
+  await live(page);
+  server.quiet = server.mute = true;
+  server.cut();
+  await timeUntil(page, "#cover-word", "WAITING");
+  await page.waitForTimeout(1000);
+  assert.equal(await page.locator("#cover").isVisible(), true);
+  server.quiet = server.mute = false;
+  await live(page);
+});
+
+scenario("an order whose connection broke before an answer is not shown as waiting", { needs: "stand-in" }, async ({ page, server }) => {
+  await live(page);
+  server.answers = false;
+  await page.click("#order-hold");
+  await progress(page, "Hold robot 1: WAITING");
+  server.cut();
+  await progress(page, "Hold robot 1: UNKNOWN the connection was lost");
+  assert.equal(orders(server, "hold").length, 1, "nothing was sent later");
+});
+
+scenario("an order for a robot that is looked at no more is not shown as under way", { needs: "stand-in", server: { robots: [1, 2] } }, async ({ page, server }) => {
+  await live(page);
+  await page.click("#order-land");
+  await page.click("#confirm-land");
+  await progress(page, "Land robot 1: IN PROGRESS");
+  await page.keyboard.press("2");
+  await progress(page, "Land robot 1: UNKNOWN this page looked at another robot");
+  await page.keyboard.press("1");
+  await progress(page, "Land robot 1: IN PROGRESS");
+});
+
+scenario("a robot that was not there when the page connected again is looked at once it is back", { needs: "stand-in", server: { robots: [1, 3] } }, async ({ page, server }) => {
+  await live(page);
+  await page.keyboard.press("2");
+  await timeUntil(page, "#robot-name", "Robot 3");
+  await live(page);
+  server.how.robots = [1];
+  server.cut();
+  await timeUntil(page, "#fresh-word", "STALE");
+  assert.match(await text(page, "#robot-name"), /Robot 3/, "HOLD goes to no other robot");
+  server.how.robots = [1, 3];
+  await timeUntil(page, "#fresh-word", "LIVE");
+  assert.match(await text(page, "#robot-name"), /Robot 3/);
+});
+
+scenario("a page that comes back by the browser's history is live", { needs: "stand-in" }, async ({ page, server }) => {
+  await live(page);
+  await page.goto(`${server.url}icon.svg`);
+  await page.goBack();
+  await live(page);
+  assert.match(await text(page, "#fresh-word"), /LIVE/);
+});
+
+scenario("the menu of orders follows the lease while it is open", { needs: "stand-in" }, async ({ page, server, open }) => {
+  const second = await open();
+  await Promise.all([live(page), live(second)]);
+  await page.click("#order-more");
+  await timeUntil(page, "#lease-change", "Take command");
+  await second.click("#order-more");
+  await second.click("#lease-change");
+  await timeUntil(page, "#lease-change", "Ask for command");
 });
 
 scenario("stop wants its word", { needs: "stand-in" }, async ({ page, server }) => {

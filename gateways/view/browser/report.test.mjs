@@ -12,7 +12,7 @@ import { after, before } from "node:test";
 import { fileURLToPath, pathToFileURL } from "node:url";
 import { WAIT_MS, attempted, closeBrowser, skipped, theBrowser } from "./harness.mjs";
 import { picture } from "./picture.mjs";
-import { HAS_RIL, RIL, Robot } from "./robot.mjs";
+import { HAS_RIL, RIL, Robot, freePort } from "./robot.mjs";
 
 const AXE = readFileSync(createRequire(import.meta.url).resolve("axe-core/axe.min.js"), "utf8");
 const PHONE = { viewport: { width: 360, height: 740 }, hasTouch: true, isMobile: true, deviceScaleFactor: 2 };
@@ -124,7 +124,10 @@ shown("the page has headings, alternatives and tables, of texts that stay texts"
   assert.match(await text(page, "#recording"), /hero\(1\)_22_11_26-10_00_00\.tsv/);
   assert.match(await text(page, ".worst"), /no sample for 4\.0 s in flight/);
   assert.equal(await page.locator("#main b").count(), 0);
-  for (const link of await page.locator("#parts a").all()) assert.equal(await page.locator(await link.getAttribute("href")).count(), 1);
+  // No link leads out of the page, or nowhere.
+  const links = await page.locator("a").evaluateAll((all) => all.map((one) => one.getAttribute("href")));
+  assert.deepEqual(links.filter((link) => !/^#[\w-]+$/.test(link)), []);
+  for (const link of new Set(links)) assert.equal(await page.locator(link).count(), 1, link);
 });
 
 shown("a peak of one sample among thousands is seen, and so is the gap", WIDE, async (page) => {
@@ -302,6 +305,20 @@ attempted("a recorded flight has its phases, its requests and the fence that was
     assert.match(await text(page, "#track-key"), /fence: stay inside/);
     assert.match(await text(page, "#map-words"), /plan of \d waypoints?; fence of \d areas/);
     assert.match(await text(page, "#events"), /took off/);
+    assert.deepEqual(problems, []);
+    // The view that plays the record has the same page behind a link, where it is of no origin and works all the same.
+    const port = await freePort();
+    await robot.begin("view", ["view", join("log", record), "--no-browser", "--port", String(port)], / ready[ \n]/);
+    const view = await context.newPage();
+    view.on("pageerror", (error) => problems.push(String(error.stack)));
+    await view.goto(`http://127.0.0.1:${port}/`);
+    const [report] = await Promise.all([context.waitForEvent("page"), view.locator("#report").click({ timeout: WAIT_MS })]);
+    report.on("pageerror", (error) => problems.push(String(error.stack)));
+    await report.locator("body[data-ready]").waitFor({ timeout: WAIT_MS });
+    assert.equal(await text(report, "#title"), await text(page, "#title"));
+    assert.equal(await report.evaluate(() => origin), "null");
+    await report.click("#theme");
+    await report.locator("#events a.jump").first().click();
     assert.deepEqual(problems, []);
     if (PICTURES) {
       await page.locator("#replay-at").waitFor();

@@ -28,7 +28,7 @@ polygon = [[37.4102, -6.0022], [37.4124, -6.0022], [37.4124, -5.9996], [37.4113,
 const READY_MS = 60000;
 
 /** A port that no process has at this moment. */
-async function freePort() {
+export async function freePort() {
   const server = createServer();
   await new Promise((done) => server.listen(0, "127.0.0.1", done));
   const { port } = server.address();

@@ -61,6 +61,9 @@ export class StandIn {
     this.alarms = [];
     this.left_out = 0;
     this.answers = true;
+    /** No `now`, no `beat`. */
+    this.quiet = false;
+    this.mute = false;
     this.unknown = false;
     this.playhead = { position_s: this.how.start_s, playing: true, speed: 1, at: performance.now() };
   }
@@ -88,6 +91,11 @@ export class StandIn {
   thaw() {
     this.frozen = false;
     for (const [page, message] of this.unread.splice(0)) this.answer(page, message);
+  }
+
+  /** Ends all connections; pages may connect again. */
+  cut() {
+    for (const page of this.pages) page.socket.terminate();
   }
 
   get url() {
@@ -177,7 +185,7 @@ export class StandIn {
         page.robot = this.how.robots.includes(message.robot) ? message.robot : this.how.robots[0];
         if (!this.pages.has(page)) {
           this.pages.add(page);
-          this.send(page, { type: "hello", protocol: "hero.view.v1", build: this.build, instance: this.instance, role: this.how.role, robots: this.how.robots, replay: replay ? this.info() : null, tiles: this.how.tiles ?? null, stale_after_ms: 1500 });
+          this.send(page, { type: "hello", protocol: "hero.view.v1", build: this.build, instance: this.instance, role: this.how.role, robots: this.how.robots, replay: replay ? this.info() : null, report: replay, tiles: this.how.tiles ?? null, stale_after_ms: 1500 });
         }
         return this.welcome(page);
       case "ping":
@@ -206,6 +214,7 @@ export class StandIn {
     this.send(page, this.chart(page.robot));
     this.past(page);
     this.sendLease(page);
+    for (const report of this.orders.values()) if (report.robot === page.robot && !report.final) this.send(page, report);
     if (this.how.replay) this.send(page, { type: "replay", ...this.head() });
   }
 
@@ -303,14 +312,14 @@ export class StandIn {
 
   each20th() {
     for (const page of this.pages) {
-      if (page.hidden || page.robot === null || page.n - page.seen >= 2) continue;
+      if (this.quiet || page.hidden || page.robot === null || page.n - page.seen >= 2) continue;
       page.n += 1;
       this.send(page, this.nowMessage(page.robot, page.n));
     }
   }
 
   beat() {
-    for (const page of this.pages) this.send(page, { type: "beat", sent_ms: performance.now() });
+    if (!this.mute) for (const page of this.pages) this.send(page, { type: "beat", sent_ms: performance.now() });
   }
 
   eachSecond() {

@@ -24,6 +24,12 @@ export class Ages {
     this.roundTripMs = null;
   }
 
+  /** The page's clock may have stood still: what was known of the two clocks holds no more. */
+  gap() {
+    this.#bounds = [];
+    this.#opened = null;
+  }
+
   /** @param {string} id @param {number} page */
   pinged(id, page) {
     if (this.#pings.size >= KEPT) this.#pings.clear();

@@ -75,8 +75,11 @@ function open() {
   contact.opened();
   ages.opened(performance.now());
   opened = model.chosen;
+  isAlive = false;
   link.send({ type: "open", token, robot: opened, rate_hz: RATE_HZ });
-  ping();
+  if (document.visibilityState === "hidden") link.send({ type: "hidden", hidden: true });
+  // What is on the screen is of the connection before.
+  contact.wake(ping());
 }
 
 /** @returns {string|null} */
@@ -92,7 +95,7 @@ function ping() {
 function choose(robot) {
   if (robot === model.chosen && robot === opened) return;
   sheets.close();
-  if (robot !== model.chosen) model.choose(robot);
+  if (robot !== model.chosen) model.choose(robot, performance.now());
   remember("session", "robot", String(robot));
   seen = null;
   opened = robot;
@@ -119,14 +122,19 @@ function take(text) {
   if (message.type === "hello") hello(message);
   const parts = model.take(message, at);
   if (parts.includes("reload")) return location.reload();
-  if (parts.includes("choose") && model.chosen !== null) {
-    const robot = model.chosen;
-    if (robot !== opened) choose(robot);
-  }
+  if (message.type === "hello") listed(message.robots);
+  if (message.type === "robots") listed(message.robots.map(({ robot }) => robot));
   for (const part of parts) dirty.add(part);
   isAlive ||= message.type === "now" || message.type === "beat";
   dirty.add(message.type);
   schedule();
+}
+
+/** The robots that are shown. Instead of one that is not, the server shows its first one until this page asks again. @param {number[]} robots */
+function listed(robots) {
+  const { chosen } = model;
+  if (opened !== null && !robots.includes(opened)) opened = null;
+  if (chosen !== null && chosen !== opened && robots.includes(chosen)) choose(chosen);
 }
 
 /** @param {import("./protocol.d.ts").Hello} message */
@@ -152,11 +160,12 @@ function draw() {
   frame = 0;
   const at = performance.now();
   const since = model.now ? ages.since(model.now.sent_ms, at) : Infinity;
-  const freshness = model.freshness(at, since);
-  const bridge = model.now?.bridge.freshness ?? "fresh";
+  const freshness = model.freshness("telemetry", at, since);
+  const bridge = model.freshness("bridge", at, since);
   const has = (/** @type {string[]} */ ...parts) => parts.some((part) => dirty.has(part));
   if (has("now", "tick", "robot", "robots", "hello")) {
-    banner.draw(model, freshness, { telemetry: ageOf("telemetry", at), bridge: ageOf("bridge", at) }, at);
+    const isLate = model.isLate(at, since);
+    banner.draw(model, { telemetry: freshness, bridge, isLate }, { telemetry: ageOf("telemetry", at), bridge: ageOf("bridge", at) }, at);
   }
   if (has("now", "tick", "hello")) {
     instruments.draw(model.now, freshness);
@@ -185,13 +194,11 @@ function draw() {
 
 /** After drawing: only what is on the screen was seen, and only that keeps the covers away. */
 function answer() {
-  if (model.now && model.now.n !== seen) {
-    seen = model.now.n;
-    link.send({ type: "seen", n: seen });
-  }
+  // An answer that did not leave is given again: without it the server sends nothing newer.
+  if (model.now && model.now.n !== seen && link.send({ type: "seen", n: model.now.n })) seen = model.now.n;
   if (!isAlive) return;
   isAlive = false;
-  picture.restart();
+  picture.restart(performance.now());
 }
 
 /** What is renewed once a second: plots, and the words for screen readers. @param {number} at @param {string} freshness */
@@ -217,8 +224,11 @@ function tick() {
   const at = performance.now();
   const gap = contact.tick(at, Date.now());
   if (document.visibilityState !== "visible") return;
-  hands.restart();
-  if (gap) contact.wake(ping());
+  hands.restart(at);
+  if (gap) {
+    ages.gap();
+    contact.wake(ping());
+  }
   if (at - pinged > PING_MS) ping();
   link.look();
   if (contact.state(at) === "lost") bar.lost();
@@ -294,9 +304,7 @@ function main() {
   setAttribute(document.body, "data-ready", "");
   setText(byId("cover-text"), "Nothing has been heard of the server yet");
   setInterval(tick, TICK_MS);
-  settings.stayAwake();
-  link.start();
-  tick();
+  visibility();
 }
 
 main();

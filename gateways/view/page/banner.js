@@ -9,24 +9,25 @@ const RANK = ["ok", "note", "order", "warning", "alarm"];
 
 /**
  * @param {Model} model
- * @param {import("./protocol.d.ts").Freshness} freshness of telemetry
+ * @param {{telemetry: import("./protocol.d.ts").Freshness, bridge: import("./protocol.d.ts").Freshness, isLate: boolean}} fresh
+ *    `isLate`: no newer message has come
  * @param {{telemetry: number|null, bridge: number|null}} ages at most, ms
  * @param {number} at ms
  */
-export function draw(model, freshness, ages, at) {
+export function draw(model, fresh, ages, at) {
   const { robot, hello, chosen } = model;
   const isReplay = Boolean(hello?.replay || robot?.replayed);
   setText(byId("robot-name"), chosen === null ? "No robot" : `Robot ${chosen}`);
   setHidden(byId("replay-word"), !isReplay);
   setAttribute(document.body, "data-replay", hello?.replay ? "" : null);
   drawOthers(model);
-  const bridge = model.now?.bridge.freshness ?? (robot ? "fresh" : "never");
+  const { bridge } = fresh;
   const old = bridge !== "fresh" && bridge !== "never" ? `${bridge.toUpperCase()} ${age(ages.bridge)}: ` : "";
   setText(byId("phase"), old + (robot ? robot.phase : chosen === null ? "waiting for a robot" : "unknown"));
   setAttribute(byId("phase"), "data-old", old ? "" : null);
   setText(byId("activity"), robot && robot.activity !== robot.phase ? robot.activity : "");
-  drawAlarm(model, at);
-  drawFresh(model, freshness, ages.telemetry);
+  drawAlarm(model, fresh.isLate, at);
+  drawFresh(model, fresh.telemetry, ages.telemetry);
 }
 
 /** Another robot with an alarm must not be missed. @param {Model} model */
@@ -41,10 +42,10 @@ function drawOthers(model) {
   setAttribute(node, "title", worst ? word(worst.severity) : null);
 }
 
-/** @param {Model} model @param {number} at */
-function drawAlarm(model, at) {
+/** @param {Model} model @param {boolean} isLate @param {number} at */
+function drawAlarm(model, isLate, at) {
   const [worst, ...more] = model.alarms;
-  const known = model.robot !== null;
+  const known = model.robot !== null && !isLate;
   setAttribute(byId("alarm"), "data-severity", worst ? worst.severity : known ? "ok" : "never");
   setText(byId("alarm-word"), worst ? `${mark(worst.severity)} ${word(worst.severity)}` : known ? "● No alarm" : "– Alarms unknown");
   setText(byId("alarm-text"), worst ? worst.text : "");
@@ -82,7 +83,7 @@ export function cover(model, contact, at, heardUnixMs) {
     live: ["", ""],
     connecting: ["CONNECTING", "Nothing has been heard of the server yet"],
     refused: ["REFUSED", contact.refusal ?? ""],
-    waking: ["WAITING", "This page stood still; waiting for a new picture"],
+    waking: ["WAITING", "Nothing new has been drawn yet"],
     lost: [`NO CONTACT ${span(contact.silence(at) / 1000)}`.replaceAll(" ", "\u00a0"), "The server does not answer. The robot goes on with what it was ordered."],
   }[state];
   setText(byId("cover-word"), title);
@@ -100,11 +101,15 @@ function drawLast(model, heardUnixMs) {
   byId("cover-last").replaceChildren(...rows.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));
 }
 
+/** Each restart costs the browser a further frame, so not every picture is one. By so much the cover comes earlier. */
+const RESTART_MS = 200;
+
 /** The animations that end in a cover unless the page goes on. */
 export class DeadMan {
   /** @param {string} id */
   constructor(id) {
     this.node = byId(id);
+    this.restarted = -Infinity;
   }
 
   /** Ends in the cover after so long. @param {number} ms */
@@ -112,8 +117,10 @@ export class DeadMan {
     this.node.style.animationDuration = `${ms}ms`;
   }
 
-  /** Begins anew. */
-  restart() {
+  /** Begins anew. @param {number} at ms */
+  restart(at) {
+    if (at - this.restarted < RESTART_MS) return;
+    this.restarted = at;
     const [animation] = this.node.getAnimations();
     if (!animation) return;
     animation.currentTime = 0;

@@ -244,12 +244,15 @@ export function more() {
   const { model } = page;
   if (model.chosen === null || model.hello?.role === "watch" || model.hello?.replay) return;
   const robot = model.chosen;
+  let drawn = "";
   const draw = () => {
-    const mine = model.holder === "you";
+    if (drawn === model.holder) return;
+    drawn = model.holder;
+    const mine = drawn === "you";
     const rows = [
       sheets.button("Start: the module takes orders", () => canAsk("start") && start(), { id: "order-start" }),
       sheets.button("Stop: no movement until a start", () => canAsk("stop") && stop(), { id: "order-stop" }),
-      sheets.button(mine ? "Give up command" : model.holder === "other" ? "Ask for command" : "Take command", () => {
+      sheets.button(mine ? "Give up command" : drawn === "other" ? "Ask for command" : "Take command", () => {
         page.send({ type: "lease", robot, action: mine ? "release" : "take" });
         sheets.close();
       }, { id: "lease-change" }),
@@ -258,6 +261,7 @@ export function more() {
     byId("more-rows")?.replaceChildren(...rows);
   };
   sheets.open({ title: `More for robot ${robot}`, kind: "more", children: [make("div", { id: "more-rows", class: "column" })], closed: () => (refresh = null) });
+  refresh = draw;
   draw();
 }
 

@@ -143,7 +143,7 @@ export function whole() {
 
 /** Colours and widths of the theme, read once. */
 export function themeChanged() {
-  for (const name of ["text", "muted", "panel", "grid", "track", "path", "inside", "outside", "robot", "home", "map", "dots", "alarm-ink", "warning-ink"]) {
+  for (const name of ["text", "muted", "panel", "grid", "track", "path", "inside", "outside", "robot", "home", "map", "dots", "alarm-ink", "warning-ink", "font"]) {
     ink[name] = themed(`--${name}`);
   }
   wide = Number(themed("--line-width")) || 1;
@@ -217,7 +217,7 @@ function clean(canvas) {
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, x, y);
   pen.lineJoin = pen.lineCap = "round";
-  pen.font = `600 12px ${themed("--font") || "sans-serif"}`;
+  pen.font = `600 12px ${ink.font || "sans-serif"}`;
   return pen;
 }
 

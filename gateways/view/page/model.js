@@ -36,7 +36,7 @@ export class Model {
     if (message.type === "hello") return this.#hello(message, at);
     if (message.type === "robots") {
       this.robots = message.robots;
-      return this.#choose(message.robots.map((line) => line.robot), ["robots"]);
+      return this.#choose(message.robots.map((line) => line.robot), at, ["robots"]);
     }
     if (message.type === "replay") {
       [this.replay, this.replayAt] = [message, at];
@@ -88,29 +88,33 @@ export class Model {
   #hello(hello, at) {
     const before = this.hello;
     if (before && before.build !== hello.build) return ["reload"];
-    if (before && before.instance !== hello.instance) {
+    const isAnother = before !== null && before.instance !== hello.instance;
+    if (isAnother) {
       this.#forgetRobot();
       this.robots = [];
       this.replay = null;
-      this.orders.forgotten(at);
     }
+    // After its greeting the server reports what goes on; an order that it does not name has not reached it.
+    this.orders.unheard(isAnother ? "the server was started again" : "the connection was lost before an answer", at);
     this.hello = hello;
-    return this.#choose(hello.robots, ["hello", "robots", "robot", "chart", "events", "order", "lease", "replay"]);
+    return this.#choose(hello.robots, at, ["hello", "robots", "robot", "chart", "events", "order", "lease", "replay"]);
   }
 
-  /** @param {number[]} robots @param {Part[]} parts @returns {Part[]} */
-  #choose(robots, parts) {
+  /** @param {number[]} robots @param {number} at @param {Part[]} parts @returns {Part[]} */
+  #choose(robots, at, parts) {
     if (robots.length === 0 || (this.chosen !== null && robots.includes(this.chosen))) return parts;
     // A robot that has left stays chosen once something is known of it: its last place matters.
     if (this.chosen !== null && this.robot !== null) return parts;
-    this.choose(robots[0]);
+    this.choose(robots[0], at);
     return [...parts, "choose"];
   }
 
-  /** Looks at another robot. @param {number} robot */
-  choose(robot) {
+  /** Looks at another robot. @param {number} robot @param {number} at ms */
+  choose(robot, at) {
     this.chosen = robot;
     this.#forgetRobot();
+    // Reports are of the robot that is looked at.
+    this.orders.unheard("this page looked at another robot", at);
   }
 
   #forgetRobot() {
@@ -134,16 +138,22 @@ export class Model {
   }
 
   /**
-   * How the values are: as the server says, and no better than stale when nothing newer has come.
+   * How telemetry or the bridge's state is: as the server says, and no better than stale when nothing newer has come.
+   * @param {"telemetry"|"bridge"} what
    * @param {number} at ms @param {number} sinceMs how long ago the newest was sent, at most
    * @returns {import("./protocol.d.ts").Freshness}
    */
-  freshness(at, sinceMs) {
+  freshness(what, at, sinceMs) {
     if (!this.now) return "never";
-    const said = this.now.telemetry.freshness;
-    if (said !== "fresh" || (this.hello?.replay && !this.replay?.playing)) return said;
+    const said = this.now[what].freshness;
+    return said === "fresh" && this.isLate(at, sinceMs) ? "stale" : said;
+  }
+
+  /** Whether something newer should have come. @param {number} at ms @param {number} sinceMs as above */
+  isLate(at, sinceMs) {
+    if (this.hello?.replay && !this.replay?.playing) return false;
     const most = this.hello?.stale_after_ms ?? 1500;
-    return at - this.nowAt > most || (Number.isFinite(sinceMs) && sinceMs > most) ? "stale" : said;
+    return at - this.nowAt > most || (Number.isFinite(sinceMs) && sinceMs > most);
   }
 
   /** The lease in one word; "none" without a `lease` message. */

@@ -50,17 +50,16 @@ export class OrderBook {
   report(report, at) {
     const { order, robot, kind, stage, text, final } = report;
     if (!this.#change(order, { stage, text, final, changed: at })) {
-      this.entries.unshift({ order, robot, kind, stage, text, final, given: at, changed: at });
+      // It was not given here: a press that follows is no double click.
+      this.entries.unshift({ order, robot, kind, stage, text, final, given: -Infinity, changed: at });
       this.entries.length = Math.min(this.entries.length, KEPT);
     }
   }
 
-  /** The server was started again: it does not know the orders of before. @param {number} at */
-  forgotten(at) {
+  /** No reports come of what goes on, for this reason. Those that come again say how it goes on. @param {string} why @param {number} at */
+  unheard(why, at) {
     for (const entry of this.entries) {
-      if (entry.final) continue;
-      const text = "the server was started again; see what the robot does";
-      Object.assign(entry, { stage: "unknown", text, final: true, changed: at });
+      if (!entry.final) Object.assign(entry, { stage: "unknown", text: `${why}; see what the robot does`, final: true, changed: at });
     }
   }
 
@@ -75,8 +74,8 @@ export class OrderBook {
   /** @param {string} order @param {Partial<Entry>} change */
   #change(order, change) {
     const entry = this.entries.find((known) => known.order === order);
-    // A final report is the last word; one that comes later is an echo.
-    if (entry && !entry.final) Object.assign(entry, change);
+    // A final report is the last word; one that comes later is an echo. What became of an unknown one can still be told.
+    if (entry && (!entry.final || entry.stage === "unknown")) Object.assign(entry, change);
     return entry !== undefined;
   }
 }

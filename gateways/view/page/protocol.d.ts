@@ -13,7 +13,7 @@ export type ReplayInfo = {
 };
 export type Hello = {
   type: "hello"; protocol: string; build: string; instance: string; role: "watch" | "command"; robots: number[];
-  replay: ReplayInfo | null; tiles: { min_zoom: number; max_zoom: number } | null; stale_after_ms: number;
+  replay: ReplayInfo | null; report: boolean; tiles: { min_zoom: number; max_zoom: number } | null; stale_after_ms: number;
 };
 export type RobotLine = { robot: number; severity: Severity; text: string; flying: boolean | null; battery_v: number | null; link: Freshness };
 export type Alarm = { id: string; severity: Severity; text: string; next_step: string | null; since_s: number };

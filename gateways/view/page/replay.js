@@ -67,7 +67,8 @@ function make_() {
   box = make("div", { id: "replay" },
     make("div", { class: "row" }, press("Play", playOrPause, { id: "play", "aria-keyshortcuts": "Space" }), press("−10 s", () => step(-10)),
       press("−1 s", () => step(-1), { class: "fine", "aria-keyshortcuts": "," }), press("+1 s", () => step(1), { class: "fine", "aria-keyshortcuts": "." }), press("+10 s", () => step(10)),
-      press("Event before", () => jump(-1), { "aria-keyshortcuts": "P" }), press("Next event", () => jump(1), { "aria-keyshortcuts": "N" }), speed, make("span", { id: "replay-at" })),
+      press("Event before", () => jump(-1), { "aria-keyshortcuts": "P" }), press("Next event", () => jump(1), { "aria-keyshortcuts": "N" }), speed,
+      ...(model.hello?.report ? [make("a", { id: "report", class: "press", href: "/report", target: "_blank", rel: "noopener" }, "Report")] : []), make("span", { id: "replay-at" })),
     make("div", { class: "lane" }, lane(info), scrub));
   byId("bar").append(box);
 }

@@ -11,6 +11,8 @@ const KEYS = [
 ];
 
 let keysAct = true;
+/** Holds the screen on; null if the browser does not. @type {any} */
+let wakeLock = null;
 
 export function build() {
   keysAct = recall("local", "keys") !== "off";
@@ -34,15 +36,16 @@ export function menu() {
   };
   name();
   const rows = KEYS.map(([key, act]) => make("div", {}, make("dt", {}, key), make("dd", {}, act)));
-  const sleep = make("p", { class: "quiet" }, isSecureContext && "wakeLock" in navigator ? "The screen stays on while this page is visible." : "This device may go to sleep: keeping the screen on needs HTTPS or localhost.");
+  const why = isSecureContext && "wakeLock" in navigator ? "this browser does not keep the screen on." : "keeping the screen on needs HTTPS or localhost.";
+  const sleep = make("p", { class: "quiet" }, wakeLock && !wakeLock.released ? "The screen stays on while this page is visible." : `This device may go to sleep: ${why}`);
   sheets.open({ title: "Menu", kind: "menu", children: [make("dl", { class: "keys" }, ...rows), sleep, sheets.row(toggle, sheets.button("Close", sheets.close))] });
   byId("set-up").setAttribute("aria-expanded", "true");
 }
 
-/** Keeps the screen on while the page is seen; a browser that refuses is no fault. */
+/** Keeps the screen on while the page is seen; a browser that refuses, to save its battery for example, is no fault. */
 export async function stayAwake() {
   try {
-    if (document.visibilityState === "visible") await /** @type {any} */ (navigator).wakeLock?.request("screen");
+    if (document.visibilityState === "visible") wakeLock = await /** @type {any} */ (navigator).wakeLock?.request("screen");
   } catch {
     // The menu says so.
   }

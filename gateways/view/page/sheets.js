@@ -78,7 +78,8 @@ export function holdButton(text, ms, act) {
     node.dataset.down = "";
     held = setTimeout(() => {
       up();
-      act();
+      // A dialog that was closed meanwhile orders nothing.
+      if (node.isConnected) act();
     }, ms);
   };
   const up = () => {
@@ -86,7 +87,7 @@ export function holdButton(text, ms, act) {
     held = 0;
     delete node.dataset.down;
   };
-  node.addEventListener("pointerdown", down);
+  node.addEventListener("pointerdown", (event) => event.button === 0 && down());
   for (const end of ["pointerup", "pointerleave", "pointercancel", "blur"]) node.addEventListener(end, up);
   node.addEventListener("contextmenu", (event) => event.preventDefault());
   node.addEventListener("keydown", (event) => {

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::http::tile::TileRequest;
+use crate::http::tile::FileRequest;
 use crate::id::{Call, ChannelId, ConnectionId, ViewerId};
 use crate::page::{CheckRequest, OrderRequest, ReplayRequest};
 
@@ -66,12 +66,12 @@ pub enum Event {
         /// What it wants.
         request: ReplayRequest,
     },
-    /// A browser asks for a tile. It is to be answered with [`Server::tile`](crate::Server::tile).
-    Tile {
+    /// A browser asks for what lies on a disk. It is to be answered with [`Server::file`](crate::Server::file).
+    File {
         /// What the answer is for.
         connection: ConnectionId,
-        /// The tile.
-        request: TileRequest,
+        /// What it wants.
+        request: FileRequest,
     },
     /// A channel has its first subscriber.
     Subscribed(ChannelId),

@@ -35,7 +35,7 @@ pub use foxglove::channels::{Channel, MAX_CHANNELS};
 pub use foxglove::services::OfferedService;
 pub use http::refusal::{BUSY, PLAIN};
 pub use http::request::MAX_HEAD_BYTES;
-pub use http::tile::{Tile, TileRequest};
+pub use http::tile::{FileRequest, Tile, Wanted};
 pub use id::{Call, ChannelId, ConnectionId, ViewerId};
 pub use outbox::{MAX_TEXTS, MAX_UNSEEN};
 pub use pages::{BEAT_PERIOD, OPEN_TIME};

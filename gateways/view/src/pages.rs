@@ -200,7 +200,8 @@ impl Pages {
                 page.send(&Outgoing::Refused { text });
                 return Err(Close::TOKEN);
             };
-            let hello = self.greeting.hello(permit.role, &self.robots);
+            let is_free = access.permit(&page.peer, None).is_some();
+            let hello = self.greeting.hello(permit.role, is_free, &self.robots);
             page.permit = Some(permit);
             page.send(&Outgoing::Hello(&hello));
         }

@@ -17,7 +17,7 @@ use crate::foxglove::services::OfferedService;
 use crate::http::answer::Response;
 use crate::http::refusal::Refusal;
 use crate::http::request::{HttpRequest, Method};
-use crate::http::tile::{Tile, TileRequest};
+use crate::http::tile::{FileRequest, Tile, Wanted};
 use crate::id::{Call, ChannelId, ConnectionId, ViewerId};
 use crate::page::{self, Outgoing};
 use crate::pages::Pages;
@@ -33,6 +33,9 @@ pub const MAX_VIEWERS: usize = 32;
 /// Most connections beside them: 20 browsers load the page with six each. At the bound the one that has been idle longest is closed;
 /// if none is idle, the new one is refused.
 pub const MAX_HTTP: usize = 128;
+
+/// Where the report of the recording is.
+const REPORT_PATH: &str = "/report";
 
 #[derive(Debug)]
 struct ConnectionEntry {
@@ -51,6 +54,7 @@ pub struct Server {
     access: Access,
     assets: Assets,
     has_tiles: bool,
+    has_report: bool,
     connections: BTreeMap<ConnectionId, ConnectionEntry>,
     next_id: u64,
     pages: Pages,
@@ -79,10 +83,12 @@ impl Server {
             instance: instance.0,
             replay: settings.replay,
             tiles: settings.tiles,
+            has_report: settings.has_report,
         };
         Server {
             access,
             has_tiles: settings.tiles.is_some(),
+            has_report: settings.has_report,
             assets,
             connections: BTreeMap::new(),
             next_id: 1,
@@ -187,17 +193,26 @@ impl Server {
         let peer = connection.peer.clone();
         self.access.enter(request, &peer)?;
         let Some(upgrade) = &request.upgrade else {
-            if let Some(tile) = Tile::of_path(&request.path).filter(|_| self.has_tiles) {
+            // A report tells of a recording what viewers are told, so it is for those that may look without a token.
+            let wants_report = self.has_report
+                && request.path == REPORT_PATH
+                && self.access.permit(&peer, None).is_some();
+            let tile = Tile::of_path(&request.path).filter(|_| self.has_tiles);
+            let wanted = match wants_report {
+                true => Some(Wanted::Report),
+                false => tile.map(Wanted::Tile),
+            };
+            if let Some(wanted) = wanted {
                 if request.method == Method::Other {
                     return Err(Refusal::OtherMethod);
                 }
                 connection.waits(now);
-                let request = TileRequest {
-                    tile,
+                let request = FileRequest {
+                    wanted,
                     stays: request.stays,
                     has_body: request.method == Method::Get,
                 };
-                let event = Event::Tile {
+                let event = Event::File {
                     connection: id,
                     request,
                 };
@@ -437,19 +452,19 @@ impl Server {
         self.pages.watched().into_iter()
     }
 
-    /// Answers a request for a tile with the bytes of its image; `None` if it is missing.
-    pub fn tile(
+    /// Answers a request with what was read; `None` if it is missing.
+    pub fn file(
         &mut self,
         id: ConnectionId,
-        request: TileRequest,
-        image: Option<Vec<u8>>,
+        request: FileRequest,
+        bytes: Option<Vec<u8>>,
         now: MonotonicNs,
     ) {
         self.clock = now;
         if let Some(entry) = self.connections.get_mut(&id)
             && entry.connection.is_waiting()
         {
-            entry.connection.answer(Response::tile(request, image), now);
+            entry.connection.answer(Response::read(request, bytes), now);
         }
     }
 

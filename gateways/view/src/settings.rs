@@ -36,6 +36,8 @@ pub struct Settings {
     pub replay: Option<ReplayInfo>,
     /// The zooms of which there are tiles; `None` without any.
     pub tiles: Option<TileRange>,
+    /// Whether the recording that is played has a report.
+    pub has_report: bool,
 }
 
 /// The other end of a connection, as the operating system knows it.

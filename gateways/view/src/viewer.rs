@@ -19,11 +19,12 @@ pub(crate) struct Greeting {
     pub instance: String,
     pub replay: Option<page::ReplayInfo>,
     pub tiles: Option<page::TileRange>,
+    pub has_report: bool,
 }
 
 impl Greeting {
-    /// For a page with this role.
-    pub fn hello(&self, role: Role, robots: &[u32]) -> page::Hello {
+    /// For a page with this role. `is_free`: it may look without a token.
+    pub fn hello(&self, role: Role, is_free: bool, robots: &[u32]) -> page::Hello {
         page::Hello {
             protocol: page::PROTOCOL.to_owned(),
             build: self.build.clone(),
@@ -31,6 +32,7 @@ impl Greeting {
             role,
             robots: robots.to_vec(),
             replay: self.replay.clone(),
+            report: self.has_report && is_free,
             tiles: self.tiles,
             stale_after_ms: page::STALE_AFTER_MS,
         }

@@ -586,7 +586,7 @@ fn a_service_is_called_once_and_answered_once() {
         (answer[0], &answer[17..]),
         (
             3,
-            &br#"{"accepted":false,"request_id":null,"text":"requests are JSON"}"#[..]
+            &br#"{"accepted":false,"request_id":"","text":"requests are JSON"}"#[..]
         )
     );
     for number in 10..20 {

@@ -5,7 +5,9 @@ use std::path::Path;
 use std::time::Duration;
 
 use view::page::TileRange;
-use view::{ANSWER_TIME, Event, HEAD_TIME, IDLE_TIME, MAX_HTTP, MAX_VIEWERS, Settings, Tile};
+use view::{
+    ANSWER_TIME, Event, HEAD_TIME, IDLE_TIME, MAX_HTTP, MAX_VIEWERS, Settings, Tile, Wanted,
+};
 
 use crate::common::{World, own, peer, settings, upgrade};
 
@@ -51,6 +53,47 @@ fn the_page_comes_again_and_again_on_one_connection() {
 }
 
 #[test]
+fn the_report_of_a_recording_is_for_those_that_may_look_without_a_token() {
+    let ask = "GET /report HTTP/1.1\r\nHost: localhost:8765\r\n\r\n";
+    let replayed = |has_report| Settings {
+        has_report,
+        ..settings()
+    };
+    let mut world = World::new(replayed(true));
+    let mut client = world.connect(own());
+    for (bytes, status) in [(Some(b"<p>".to_vec()), "200 OK"), (None, "404 Not Found")] {
+        world.send(&client, ask.as_bytes());
+        let Some(Event::File {
+            connection,
+            request,
+        }) = world.server.poll_event()
+        else {
+            panic!("no report is wanted");
+        };
+        assert_eq!(request.wanted, Wanted::Report);
+        let (has_it, now) = (bytes.is_some(), world.now);
+        world.server.file(connection, request, bytes, now);
+        let answer = world.answer(&mut client);
+        assert!(
+            answer.starts_with(&format!("HTTP/1.1 {status}\r\n")),
+            "{answer}"
+        );
+        // What a file made of it has nothing of the view's origin.
+        let policy = "Content-Security-Policy: sandbox allow-scripts allow-downloads; frame-ancestors 'none'\r\n";
+        assert_eq!(answer.contains(policy), has_it, "{answer}");
+    }
+    for (has_report, peer) in [(true, peer("127.0.0.1:5", false)), (false, own())] {
+        let mut world = World::new(replayed(has_report));
+        let mut client = world.connect(peer);
+        world.send(&client, ask.as_bytes());
+        let answer = world.answer(&mut client);
+        assert!(answer.starts_with("HTTP/1.1 404 "), "{answer}");
+        let event = world.server.poll_event();
+        assert!(!matches!(event, Some(Event::File { .. })), "{event:?}");
+    }
+}
+
+#[test]
 fn a_tile_is_answered_when_it_was_read_and_the_connection_goes_on() {
     let tiles = TileRange {
         min_zoom: 15,
@@ -63,7 +106,7 @@ fn a_tile_is_answered_when_it_was_read_and_the_connection_goes_on() {
     let mut client = world.connect(own());
     let ask = "GET /tiles/18/126690/101200?3 HTTP/1.1\r\nHost: localhost:8765\r\n\r\n";
     let asked = |world: &mut World| match world.server.poll_event() {
-        Some(Event::Tile {
+        Some(Event::File {
             connection,
             request,
         }) => Some((connection, request)),
@@ -83,14 +126,17 @@ fn a_tile_is_answered_when_it_was_read_and_the_connection_goes_on() {
             x: 126_690,
             y: 101_200,
         };
-        assert_eq!((connection, request.tile), (client.id, tile));
+        assert_eq!(
+            (connection, request.wanted),
+            (client.id, Wanted::Tile(tile))
+        );
         assert_eq!(world.answer(&mut client), "");
         assert!(asked(&mut world).is_none());
         // It does not count as idle meanwhile.
         world.pass(IDLE_TIME * 2);
         assert!(!world.server.is_ended(client.id));
         let now = world.now;
-        world.server.tile(connection, request, image, now);
+        world.server.file(connection, request, image, now);
         let answer = world.answer(&mut client);
         assert!(
             answer.starts_with(&format!("HTTP/1.1 {status}\r\n")),
@@ -101,7 +147,7 @@ fn a_tile_is_answered_when_it_was_read_and_the_connection_goes_on() {
         // An answer that comes twice, or too late, goes nowhere.
         world
             .server
-            .tile(connection, request, Some(png.clone()), now);
+            .file(connection, request, Some(png.clone()), now);
         assert_eq!(world.answer(&mut client), "");
     }
     let head = ask.replace("GET ", "HEAD ");
@@ -110,7 +156,7 @@ fn a_tile_is_answered_when_it_was_read_and_the_connection_goes_on() {
     let now = world.now;
     world
         .server
-        .tile(connection, request, Some(png.clone()), now);
+        .file(connection, request, Some(png.clone()), now);
     let answer = world.answer(&mut client);
     assert!(
         answer.contains("Content-Length: 11\r\n") && answer.ends_with("\r\n\r\n"),

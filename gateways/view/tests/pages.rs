@@ -67,7 +67,7 @@ fn a_page_that_opens_is_greeted_and_its_robot_is_asked_for() {
         world.say(&page, &open(token, robot));
         let messages = world.messages(&mut page);
         let hello = json!({"type": "hello", "protocol": "hero.view.v1", "build": world.server.build(), "instance": "life",
-            "role": role, "robots": [1, 2], "replay": null, "tiles": null, "stale_after_ms": 1500});
+            "role": role, "robots": [1, 2], "replay": null, "report": false, "tiles": null, "stale_after_ms": 1500});
         assert_eq!(messages[0], hello);
         let free = json!({"type": "lease", "robot": looks_at, "holder": "none", "asked": false, "expires_ms": null});
         assert_eq!(messages[1..], [free]);

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use clap::Args;
 use ipc_types::code::{Functionality, LinkState, ModuleStatus};
-use ipc_types::payload::{HeroTelemetry, ModuleState};
+use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{
     Descriptor, Domain, Ipc, Module, MonotonicNs, RelayModule, RobotId, Source, Topic, Waiter,
 };
@@ -107,6 +107,8 @@ struct Watched {
     ipc: Ipc,
     state: Latest<ModuleState>,
     hero: Latest<HeroTelemetry>,
+    /// Says whether it flies while there is no status.
+    dsp: Latest<DspTelemetry>,
 }
 
 impl Watched {
@@ -115,6 +117,7 @@ impl Watched {
         Ok(Watched {
             state: Latest::open(&ipc)?,
             hero: Latest::open(&ipc)?,
+            dsp: Latest::open(&ipc)?,
             ipc,
         })
     }
@@ -122,6 +125,7 @@ impl Watched {
     fn drain(&mut self) {
         self.state.drain();
         self.hero.drain();
+        self.dsp.drain();
     }
 
     /// Whether everything is there that can be expected.
@@ -135,6 +139,7 @@ impl Watched {
         let is_silent = is_silent.is_some_and(|state| state.link.telemetry_published == 0);
         (self.state.sample.is_some() || !provides(ModuleState::KEY))
             && (self.hero.sample.is_some() || is_silent || !provides(HeroTelemetry::KEY))
+            && (self.dsp.sample.is_some() || is_silent || !provides(DspTelemetry::KEY))
     }
 }
 
@@ -153,6 +158,7 @@ fn wait(live: &mut [Watched], providers: &[Provided], timeout: Duration) -> Resu
         for one in live.iter_mut() {
             sources.push(((), &mut one.state.port));
             sources.push(((), &mut one.hero.port));
+            sources.push(((), &mut one.dsp.port));
         }
         waiter
             .wait(&mut sources, Some(left))
@@ -183,9 +189,15 @@ fn describe(
             doing => format!("{status}, {}", named(doing, state.functionality)),
         }
     };
+    let dsp = watched.and_then(|one| one.dsp.sample.as_ref());
+    let present = |received| is_present(received, now);
     let flying = hero
-        .filter(|hero| is_present(hero.received(), now))
-        .map(|hero| hero.flying == 1);
+        .filter(|hero| present(hero.received()))
+        .map(HeroTelemetry::is_flying)
+        .or_else(|| {
+            dsp.filter(|dsp| present(dsp.received()))
+                .map(DspTelemetry::is_flying)
+        });
     RobotSummary {
         schema: SCHEMA,
         robot: id.get(),

@@ -51,6 +51,8 @@ pub(crate) struct ViewConfig {
     pub page_lost_s: f64,
     /// Folder of imagery under the map; `None` for the grid alone.
     pub tiles: Option<PathBuf>,
+    /// Whether their rows count from the south.
+    pub tiles_tms: bool,
     /// File of the secret from which the tokens are made; `None` for that of the user's state folder.
     pub token_key: Option<PathBuf>,
     /// TLS.
@@ -107,6 +109,7 @@ impl Default for ViewConfig {
             page_lost: PageLost::Continue,
             page_lost_s: 5.0,
             tiles: None,
+            tiles_tms: false,
             token_key: None,
             tls: None,
             tokens: BTreeMap::new(),

@@ -8,6 +8,7 @@ use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
+use runtime::durable;
 use runtime::exit::{ExitCode, Failure};
 use sha2::{Digest, Sha256};
 
@@ -30,7 +31,11 @@ impl TokenKey {
     /// Code 8 when others may read the file, it is another user's, or it has no key.
     pub fn open(path: &Path) -> Result<TokenKey, Failure> {
         if !path.exists() {
-            make(path).map_err(|error| unusable(path, &error.to_string()))?;
+            make(path).map_err(|error| {
+                unusable(path, &error.to_string()).with_next_step(
+                    "name a file in a folder that this user may write by `token_key` of view.toml",
+                )
+            })?;
         }
         if let Some(fault) = fault(path) {
             return Err(unusable(path, &fault));
@@ -108,13 +113,11 @@ fn hex(bytes: &[u8]) -> String {
 
 /// Makes the file at once with its key, so that another process that makes it too reads the same one.
 fn make(path: &Path) -> io::Result<()> {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    if !folder.as_os_str().is_empty() {
-        DirBuilder::new()
-            .recursive(true)
-            .mode(0o700)
-            .create(folder)?;
-    }
+    let folder = durable::folder_of(path);
+    DirBuilder::new()
+        .recursive(true)
+        .mode(0o700)
+        .create(folder)?;
     let made = path.with_extension(format!("{}.new", std::process::id()));
     let mut file = OpenOptions::new()
         .write(true)
@@ -128,7 +131,7 @@ fn make(path: &Path) -> io::Result<()> {
     fs::remove_file(&made)?;
     match linked {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(()),
-        linked => linked,
+        linked => linked.and_then(|()| durable::sync_folder(folder)),
     }
 }
 

@@ -100,6 +100,26 @@ fn a_broken_sentence_is_named_and_its_dialogue_is_written() {
 }
 
 #[test]
+fn a_helicopter_that_flies_is_left_alone_by_a_run_and_by_a_replay() {
+    let rig = sandbox();
+    let sim = dsp(&rig, "");
+    // Following on, and take-off.
+    let orders = "pc profile = classic\n 0 > F0 07 01 78\n 50 > F0 01 00 4F 09 00 00 01 4A\n";
+    rig.write("take_off.txt", orders);
+    let replay = "conform --port dsp --slack 1s --replay take_off.txt";
+    let line = format!("echo 'the rotor is disconnected' | $0 {replay} --rotor-disconnected");
+    let finished = rig.spawn(rig.shell(&line)).wait_exit();
+    assert_eq!(finished.code(), Some(0), "{finished:#?}");
+    finished.out_says("  >   F0 01 00 4F 09 00 00 01 4A ");
+    for args in [replay, "conform --port dsp --slack 1s"] {
+        let finished = rig.run(args, 5);
+        finished.err_says("the helicopter flies, takes off or lands: it was left alone");
+        assert!(!finished.stdout.iter().any(|line| line.contains("  >  ")));
+    }
+    end(sim, Signal::TERM);
+}
+
+#[test]
 fn a_dsp_that_does_not_answer_and_a_port_that_is_not_there_are_told_apart() {
     let rig = sandbox();
     rig.run("conform --port dsp", 6).err_says("does not exist");
@@ -108,7 +128,7 @@ fn a_dsp_that_does_not_answer_and_a_port_that_is_not_there_are_told_apart() {
     let sim = dsp(&rig, "--profile extended");
     // The other profile: it answers with an error that the PC rejects.
     rig.run("conform --port dsp --slack 100ms", 4)
-        .err_says("the DSP answers nothing that the PC understands");
+        .err_says("the DSP sends no frame that the PC accepts: other profile, in DA 00 66 ");
     end(sim, Signal::TERM);
     let finished = rig.run("conform --list --profile extended --json", 0);
     let first = json(&finished.stdout[0]);

@@ -263,6 +263,20 @@ fn a_fleet_flies_through_outages_deaths_and_a_replacement() {
 }
 
 #[test]
+fn one_relay_carries_the_largest_fleet() {
+    let rig = sandbox();
+    if !has_relay() {
+        return;
+    }
+    rig.run("demo --robots 51", 2)
+        .err_says("51 is not in 3..=50");
+    let robots: Vec<String> = (1..=50).map(|one| format!("{{ number = {one} }}")).collect();
+    let config = format!("[station]\nrobots = [{}]\n", robots.join(", "));
+    rig.write("fleet.toml", &config);
+    rig.run("relay station --check-config --config fleet.toml", 0);
+}
+
+#[test]
 fn a_fleet_that_is_interrupted_leaves_nothing() {
     let rig = sandbox();
     if !has_relay() {

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use ipc_types::{MonotonicNs, files};
+use runtime::durable;
 
 use super::clock::ClockAnchor;
 use super::file_name::{FileKind, file_name};
@@ -186,6 +187,8 @@ impl Store for FileStore {
                 Ok(file) => {
                     // Tells `truncate_partial_row` that it is being written. Without locks nothing is truncated.
                     let _ = file.try_lock();
+                    // A power cut could otherwise take the file's name, and with it the file. A disk that refuses shows at the next sync.
+                    let _ = durable::sync_folder(directory);
                     return Ok((path, file));
                 }
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}

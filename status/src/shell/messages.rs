@@ -45,7 +45,8 @@ pub fn log_event(event: &LogEvent) {
         LogEvent::Failed { file, error } => tracing::warn!(
             file = %file.display(),
             %error,
-            "the log cannot be written, telemetry goes on: make room or give permission; the log retries"
+            "the log cannot be written, telemetry goes on: make room, give permission, or name another folder by `directory` of status.toml; the \
+             log retries"
         ),
         LogEvent::Paused {
             log,

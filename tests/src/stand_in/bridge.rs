@@ -197,6 +197,11 @@ impl StandInBridge {
         self.received.next()
     }
 
+    /// The requests that have come and were not returned yet, in the order in which they came.
+    pub fn take_requests(&self) -> Vec<Received> {
+        self.received.take()
+    }
+
     /// Dies: everything is closed without a word to anybody. Returns when that is done.
     pub fn die(self) {
         self.worker.join();

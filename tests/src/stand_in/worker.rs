@@ -171,4 +171,9 @@ impl<T> Inbox<T> {
             Err(error) => panic!("no request came within {WAIT_LIMIT:?} ({error})"),
         }
     }
+
+    /// Those that have come so far.
+    pub fn take(&self) -> Vec<T> {
+        self.0.try_iter().collect()
+    }
 }

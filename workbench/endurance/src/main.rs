@@ -19,6 +19,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::{Parser, ValueEnum};
+use endurance::field::fleet::{self, Fleet};
 use endurance::field::narrow::{self, Narrow};
 use endurance::outcome::Outcome;
 use endurance::plan::{Kind, Plan};
@@ -56,6 +57,32 @@ struct Args {
     /// Narrow with a rate, and connect: round trip of the link, ms [default: narrow 200, connect 600]
     #[arg(long, value_parser = clap::value_parser!(u32).range(..=10_000))]
     round_trip_ms: Option<u32>,
+    #[command(flatten)]
+    fleet: FleetArgs,
+}
+
+/// Of `fleet`
+#[derive(clap::Args)]
+struct FleetArgs {
+    /// Fleet: how many robots, one row for each number and topology
+    #[arg(long, value_delimiter = ',', default_values_t = [1, 5, 10, 20, 50, 100],
+          value_parser = clap::value_parser!(u32).range(1..=400))]
+    robots: Vec<u32>,
+    /// Fleet: how many of the robots are whole; the others are played by this program
+    #[arg(long, default_value = "3")]
+    whole: u32,
+    /// Fleet: samples of each kind of telemetry a second, of each robot
+    #[arg(long, default_value = "10", value_parser = clap::value_parser!(u32).range(1..=50))]
+    rate_hz: u32,
+    /// Fleet: how many stations have all robots
+    #[arg(long, default_value = "1", value_parser = clap::value_parser!(u32).range(1..=8))]
+    stations: u32,
+    /// Fleet: robots of one relay of a station, which starts as many relays as it takes
+    #[arg(long, default_value = "32", value_parser = clap::value_parser!(u32).range(1..))]
+    per_relay: u32,
+    /// Fleet: how robots and station connect [default: both, one after the other]
+    #[arg(long, value_parser = fleet::TOPOLOGIES)]
+    through: Option<String>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -82,12 +109,16 @@ enum What {
     Full,
     /// Another user makes very many files (200000) in shared memory
     ForeignFiles,
+    /// Power cuts: all states, or so many of them, in which one leaves records, logs and what is kept
+    PowerCut,
     /// Processes (2000) are stopped while they start
     Joiners,
     /// Process numbers (of 600 consumers), clocks and mounts of containers
     Namespaces,
     /// Pages and clients of Foxglove, slow ones and hostile ones among them (60 s each)
     Views,
+    /// Stations that speak MAVLink, missions over a bad line, and a flood of hostile datagrams (60 s each; 200 commands)
+    Mavlink,
     /// Relays: the operator's verbs at the station, through loss
     Mission,
     /// Relays: many requests (1000), through loss, outages and restarts of everything
@@ -98,6 +129,8 @@ enum What {
     Connect,
     /// Relays: how soon orders (40) end over narrow links, and what comes of telemetry, over TCP and QUIC
     Narrow,
+    /// Relays: what 1 to 100 robots cost and their station, with and without a router (15 s each)
+    Fleet,
 }
 
 impl Args {
@@ -177,6 +210,10 @@ fn measure(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool, mut show: impl F
             show(foreign_files::run(&site(), plan));
             namespaces::other_users(&site()).into_iter().for_each(show);
         }
+        What::PowerCut => match power_cut::run(&site(), plan, goes_on) {
+            Ok(outcome) => show(outcome),
+            Err(reason) => eprintln!("SKIPPED: {reason}"),
+        },
         What::Joiners => show(joiners::run(&site(), plan, goes_on)),
         What::Namespaces => {
             let numbers = namespaces::same_numbers(&site(), plan, goes_on);
@@ -186,7 +223,9 @@ fn measure(args: &Args, ril: &Path, goes_on: &dyn Fn() -> bool, mut show: impl F
             outcomes.into_iter().flatten().for_each(show);
         }
         What::Narrow => measure_narrow(args, ril, goes_on, show),
+        What::Fleet => measure_fleets(args, ril, goes_on, show),
         What::Views => views::run(&site(), plan, goes_on, &mut show),
+        What::Mavlink => mavlink::run(&site(), plan, goes_on, &mut show),
         What::Mission | What::Requests | What::Outages | What::Connect => {
             let protocols = match args.what {
                 What::Connect => args.protocols(),
@@ -232,6 +271,41 @@ fn measure_narrow(
                 limit: TIME_LIMIT,
             };
             show(narrow::run(&narrow, goes_on));
+        }
+    }
+}
+
+/// Measures fleets, one after the other.
+fn measure_fleets(
+    args: &Args,
+    ril: &Path,
+    goes_on: &dyn Fn() -> bool,
+    mut show: impl FnMut(Outcome),
+) {
+    let FleetArgs {
+        robots,
+        whole,
+        rate_hz,
+        stations,
+        per_relay,
+        through,
+    } = &args.fleet;
+    for topology in fleet::TOPOLOGIES {
+        let is_chosen = through.as_ref().is_none_or(|chosen| chosen == topology);
+        for robots in robots.iter().filter(|_| is_chosen) {
+            if goes_on() {
+                show(fleet::run(&Fleet {
+                    ril,
+                    robots: *robots,
+                    whole: *whole,
+                    rate_hz: *rate_hz,
+                    through: topology,
+                    stations: *stations,
+                    per_relay: *per_relay,
+                    duration: args.plan.duration(15),
+                    limit: TIME_LIMIT,
+                }));
+            }
         }
     }
 }

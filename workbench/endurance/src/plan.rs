@@ -1,5 +1,6 @@
 //! What is to be measured ([`Plan`]), and of which kind of process ([`Kind`]).
 
+use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -94,7 +95,7 @@ pub struct Plan {
     #[arg(long)]
     pub keep: Option<PathBuf>,
     /// A built `workbench/foxglove-peer`, which `views` measures with the same clients as the view
-    #[arg(long, value_name = "PROGRAM")]
+    #[arg(long, value_name = "PROGRAM", value_parser = program_there)]
     pub beside: Option<PathBuf>,
     /// Seed of all moments
     #[arg(long, default_value = "1")]
@@ -103,6 +104,11 @@ pub struct Plan {
     /// show
     #[arg(skip)]
     pub is_short: bool,
+}
+
+/// The whole path of a program that is there: it is started from another folder, after minutes.
+fn program_there(path: &str) -> Result<PathBuf, String> {
+    fs::canonicalize(path).map_err(|error| format!("{error}; build it first"))
 }
 
 impl Plan {
@@ -125,5 +131,18 @@ impl Plan {
     /// How long it lasts.
     pub fn duration(&self, usual_s: u64) -> Duration {
         Duration::from_secs(self.duration_s.unwrap_or(usual_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::program_there;
+
+    #[test]
+    fn a_program_is_found_from_another_folder_and_a_missing_one_is_told_at_the_start() {
+        let found = program_there("src/main.rs").expect("it is there");
+        assert!(found.is_absolute() && found.ends_with("src/main.rs"));
+        let error = program_there("target/no-such-program").expect_err("nobody made it");
+        assert!(error.ends_with("; build it first"), "{error}");
     }
 }

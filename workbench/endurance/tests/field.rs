@@ -1,9 +1,10 @@
-//! The short form of the measurements of relays on bad links: a mission typed at the station flies over two networks with 10 % loss, and orders
-//! end over narrow links.
+//! The short form of the measurements of relays: a mission typed at the station flies over two networks with 10 % loss, orders
+//! end over narrow links, and robots that are whole and played are told apart by a station with two relays.
 
 use std::path::Path;
 use std::time::Duration;
 
+use endurance::field::fleet::{self, Fleet};
 use endurance::field::narrow::{self, Narrow};
 use endurance::field::site::Plan;
 use endurance::field::{mission, outages};
@@ -72,4 +73,28 @@ fn over_64_kbit_per_s_orders_end_and_new_telemetry_comes_over_tcp() {
 #[test]
 fn over_256_kbit_per_s_orders_end_and_new_telemetry_comes_over_quic() {
     orders_end_over_a_narrow_link("quic", narrow::LINKS[1]);
+}
+
+#[test]
+fn telemetry_and_orders_of_several_robots_are_never_confused_with_peers_and_through_a_router() {
+    let Some(ril) = beside_or_skip(Path::new(env!("CARGO_BIN_EXE_endurance"))) else {
+        return;
+    };
+    for through in fleet::TOPOLOGIES {
+        let outcome = fleet::run(&Fleet {
+            ril: &ril,
+            robots: 3,
+            whole: 1,
+            rate_hz: 10,
+            through,
+            stations: 1,
+            per_relay: 2,
+            duration: Duration::from_secs(2),
+            limit: Duration::from_secs(300),
+        });
+        assert!(outcome.is_good(), "{outcome}");
+        assert_eq!(outcome.count("relays of the station"), 2);
+        let seen = outcome.count("orders") * outcome.count("samples");
+        assert!(seen > 0, "{outcome}");
+    }
 }

@@ -170,7 +170,12 @@ impl Gateway {
         if to.is_empty() {
             return;
         }
-        for message in self.texts.say(severity, text, now) {
+        let messages = self.texts.say(severity, text, now);
+        if messages.is_empty() {
+            // It was just said, to the log as well.
+            return;
+        }
+        for message in messages {
             for address in to {
                 self.push(*address, &message, false);
             }

@@ -2,6 +2,7 @@
 //!
 //! `ril` is found beside the relay's program, where `cargo test --workspace` builds it, or by `RIL_BINARY`.
 
+mod clock;
 mod faults;
 mod mission;
 

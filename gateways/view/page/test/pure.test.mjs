@@ -56,6 +56,18 @@ test("a round trip is forgotten with its connection, and after a minute of other
   assert.equal(ages.since(0, 5), Infinity, "an answer to another connection's ping says nothing");
 });
 
+test("after a gap of the page's clock nothing is known of an age until a ping is answered", () => {
+  const ages = new Ages();
+  ages.opened(1000);
+  ages.arrived(1000);
+  // The page's clock stood still for 8 s of the server's.
+  ages.gap();
+  assert.equal(ages.since(9000, 2000), Infinity, "the bound of before would call it new");
+  ages.pinged("a", 2000);
+  ages.ponged("a", 10000, 2010);
+  assert.equal(ages.since(9000, 5010), 4010);
+});
+
 test("no contact after the stated silence", () => {
   const contact = new Contact();
   assert.equal(contact.state(0), "connecting");
@@ -172,6 +184,8 @@ test("an order is sent at once or never, and a double click sends one", () => {
   assert.equal(book.give("land", 1, { order: "ee", at: 2000, live: false, seen: 7 }), null);
   assert.equal(book.entries[0].stage, "not-sent");
   assert.ok(book.give("land", 1, { order: "ff", at: 2100, ...live }), "what was not sent can be given again");
+  book.report(/** @type {any} */ ({ order: "gg", robot: 3, kind: "hold", stage: "sent", text: "", final: false }), 3000);
+  assert.ok(book.give("hold", 3, { order: "hh", at: 3010, ...live }), "another page's order makes no press of this one a double click");
 });
 
 test("reports follow their order to its end", () => {
@@ -187,14 +201,17 @@ test("reports follow their order to its end", () => {
   assert.equal(book.shown(10020).length, 0);
   book.report({ ...report("in-progress", false), order: "zz" }, 40);
   assert.equal(book.entries[0].order, "zz", "an order of before the reload");
-  book.forgotten(50);
+  book.unheard("the server was started again", 50);
   assert.equal(book.entries[0].stage, "unknown");
+  assert.equal(book.entries[1].stage, "done", "what has ended stays so");
+  book.report({ ...report("done", true), order: "zz" }, 60);
+  assert.equal(book.entries[0].stage, "done", "what became of it was told after all");
   assert.equal(severityOf("refused"), "alarm");
   for (let i = 0; i < 100; i++) book.report({ ...report("sent", false), order: `n${i}` }, 60);
   assert.equal(book.entries.length, 20);
 });
 
-const HELLO = { type: "hello", protocol: "hero.view.v1", build: "b", instance: "1", role: "command", robots: [1, 2], replay: null, tiles: null, stale_after_ms: 1500 };
+const HELLO = { type: "hello", protocol: "hero.view.v1", build: "b", instance: "1", role: "command", robots: [1, 2], replay: null, report: false, tiles: null, stale_after_ms: 1500 };
 
 test("the first robot is chosen, and what is about another one is dropped", () => {
   const model = new Model();
@@ -214,6 +231,9 @@ test("another instance replaces everything, another build reloads", () => {
   model.orders.give("hold", 1, { order: "aa", live: true, seen: 1, at: 0 });
   assert.ok(!model.take(HELLO, 5).includes("choose"));
   assert.ok(model.now, "the same instance keeps what is known");
+  assert.equal(model.orders.entries[0].stage, "unknown", "whether it has reached the server, its reports will say");
+  model.orders.report({ type: "order", order: "aa", robot: 1, kind: "hold", stage: "in-progress", text: "", final: false }, 5);
+  assert.equal(model.orders.entries[0].stage, "in-progress");
   model.take({ ...HELLO, instance: "2" }, 5);
   assert.equal(model.now, null);
   assert.deepEqual(model.events, []);
@@ -223,14 +243,16 @@ test("another instance replaces everything, another build reloads", () => {
 
 test("values are as fresh as the server says, and never fresher than their message", () => {
   const model = new Model();
-  assert.equal(model.freshness(0, Infinity), "never");
+  assert.equal(model.freshness("telemetry", 0, Infinity), "never");
   model.take(HELLO, 0);
   model.take(NOW, 1000);
-  assert.equal(model.freshness(1100, 100), "fresh");
-  assert.equal(model.freshness(2600, 100), "stale", "beats alone do not keep it fresh");
-  assert.equal(model.freshness(1100, 1600), "stale", "it was long on its way");
+  assert.equal(model.freshness("telemetry", 1100, 100), "fresh");
+  assert.equal(model.freshness("telemetry", 2600, 100), "stale", "beats alone do not keep it fresh");
+  assert.equal(model.freshness("telemetry", 1100, 1600), "stale", "it was long on its way");
+  assert.equal(model.freshness("bridge", 1100, 100), "fresh");
+  assert.equal(model.freshness("bridge", 2600, 100), "stale");
   model.take({ ...NOW, telemetry: { freshness: "gone", age_ms: 9000 } }, 3000);
-  assert.equal(model.freshness(3000, 0), "gone");
+  assert.equal(model.freshness("telemetry", 3000, 0), "gone");
 });
 
 test("a replay has the time of the recording", () => {
@@ -242,7 +264,7 @@ test("a replay has the time of the recording", () => {
   model.take({ type: "replay", position_s: 20, playing: false, speed: 2 }, 4000);
   assert.equal(model.time(9000), 20);
   model.take(NOW, 4000);
-  assert.equal(model.freshness(60000, Infinity), "fresh", "a paused replay is not stale");
+  assert.equal(model.freshness("telemetry", 60000, Infinity), "fresh", "a paused replay is not stale");
 });
 
 test("from event to event, over the one that has just passed", () => {

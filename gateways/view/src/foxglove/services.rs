@@ -90,6 +90,6 @@ impl OfferedService {
 
 /// The answer of a service that was not called. It is a normal answer: some clients wait for ever when a call fails.
 pub(crate) fn refused(text: &str) -> Vec<u8> {
-    let answer = serde_json::json!({"accepted": false, "request_id": null, "text": text});
+    let answer = serde_json::json!({"accepted": false, "request_id": "", "text": text});
     answer.to_string().into_bytes()
 }

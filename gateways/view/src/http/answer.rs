@@ -5,7 +5,7 @@ use tungstenite::handshake::derive_accept_key;
 
 use super::refusal::{GUARDS, Refusal};
 use super::request::{HttpRequest, Method, Upgrade};
-use super::tile::{TileRequest, content_type};
+use super::tile::{FileRequest, Wanted, content_type};
 use crate::assets::Assets;
 
 /// What is written.
@@ -57,16 +57,24 @@ impl Response {
         })
     }
 
-    /// A tile, or that it is missing. A browser keeps a tile for an hour, and asks again for one that is missing.
-    pub fn tile(request: TileRequest, image: Option<Vec<u8>>) -> Response {
-        let kind = image.as_deref().and_then(content_type);
-        let connection = if request.stays { "keep-alive" } else { "close" };
-        let image = image.filter(|_| kind.is_some()).unwrap_or_default();
-        let length = image.len();
-        let head = match kind {
-            Some(kind) => format!(
-                "HTTP/1.1 200 OK\r\nConnection: {connection}\r\nCache-Control: max-age=3600\r\nContent-Type: {kind}\r\n"
+    /// What was read, or that it is missing. A browser keeps a tile for an hour, and asks again for one that is missing. A report is a
+    /// page of an origin of its own: whatever a file made of it, it has nothing of the view's.
+    pub fn read(request: FileRequest, bytes: Option<Vec<u8>>) -> Response {
+        let kind = match (request.wanted, &bytes) {
+            (_, None) => None,
+            (Wanted::Tile(_), Some(image)) => content_type(image)
+                .map(|kind| format!("Cache-Control: max-age=3600\r\nContent-Type: {kind}\r\n")),
+            (Wanted::Report, Some(_)) => Some(
+                "Cache-Control: no-store\r\nContent-Type: text/html; charset=utf-8\r\n\
+                 Content-Security-Policy: sandbox allow-scripts allow-downloads; frame-ancestors 'none'\r\n"
+                    .to_owned(),
             ),
+        };
+        let connection = if request.stays { "keep-alive" } else { "close" };
+        let body = bytes.filter(|_| kind.is_some()).unwrap_or_default();
+        let length = body.len();
+        let head = match kind {
+            Some(kind) => format!("HTTP/1.1 200 OK\r\nConnection: {connection}\r\n{kind}"),
             None => format!(
                 "HTTP/1.1 404 Not Found\r\nConnection: {connection}\r\nCache-Control: no-store\r\n"
             ),
@@ -74,7 +82,7 @@ impl Response {
         Response {
             head: format!("{head}{GUARDS}Content-Length: {length}\r\n\r\n"),
             body: if request.has_body {
-                image.into()
+                body.into()
             } else {
                 Bytes::new()
             },

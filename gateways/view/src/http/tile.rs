@@ -1,5 +1,5 @@
-//! [`Tile`]: the piece of imagery that a request names. It consists of three numbers, so no text of a request becomes part of a file's
-//! name.
+//! [`FileRequest`]: what the program around the server reads from a disk. A [`Tile`], a piece of imagery, consists of three numbers, so
+//! no text of a request becomes part of a file's name.
 
 /// A tile in the scheme of web maps: at `zoom` the world is a square of 2^zoom tiles each way, from the north-western corner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,11 +12,20 @@ pub struct Tile {
     pub y: u32,
 }
 
-/// A request for a tile, to be answered with [`Server::tile`](crate::Server::tile).
+/// What a request wants of a disk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TileRequest {
-    /// Which one.
-    pub tile: Tile,
+pub enum Wanted {
+    /// A piece of imagery.
+    Tile(Tile),
+    /// The [`report`](crate::report) of the recording that is played, an HTML file.
+    Report,
+}
+
+/// A request to be answered with [`Server::file`](crate::Server::file).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FileRequest {
+    /// What it wants.
+    pub wanted: Wanted,
     /// Whether the connection stays after the answer.
     pub(crate) stays: bool,
     /// Whether the answer has a body.

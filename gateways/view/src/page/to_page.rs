@@ -21,6 +21,8 @@ pub struct Hello {
     pub robots: Vec<u32>,
     /// `None` if robots are shown live.
     pub replay: Option<ReplayInfo>,
+    /// Whether `/report` gives this page the report of the recording.
+    pub report: bool,
     /// The zooms of which there are tiles under the map; `None` without any.
     pub tiles: Option<TileRange>,
     /// [`STALE_AFTER_MS`](super::STALE_AFTER_MS).

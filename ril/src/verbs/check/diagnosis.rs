@@ -3,7 +3,7 @@
 //! Notes say what was found to be in order, or what a live process is about to put in order. Warnings keep no process from its
 //! work now: they are cured by the next start, or mislead the operator. Errors keep a process from starting or from its work.
 //!
-//! Here are memory, configuration and repair; `domain`, `services`, `serial`, `relay_link`, `view` and `mavlink` have the others.
+//! Here are memory, configuration and repair; `clock`, `domain`, `services`, `serial`, `relay_link`, `view` and `mavlink` have the others.
 
 use ipc_types::{LowLimit, Repair};
 use runtime::exit::ExitCode;
@@ -11,7 +11,7 @@ use runtime::finding::{Finding, Severity};
 use serde::Serialize;
 
 use super::facts::{FileContent, FileFacts, FreeMemory, MachineFacts};
-use super::{domain, mavlink, relay_link, serial, services, view};
+use super::{clock, domain, mavlink, relay_link, serial, services, view};
 use crate::render::words::count_irregular;
 use crate::robot::domain::{DomainFacts, Look, Trouble};
 
@@ -25,6 +25,8 @@ pub enum Subject {
     Domain,
     /// Space in `/dev/shm`.
     Memory,
+    /// The wall clock.
+    Clock,
     /// The provider of each service.
     Services,
     /// The relay's link to a robot on another machine.
@@ -46,6 +48,7 @@ impl Subject {
             Subject::Repair => "repair",
             Subject::Domain => "domain",
             Subject::Memory => "memory",
+            Subject::Clock => "clock",
             Subject::Services => "services",
             Subject::Relay => "relay",
             Subject::Configuration => "configuration",
@@ -82,6 +85,7 @@ pub fn diagnose(facts: &MachineFacts) -> Vec<(Subject, Finding)> {
     }
     add(Subject::Memory, memory(&facts.free_memory));
     add(Subject::Memory, facts.limits.iter().map(limit).collect());
+    add(Subject::Clock, vec![clock::diagnose(&facts.clock)]);
     add(
         Subject::Configuration,
         facts.files.iter().map(configuration).collect(),

@@ -7,6 +7,7 @@ use bridge::BridgeConfig;
 use bridge::shell::serial::holders::Holders;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::{LowLimit, MonotonicNs, Repair};
+use runtime::wall_clock::WallClock;
 
 use crate::robot::domain::{DomainFacts, Look};
 use crate::robot::running::ConfigOrigin;
@@ -24,6 +25,8 @@ pub struct MachineFacts {
     pub limits: Vec<LowLimit>,
     /// What is free in `/dev/shm`.
     pub free_memory: Look<FreeMemory>,
+    /// The wall clock.
+    pub clock: ClockFacts,
     /// Configuration files.
     pub files: Vec<FileFacts>,
     /// The bridge's serial port; `None` if the configuration that names it cannot be read.
@@ -172,8 +175,6 @@ pub struct PreflightFacts {
     pub bridge_origin: ConfigOrigin,
     /// Where status writes its logs.
     pub logs: Logs,
-    /// The wall clock.
-    pub clock: WallClock,
 }
 
 /// The newest sample of each topic; `None` if none came in time.
@@ -215,13 +216,11 @@ pub struct LogPlace {
     pub is_writable: bool,
 }
 
-/// The wall clock, s since 1970.
+/// What is known of the wall clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct WallClock {
+pub struct ClockFacts {
     /// What it shows.
-    pub unix_s: u64,
-    /// The newest moment that must have been: when the file of this program was written.
-    pub not_before_unix_s: u64,
-    /// Whether the system's time service says that the clock is synchronized.
+    pub clock: WallClock,
+    /// Whether the system's time service says that it is synchronized.
     pub is_synchronized: bool,
 }

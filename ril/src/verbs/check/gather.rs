@@ -7,7 +7,7 @@ use std::fs;
 use std::io;
 use std::os::unix::fs::FileTypeExt;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use bridge::BridgeConfig;
 use bridge::shell::serial::holders::{Holders, TerminalDevice};
@@ -16,13 +16,14 @@ use ipc_types::payload::{BridgeJournal, RelayLink};
 use ipc_types::{Domain, Ipc, MonotonicNs, Repair, RobotId, Subscriber, Topic};
 use runtime::config::{Loaded, load};
 use runtime::exit::Failure;
+use runtime::wall_clock::WallClock;
 use rustix::fs::Access;
 use serde::de::DeserializeOwned;
 use status::log::config::LogConfig;
 
 use super::facts::{
-    Device, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs, MachineFacts,
-    MavlinkFacts, PortFacts, PortHolders, ViewFacts, WallClock,
+    ClockFacts, Device, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs,
+    MachineFacts, MavlinkFacts, PortFacts, PortHolders, ViewFacts,
 };
 use super::options::MachineArgs;
 use super::services::bridge_pid;
@@ -88,6 +89,7 @@ pub(super) fn machine(
         root_fault,
         limits: ipc_types::low_limits(),
         free_memory: memory(),
+        clock: clock(),
         port: chosen_port(args, &files, bridge.as_ref(), bridge_process),
         files,
         view: None,
@@ -353,7 +355,7 @@ fn setup(config: &ViewConfig) -> ViewFacts {
         has_tokens: !config.tokens.is_empty(),
         certificate,
         open_secrets: open_secrets.collect(),
-        unix_s: clock().unix_s,
+        unix_s: WallClock::look().unix_s,
     }
 }
 
@@ -533,16 +535,9 @@ fn log_place(log: &LogConfig, folder: Option<&Path>) -> LogPlace {
     }
 }
 
-pub(super) fn clock() -> WallClock {
-    let unix_s = |time: SystemTime| {
-        time.duration_since(UNIX_EPOCH)
-            .map_or(0, |time| time.as_secs())
-    };
-    let program = std::env::current_exe().and_then(fs::metadata);
-    let written = program.and_then(|metadata| metadata.modified());
-    WallClock {
-        unix_s: unix_s(SystemTime::now()),
-        not_before_unix_s: written.map_or(0, unix_s),
+fn clock() -> ClockFacts {
+    ClockFacts {
+        clock: WallClock::look(),
         is_synchronized: Path::new(SYNCHRONIZED).exists(),
     }
 }

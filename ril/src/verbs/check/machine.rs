@@ -1,8 +1,8 @@
 //! Judges the machine for the preflight: the doctor's findings by subject, the clock, and room for logs.
 
 use runtime::finding::{Finding, Severity};
-use status::log::clock::Utc;
 
+use super::clock;
 use super::diagnosis::{Subject, diagnose};
 use super::facts::{LogPlace, Logs, PreflightFacts};
 use crate::config::PreflightLimits;
@@ -12,7 +12,7 @@ const MIB: u64 = 1 << 20;
 /// The checks of the machine.
 pub(super) fn judge(facts: &PreflightFacts, limits: &PreflightLimits) -> Vec<Finding> {
     let findings = diagnose(&facts.machine);
-    let mut checks = vec![clock(facts)];
+    let mut checks = vec![clock::diagnose(&facts.machine.clock)];
     // Of a robot on another machine, status writes its logs there.
     if !facts.live.is_relayed {
         checks.push(log_room(facts, limits));
@@ -56,38 +56,6 @@ fn of_findings(
             finding.with_next_step(next_step.unwrap_or_else(|| "`ril doctor` says more".to_owned()))
         }
     })
-}
-
-fn clock(facts: &PreflightFacts) -> Finding {
-    const ID: &str = "clock";
-    let clock = facts.clock;
-    let shown = |unix_s| {
-        let Utc {
-            year,
-            month,
-            day,
-            hour,
-            minute,
-            second,
-        } = Utc::from_unix(unix_s);
-        format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
-    };
-    let now = shown(clock.unix_s);
-    let check = if clock.unix_s < clock.not_before_unix_s {
-        Finding::warning(
-            ID,
-            format!("{now} is before this program was installed"),
-            "set the clock (`timedatectl`): logs get wrong names and times",
-        )
-    } else if clock.is_synchronized {
-        Finding::note(ID, format!("{now}, synchronized"))
-    } else {
-        Finding::note(
-            ID,
-            format!("{now}; whether it is synchronized is not known"),
-        )
-    };
-    check.with_limit(format!("after {}", shown(clock.not_before_unix_s)))
 }
 
 fn log_room(facts: &PreflightFacts, limits: &PreflightLimits) -> Finding {

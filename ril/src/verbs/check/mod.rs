@@ -1,9 +1,10 @@
 //! `ril doctor` and `ril preflight`: what is wrong with a machine, whether a robot is ready to take off, and what to do.
 //!
-//! `gather` looks up [`facts`]; what they mean is pure: [`diagnosis`] judges the machine for the doctor, with `domain`, `services`,
-//! `serial`, `relay_link`, `view` and `mavlink`; for the preflight `robot`, `helicopter` and `machine` judge the rest. All of them give
+//! `gather` looks up [`facts`]; what they mean is pure: [`diagnosis`] judges the machine for the doctor, with `clock`, `domain`,
+//! `services`, `serial`, `relay_link`, `view` and `mavlink`; for the preflight `robot`, `helicopter` and `machine` judge the rest. All of them give
 //! [findings](runtime::finding).
 
+mod clock;
 pub mod diagnosis;
 pub mod doctor;
 mod domain;

@@ -119,7 +119,6 @@ fn report(args: &MachineArgs, live: Live, config: &Config) -> PreflightReport {
         },
         machine,
         live,
-        clock: gather::clock(),
     };
     PreflightReport::new(facts.robot, judge(&facts, &config.preflight))
 }

@@ -6,9 +6,10 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::service::SERVICES;
 use ipc_types::{MonotonicNs, Provider, RobotId};
 use runtime::finding::{Finding, Severity};
+use runtime::wall_clock::WallClock;
 
 use super::facts::{
-    FreeMemory, LinkFacts, Live, LogPlace, Logs, MachineFacts, PreflightFacts, WallClock,
+    ClockFacts, FreeMemory, LinkFacts, Live, LogPlace, Logs, MachineFacts, PreflightFacts,
 };
 use super::preflight::{PreflightReport, judge, worst};
 use crate::config::PreflightLimits;
@@ -57,6 +58,13 @@ fn ready() -> PreflightFacts {
                 bytes: 1000 * MIB,
                 inodes: None,
             }),
+            clock: ClockFacts {
+                clock: WallClock {
+                    unix_s: 1_800_000_000,
+                    not_before_unix_s: 1_700_000_000,
+                },
+                is_synchronized: true,
+            },
             files: Vec::new(),
             port: None,
             relay: None,
@@ -77,11 +85,6 @@ fn ready() -> PreflightFacts {
         bridge: Some(bridge.unwrap()),
         bridge_origin: ConfigOrigin::File("bridge.toml".into()),
         logs: Logs::Configured(vec![log()]),
-        clock: WallClock {
-            unix_s: 1_800_000_000,
-            not_before_unix_s: 1_700_000_000,
-            is_synchronized: true,
-        },
     }
 }
 
@@ -386,9 +389,9 @@ fn each_trouble_is_found_by_its_own_check() {
         ),
         (
             "clock",
-            |facts| facts.clock.unix_s = 0,
+            |facts| facts.machine.clock.clock.unix_s = 0,
             Some(Warning),
-            "1970-01-01T00:00:00Z is before",
+            "the clock was never set: 1970-01-01T00:00:00Z is before",
         ),
         (
             "log-room",

@@ -15,11 +15,11 @@ use bridge::shell::serial::SerialPort;
 use clap::{Args, ValueEnum};
 use conform::permitted::{CONFIRMATION, RotorDisconnected};
 use conform::replay::{Dialogue, Replay};
-use conform::report::Ended;
+use conform::report::{Ended, hex};
 use conform::run::{Settings, left_out};
 use conform::table::chosen;
 use conform::wire::Setup;
-use dsp_protocol::{Profile, Sequence};
+use dsp_protocol::{DecodeError, Profile, Sequence};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 
@@ -190,6 +190,9 @@ fn replay(file: &Path, port: &Path, args: &ConformArgs) -> Result<(), Failure> {
     let serial = open(port, args.baud_rate)?;
     let mut replay = Replay::new(dialogue, setup, proof.is_some());
     let interrupted = serve(&mut replay, &serial, &termination, |_, _| Ok(()))?;
+    if let Some(ended) = replay.ended_early() {
+        return Err(ended_early(ended, profile));
+    }
     let name = profile.name();
     let mut text = format!("dsp profile = {name}\npc profile = {name}\n\n");
     for line in replay.lines() {
@@ -214,6 +217,45 @@ fn replay(file: &Path, port: &Path, args: &ConformArgs) -> Result<(), Failure> {
     }
 }
 
+/// Why nothing was judged or played.
+fn ended_early(ended: &Ended, profile: Profile) -> Failure {
+    let (code, text, step) = match ended {
+        Ended::Silent => (
+            ExitCode::Timeout,
+            "the DSP sends nothing".to_owned(),
+            "is it switched on, is the cable right, and does it acknowledge a read (section 8.2)?",
+        ),
+        Ended::Garbled(rejected) => (
+            ExitCode::Timeout,
+            format!(
+                "the DSP sends no frame that the PC accepts: {}, in {}",
+                rejected.describe(profile),
+                hex(&rejected.bytes)
+            ),
+            match rejected.error {
+                DecodeError::Checksum => {
+                    "compare these bytes with section 2, in the extended profile with section 11"
+                }
+                DecodeError::OtherProfile => "name the profile of the DSP with --profile",
+                _ => "is --baud-rate right, and --profile?",
+            },
+        ),
+        Ended::NoStatus => (
+            ExitCode::Refused,
+            "the DSP sends no status, so whether the helicopter flies is unknown: it was left alone"
+                .to_owned(),
+            "let the DSP send a status (section 8.3), or disconnect the rotor and add --rotor-disconnected",
+        ),
+        Ended::Flies => (
+            ExitCode::Refused,
+            "the DSP says that the helicopter flies, takes off or lands: it was left alone"
+                .to_owned(),
+            "land; if it stands, the DSP's flag or ports 10121 and 10122 are wrong (section 8.5)",
+        ),
+    };
+    Failure::new(code, text).with_next_step(step)
+}
+
 /// How the command ends.
 fn verdict(played: &shell::Played, vectors: &[PathBuf], args: &ConformArgs) -> Result<(), Failure> {
     if let Some(signal) = played.interrupted_by {
@@ -224,19 +266,8 @@ fn verdict(played: &shell::Played, vectors: &[PathBuf], args: &ConformArgs) -> R
         return Err(Failure::new(ExitCode::OutcomeUnknown, text)
             .with_next_step("the DSP is not as it was found: reset it, and run the checks again"));
     }
-    match played.report.ended_early {
-        Some(Ended::Silent) => {
-            let text = "the DSP answers nothing that the PC understands";
-            let step = "is it switched on, are cable, --baud-rate and --profile right?";
-            return Err(Failure::new(ExitCode::Timeout, text).with_next_step(step));
-        }
-        Some(Ended::Flies) => {
-            let text =
-                "the DSP says that the helicopter flies, takes off or lands: it was left alone";
-            let step = "land; if it stands, the DSP's flag or ports 10121 and 10122 are wrong (section 8.5)";
-            return Err(Failure::new(ExitCode::Refused, text).with_next_step(step));
-        }
-        None => {}
+    if let Some(ended) = &played.report.ended_early {
+        return Err(ended_early(ended, played.report.profile));
     }
     let totals = played.report.totals();
     if totals.broken > 0 {

@@ -210,8 +210,10 @@ fn object<'a>(
         kept: totals.kept,
         broken: totals.broken,
         not_judged: totals.not_judged,
-        ended_early: report.ended_early.map(|ended| match ended {
+        ended_early: report.ended_early.as_ref().map(|ended| match ended {
             Ended::Silent => "silent",
+            Ended::Garbled(_) => "garbled",
+            Ended::NoStatus => "no-status",
             Ended::Flies => "flies",
         }),
         own_errors: own.collect(),

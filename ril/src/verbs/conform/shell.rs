@@ -75,8 +75,15 @@ pub fn serve<P: Player>(
         if termination.requested() {
             return Ok(termination.signal());
         }
+        let before = began.elapsed();
         let count = serial.read(&mut buffer).or_fail(ExitCode::LinkDown)?;
-        run.step(began.elapsed(), buffer.get(..count).unwrap_or_default());
+        // Nothing had come at the time before the read. A later time would let a deadline pass that bytes in the port keep, after this
+        // computer stood still.
+        let now = match count {
+            0 => before,
+            _ => began.elapsed(),
+        };
+        run.step(now, buffer.get(..count).unwrap_or_default());
         between(run, began)?;
         pending.extend(run.take_outbox());
         let written = serial.write(&pending).or_fail(ExitCode::LinkDown)?;

@@ -1,4 +1,4 @@
-//! What a flight leaves in its folder: its log and its record, as far as they are evidence.
+//! What a flight leaves in its folder: its log and its record, as far as they are evidence; and the judgement with it.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -7,10 +7,13 @@ use std::process::Command;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{RobotId, Topic};
+use runtime::finding::Finding;
 use serde::Deserialize;
 use status::log::file_name::{FileKind, recognize};
 
-use super::checks::RecordEvidence;
+use super::checks::{Evidence, RecordEvidence, judge};
+use super::flight::SCRIPT;
+use super::seen::Flown;
 use crate::recorded::topic_of;
 
 /// The newest log or record in the folder.
@@ -29,8 +32,32 @@ pub(super) fn find_log(folder: &Path, kind: FileKind) -> Option<PathBuf> {
         })
 }
 
+/// Judges a flight of `robot` with its log and record in `folder`. So many processes were started, and so many files and segments are
+/// left in shared memory.
+pub(super) fn judge_flight(
+    flown: &Flown,
+    robot: RobotId,
+    folder: &Path,
+    processes: usize,
+    residue: usize,
+) -> Vec<Finding> {
+    let log = find_log(folder, FileKind::Tsv);
+    let record = find_log(folder, FileKind::Mcap);
+    judge(&Evidence {
+        orders: SCRIPT.len(),
+        orders_done: flown.orders_done,
+        order_failed: flown.order_failed.as_deref(),
+        seen: &flown.seen,
+        log_rows: log.as_deref().and_then(rows),
+        record: record.as_deref().and_then(|file| recorded(file, robot)),
+        exits: &flown.exits,
+        processes,
+        residue,
+    })
+}
+
 /// Rows of a log without its first line.
-pub(super) fn rows(log: &Path) -> Option<u64> {
+fn rows(log: &Path) -> Option<u64> {
     let text = fs::read_to_string(log).ok()?;
     u64::try_from(text.lines().count()).ok()?.checked_sub(1)
 }
@@ -57,7 +84,7 @@ struct RecordingEvent {
 }
 
 /// What `ril log check` says of the flight record of the robot.
-pub(super) fn recorded(file: &Path, robot: RobotId) -> Option<RecordEvidence> {
+fn recorded(file: &Path, robot: RobotId) -> Option<RecordEvidence> {
     let mut command = Command::new(std::env::current_exe().ok()?);
     command.args(["log", "check", "--json"]).arg(file);
     let output = command.output().ok()?.stdout;

@@ -17,7 +17,7 @@ use runtime::signal::Termination;
 
 use super::children::{ChildProcess, Readiness, Spawner};
 use super::screen::Screen;
-use super::seen::{LossCounts, Seen};
+use super::seen::{Flown, LossCounts, Seen};
 
 /// The whole demonstration ends within this, or something hangs. A flight takes less than 20 s; machines stall.
 const TIME_LIMIT: Duration = Duration::from_secs(120);
@@ -76,16 +76,16 @@ pub(super) fn write_paths(folder: &Path, paths: &[Vec<Waypoint>; 2]) -> Result<(
     Ok(())
 }
 
+/// How many processes the flight has.
+pub(super) const PROCESSES: usize = ENDS.len();
+
+/// Its processes in the order of the data, in which they end.
+const ENDS: [&str; 4] = ["bridge", "status", "sim", "record"];
+
 /// A flight that ended.
 pub(super) struct DemoFlight {
-    /// How many commands ended with 0.
-    pub orders_done: usize,
-    /// The command that did not, and what it said.
-    pub order_failed: Option<String>,
-    /// What a consumer saw.
-    pub seen: Seen,
-    /// The processes with their exit codes; `None` for one that a signal ended.
-    pub exits: Vec<(&'static str, Option<i32>)>,
+    /// What is known of it.
+    pub flown: Flown,
     /// From the first command to the end of the last.
     pub took: Duration,
 }
@@ -146,7 +146,7 @@ pub(super) fn fly(
     write_paths(folder, &paths)?;
     stage.seen.waypoints = paths.concat();
     let began = Instant::now();
-    let (mut orders_done, mut order_failed) = (0, None);
+    let mut flown = Flown::default();
     for (name, words) in SCRIPT {
         let command = format!("ril {}", words.join(" "));
         screen.order = Some(command.clone());
@@ -157,21 +157,15 @@ pub(super) fn fly(
         let (code, said) = stage.order(screen, spawner.order(name, words))?;
         let end = said.lines().last().unwrap_or("it ended without a word");
         screen.line(&format!("{:6.2} s  {end}", began.elapsed().as_secs_f64()))?;
-        if code != Some(0) {
-            order_failed = Some(format!("`{command}`: {end}"));
+        flown.order_ended(&command, code, end);
+        if flown.order_failed.is_some() {
             break;
         }
-        orders_done += 1;
     }
     let took = began.elapsed();
-    let exits = stage.end_processes()?;
-    Ok(DemoFlight {
-        orders_done,
-        order_failed,
-        seen: std::mem::take(&mut stage.seen),
-        exits,
-        took,
-    })
+    flown.exits = stage.end_processes()?;
+    flown.seen = std::mem::take(&mut stage.seen);
+    Ok(DemoFlight { flown, took })
 }
 
 /// The bridge of the demonstration: a brisk helicopter, and an acceptance radius that fits its speed. A machine that is
@@ -283,13 +277,7 @@ impl<'a> DemoLoop<'a> {
             self.drain()?;
             screen.draw(&self.seen)?;
             // First of all: a signal to the process group may have ended a command that had no group of its own yet.
-            if self.termination.requested() {
-                let text = "interrupted; nothing is left running";
-                return Err(match self.termination.signal() {
-                    Some(signal) => Failure::interrupted(signal, text),
-                    None => Failure::internal(text),
-                });
-            }
+            goes_on(self.termination)?;
             if done(self) {
                 return Ok(());
             }
@@ -358,7 +346,7 @@ impl<'a> DemoLoop<'a> {
     /// last is translated, logged, recorded and seen here before status and the recorder end.
     fn end_processes(&mut self) -> Result<Vec<(&'static str, Option<i32>)>, Failure> {
         let mut exits = Vec::new();
-        for name in ["bridge", "status", "sim", "record"] {
+        for name in ENDS {
             let mut processes = self.processes.iter_mut();
             if let Some(process) = processes.find(|process| process.name() == name) {
                 exits.push((name, process.end()));
@@ -368,6 +356,18 @@ impl<'a> DemoLoop<'a> {
         self.processes.clear();
         Ok(exits)
     }
+}
+
+/// Ends a demonstration early when a signal has come.
+pub(super) fn goes_on(termination: &Termination) -> Result<(), Failure> {
+    if !termination.requested() {
+        return Ok(());
+    }
+    let text = "interrupted; nothing is left running";
+    Err(match termination.signal() {
+        Some(signal) => Failure::interrupted(signal, text),
+        None => Failure::internal(text),
+    })
 }
 
 /// The process, or the failure that it cannot be started.

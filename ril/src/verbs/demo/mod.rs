@@ -7,7 +7,7 @@
 //!
 //! * `flight`: the script of commands, from the start of the processes to their end, and the one wait; `children`: the processes;
 //! * `seen`: what a consumer sees; `checks`: the judgement. Both pure;
-//! * `files`: the log and the record as evidence;
+//! * `files`: the log and the record as evidence, and the judgement with them;
 //! * `screen`: what is shown meanwhile, and the result;
 //! * `fleet`: many robots at once, and a station.
 
@@ -29,9 +29,8 @@ use runtime::signal::Termination;
 use status::log::file_name::FileKind;
 
 use crate::options::EXIT_CODES;
-use checks::Evidence;
-use files::{find_log, recorded, rows};
-use flight::{SCRIPT, fly};
+use files::{find_log, judge_flight};
+use flight::{PROCESSES, fly};
 use screen::{KeptFiles, Screen, print_result};
 
 /// Options of `ril demo`.
@@ -114,19 +113,10 @@ fn demonstrate(args: &DemoArgs, folder: &Path, termination: &Termination) -> Res
     // Every process and port is gone by now, also after an error.
     domain.remove_if_dead().map_err(Failure::internal)?;
     let flight = flown?;
+    let residue = domain.residue().len();
+    let checks = judge_flight(&flight.flown, robot, folder, PROCESSES, residue);
     let log = find_log(folder, FileKind::Tsv);
     let record = find_log(folder, FileKind::Mcap);
-    let checks = checks::judge(&Evidence {
-        orders: SCRIPT.len(),
-        orders_done: flight.orders_done,
-        order_failed: flight.order_failed.as_deref(),
-        seen: &flight.seen,
-        log_rows: log.as_deref().and_then(rows),
-        record: record.as_deref().and_then(|file| recorded(file, robot)),
-        exits: &flight.exits,
-        processes: 4,
-        residue: domain.residue().len(),
-    });
     let kept = match args.folder {
         Some(_) => KeptFiles {
             folder: Some(folder),
@@ -135,7 +125,7 @@ fn demonstrate(args: &DemoArgs, folder: &Path, termination: &Termination) -> Res
         },
         None => KeptFiles::default(),
     };
-    print_result(&flight.seen, flight.took, &checks, kept, args.json)?;
+    print_result(&flight.flown.seen, flight.took, &checks, kept, args.json)?;
     match checks.iter().filter(|check| check.has_failed()).count() {
         0 => Ok(()),
         failed => Err(Failure::internal(format!(
@@ -150,10 +140,14 @@ fn folder(args: &DemoArgs) -> Result<PathBuf, Failure> {
         .folder
         .clone()
         .unwrap_or_else(|| std::env::temp_dir().join(format!("hero-demo-{}", std::process::id())));
-    fs::create_dir_all(&folder).or_fail_with(
-        ExitCode::Usage,
-        format!("the folder {} cannot be made", folder.display()),
-    )?;
+    fs::create_dir_all(&folder)
+        .or_fail_with(
+            ExitCode::Usage,
+            format!("the folder {} cannot be made", folder.display()),
+        )
+        .map_err(|failure| {
+            failure.with_next_step("name one with --folder, which keeps the files")
+        })?;
     folder.canonicalize().or_fail_with(
         ExitCode::Usage,
         format!("the folder {} cannot be used", folder.display()),

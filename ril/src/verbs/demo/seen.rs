@@ -37,6 +37,29 @@ pub(super) struct Seen {
     pub ages_us: Vec<u32>,
 }
 
+/// A flight by the script: what is known of it but for what lies in its folder.
+#[derive(Debug, Default)]
+pub(super) struct Flown {
+    /// How many commands ended with 0.
+    pub orders_done: usize,
+    /// The command that did not, and what it said.
+    pub order_failed: Option<String>,
+    /// What a consumer saw.
+    pub seen: Seen,
+    /// The processes that were ended, with their exit codes; `None` for one that a signal ended.
+    pub exits: Vec<(&'static str, Option<i32>)>,
+}
+
+impl Flown {
+    /// A command has ended with this exit code; `end` is what it said last.
+    pub fn order_ended(&mut self, command: &str, code: Option<i32>, end: &str) {
+        match code {
+            Some(0) => self.orders_done += 1,
+            _ => self.order_failed = Some(format!("`{command}`: {end}")),
+        }
+    }
+}
+
 /// What the subscribers counted.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LossCounts {

@@ -7,8 +7,9 @@ use bridge::BridgeConfig;
 use mavlink_gateway::FenceRefusal;
 use mavlink_gateway::number::MissionResult;
 use plans::model::FenceArea;
+use runtime::durable;
 
-use crate::fence_file::{replace, with_areas};
+use crate::fence_file::with_areas;
 
 /// See the module's documentation.
 #[derive(Debug, Default)]
@@ -42,7 +43,7 @@ impl FenceFile {
             .map_err(|why| refusal(MissionResult::Denied, format!("{name}: {why}")))?;
         let config: BridgeConfig = runtime::config::parse(&after, name.to_string())
             .map_err(|error| refusal(MissionResult::Invalid, error.to_string()))?;
-        replace(file, &after).map_err(|error| {
+        durable::replace(file, after.as_bytes()).map_err(|error| {
             refusal(
                 MissionResult::Error,
                 format!("{name} cannot be written: {error}"),
@@ -59,9 +60,8 @@ impl FenceFile {
     /// Why it was not written, as a clause.
     pub fn restore(&mut self) -> Result<(), String> {
         match self.before.take() {
-            Some((file, text)) => {
-                replace(&file, &text).map_err(|error| format!("{}: {error}", file.display()))
-            }
+            Some((file, text)) => durable::replace(&file, text.as_bytes())
+                .map_err(|error| format!("{}: {error}", file.display())),
             None => Ok(()),
         }
     }

@@ -79,9 +79,16 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
         );
         let kept = file.read().or_fail(ExitCode::Configuration)?;
         gateway = gateway.signing(Signing::new(key, clock, kept, MonotonicNs::now()));
-        // Before anything is signed: a place where nothing can be kept is seen at the start.
+        // Before anything is signed: a place where nothing can be kept is seen at the start. A full disk ends no flight with a station.
         if let Some(first) = gateway.poll_timestamp() {
-            file.write(first).or_fail(ExitCode::Configuration)?;
+            match file.write(first) {
+                Err(error) if error.is_full() => file.keep(first),
+                kept => kept.map_err(|error| {
+                    Failure::new(ExitCode::Configuration, error).with_next_step(
+                        "name a folder that this user may write by `state` of mavlink.toml",
+                    )
+                })?,
+            }
         }
         timestamp = Some(file);
     }

@@ -146,11 +146,8 @@ impl MavlinkShell {
         let Some(file) = &self.timestamp else {
             return;
         };
-        if let Some(timestamp) = self.gateway.poll_timestamp()
-            && let Err(error) = file.write(timestamp)
-        {
-            let why = "a restart with a clock that was set back repeats timestamps";
-            tracing::warn!(%error, "the timestamp of signatures was not kept: {why}");
+        if let Some(timestamp) = self.gateway.poll_timestamp() {
+            file.keep(timestamp);
         }
     }
 

@@ -1,25 +1,17 @@
-//! [`MissionFile`]: keeps the mission over restarts. It is written beside the old one, synced and renamed, so that there is always the
-//! old mission or the new one, whenever the process or the machine ends.
+//! [`MissionFile`]: keeps the mission over restarts: there is always the old mission or the new one, whenever the process or the machine
+//! ends.
 
-use std::fs::{self, File};
-use std::io::{self, ErrorKind, Read, Write};
+use std::fs::File;
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
 use ipc_types::RobotId;
 use mavlink_gateway::{MAX_FILE_BYTES, Mission};
+use runtime::durable;
 
 /// See the module's documentation.
 pub(super) struct MissionFile {
     path: Option<PathBuf>,
-}
-
-/// What a process has done of a file when it ends too early.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum WriteStep {
-    Begun,
-    Written,
-    Synced,
-    Renamed,
 }
 
 impl MissionFile {
@@ -62,34 +54,15 @@ impl MissionFile {
             .path
             .as_ref()
             .ok_or_else(|| "there is no folder for it: set `state` in mavlink.toml".to_owned())?;
-        replace(path, &mission.encode(), |_| Ok(()))
+        durable::replace(path, &mission.encode())
             .map_err(|error| format!("{}: {error}", path.display()))
     }
 }
 
-/// Replaces a file as a whole; `done` is told of each step.
-fn replace(
-    path: &Path,
-    bytes: &[u8],
-    mut done: impl FnMut(WriteStep) -> io::Result<()>,
-) -> io::Result<()> {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    fs::create_dir_all(folder)?;
-    // One gateway of a robot has the port, so nobody else writes here. What a process has left half is written anew.
-    let new = path.with_extension("mission.new");
-    let mut file = File::create(&new)?;
-    done(WriteStep::Begun)?;
-    file.write_all(bytes)?;
-    done(WriteStep::Written)?;
-    file.sync_all()?;
-    done(WriteStep::Synced)?;
-    fs::rename(&new, path)?;
-    done(WriteStep::Renamed)?;
-    File::open(folder)?.sync_all()
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     /// The bytes of a mission of one item, a take-off to this height.
@@ -112,40 +85,15 @@ mod tests {
     }
 
     #[test]
-    fn a_process_that_ends_at_any_step_leaves_the_old_mission_or_the_new_one() {
-        let (old, new) = (mission(10.0), mission(20.0));
-        let (old, new) = (
-            Mission::decode(&old).unwrap(),
-            Mission::decode(&new).unwrap(),
-        );
-        assert_ne!(old, new);
-        for step in [
-            WriteStep::Begun,
-            WriteStep::Written,
-            WriteStep::Synced,
-            WriteStep::Renamed,
-        ] {
-            let folder = tempfile::tempdir().unwrap();
-            let state = folder.path().join("state/ril");
-            let file = MissionFile::new(Some(&state), RobotId::new(7).unwrap());
-            assert_eq!(file.read(), Ok(Mission::default()));
-            file.write(&old).unwrap();
-            let path = state.join("robot-7.mission");
-            let ended = replace(&path, &new.encode(), |done| match done == step {
-                true => Err(io::Error::other("killed")),
-                false => Ok(()),
-            });
-            assert!(ended.is_err());
-            let kept = if step == WriteStep::Renamed {
-                &new
-            } else {
-                &old
-            };
-            assert_eq!(file.read().as_ref(), Ok(kept), "{step:?}");
-            // The next one does not mind what was left.
-            file.write(&new).unwrap();
-            assert_eq!(file.read().as_ref(), Ok(&new));
-            assert_eq!(fs::read_dir(&state).unwrap().count(), 1);
+    fn what_was_kept_is_read_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let state = folder.path().join("state/ril");
+        let file = MissionFile::new(Some(&state), RobotId::new(7).unwrap());
+        assert_eq!(file.read(), Ok(Mission::default()));
+        for height_m in [10.0, 20.0] {
+            let mission = Mission::decode(&mission(height_m)).unwrap();
+            file.write(&mission).unwrap();
+            assert_eq!(file.read().as_ref(), Ok(&mission));
         }
     }
 

@@ -1,18 +1,17 @@
 //! [`TimestampFile`]: the timestamp of signatures that is kept, so that none is used twice when the gateway starts again.
 
-use std::fs::{self, File};
-use std::io::{self, ErrorKind, Write};
+use std::fs;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 use ipc_types::RobotId;
+use runtime::durable;
 
 /// Why a timestamp is not kept.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum TimestampError {
     /// There is no folder for it.
-    #[error(
-        "this user has no home for the timestamp of signatures: name a folder by `state` of mavlink.toml"
-    )]
+    #[error("this user has no home for the timestamp of signatures")]
     NoFolder,
     /// The file cannot be read or written.
     #[error("the timestamp of signatures {}: {source}", path.display())]
@@ -28,6 +27,14 @@ pub(super) enum TimestampError {
         /// Which file.
         path: PathBuf,
     },
+}
+
+impl TimestampError {
+    /// Whether the disk is full, which may be another one later.
+    pub fn is_full(&self) -> bool {
+        use ErrorKind::{QuotaExceeded, StorageFull};
+        matches!(self, TimestampError::File { source, .. } if matches!(source.kind(), StorageFull | QuotaExceeded))
+    }
 }
 
 /// See the module's documentation.
@@ -56,27 +63,25 @@ impl TimestampFile {
         number.map_err(|_| TimestampError::NoNumber { path })
     }
 
-    /// Keeps it: a process that is killed meanwhile leaves the old one or this one.
+    /// As [`write`](TimestampFile::write); that it was not kept is a warning. The gateway tries again with the next one, within 30 s.
+    pub fn keep(&self, timestamp: u64) {
+        if let Err(error) = self.write(timestamp) {
+            let why = "a restart with a clock that was set back repeats timestamps";
+            tracing::warn!(%error, "the timestamp of signatures was not kept: {why}");
+        }
+    }
+
+    /// Keeps it: a kill or a power cut meanwhile leaves the old one or this one.
     pub fn write(&self, timestamp: u64) -> Result<(), TimestampError> {
         let path = self.path()?;
-        write(path, timestamp).map_err(|source| failed(path, source))
+        let text = format!("{timestamp}\n");
+        durable::replace(path, text.as_bytes()).map_err(|source| failed(path, source))
     }
 }
 
 fn failed(path: &Path, source: io::Error) -> TimestampError {
     let path = path.to_owned();
     TimestampError::File { path, source }
-}
-
-fn write(path: &Path, timestamp: u64) -> io::Result<()> {
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder)?;
-    }
-    let new = path.with_extension("new");
-    let mut file = File::create(&new)?;
-    writeln!(file, "{timestamp}")?;
-    file.sync_data()?;
-    fs::rename(&new, path)
 }
 
 #[cfg(test)]

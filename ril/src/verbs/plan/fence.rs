@@ -12,9 +12,10 @@ use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, ModuleState};
 use ipc_types::{MonotonicNs, fresh_request_id};
 use plans::model::FenceArea;
+use runtime::durable;
 use runtime::exit::{ExitCode, Failure};
 
-use crate::fence_file::{replace, with_areas};
+use crate::fence_file::with_areas;
 use crate::render::messages::Verb;
 use crate::request::{Conversation, Format, Until};
 use crate::session::{Latest, Session};
@@ -45,12 +46,12 @@ pub fn put(
             "--fence: {name} cannot be written: {error}; the fence is as before"
         ))
     };
-    replace(file, &after).map_err(unwritten)?;
+    durable::replace(file, after.as_bytes()).map_err(unwritten)?;
     let count = expected.fence.areas() as u32;
     let taken =
         reload(session, timeout, format).and_then(|()| await_areas(session, timeout, count, file));
     if taken.is_err() {
-        replace(file, &before).map_err(unwritten)?;
+        durable::replace(file, before.as_bytes()).map_err(unwritten)?;
         // The bridge may have read the file in between.
         let _ = reload(session, timeout, Format::Silent);
     }

@@ -5,12 +5,14 @@
 //! * [`server`]: the process; `shell`: its loop, `sockets`: its connections, `tls`: what hides them;
 //! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages` and `held`: the messages about one, `speaker`: when they are sent;
 //! * `foxglove`: what Foxglove and Lichtblick get and order;
+//! * `files`: what is read from a disk: imagery, and the report of a recording;
 //! * `replay`: a recording in the place of the robots; `show_file`: the command that shows it;
 //! * `orders`, `checks`, `check`, `preflight`: what pages order, and what they ask before; `page_lost`: when no page is there any more;
 //! * `invitation`: the address of the page for another machine.
 
 mod check;
 mod checks;
+mod files;
 mod fleet;
 mod foxglove;
 mod held;
@@ -29,7 +31,6 @@ mod show_file;
 mod sockets;
 mod speaker;
 mod start;
-mod tiles;
 mod tls;
 
 pub use start::view;

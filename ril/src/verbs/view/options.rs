@@ -73,6 +73,10 @@ pub struct ServerArgs {
     #[arg(long, value_name = "FOLDER")]
     pub tiles: Option<PathBuf>,
 
+    /// Rows of tiles are counted from the south (TMS), as `gdal2tiles.py` without --xyz writes them
+    #[arg(long)]
+    pub tiles_tms: bool,
+
     /// Configuration and log.
     #[command(flatten)]
     pub settings: SettingsArgs,

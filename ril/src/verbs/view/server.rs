@@ -13,12 +13,12 @@ use runtime::signal::Termination;
 use view::page::{ReplayInfo, Role};
 use view::{Instance, Server, Settings, Token};
 
+use super::files::{Files, TileFolder};
 use super::fleet::Fleet;
 use super::options::{RunViewArgs, ServerArgs};
 use super::run_file::{RunEntry, RunFile};
 use super::shell::ViewShell;
 use super::sockets::Sockets;
-use super::tiles::Tiles;
 use super::tls::Tls;
 use crate::view_setup::config::{self, DEFAULT_FILE, EXAMPLE, ViewConfig};
 use crate::view_setup::peer::holder;
@@ -35,7 +35,9 @@ pub fn check_config(args: &ServerArgs) -> Result<Resulting, Failure> {
     load(args)?;
     let port = given("--port", "").map(|(text, origin)| (value_of(&text), origin));
     let tiles = given("--tiles", "").map(|(text, origin)| (value_of(&text), origin));
-    Ok(resulting.with("port", port).with("tiles", tiles))
+    let tms = given("--tiles-tms", "").map(|(_, origin)| (true.into(), origin));
+    let with = resulting.with("port", port).with("tiles", tiles);
+    Ok(with.with("tiles_tms", tms))
 }
 
 /// The configuration with what the command line says.
@@ -47,6 +49,7 @@ pub(super) fn load(args: &ServerArgs) -> Result<Loaded<ViewConfig>, Failure> {
     if let Some(tiles) = &args.tiles {
         loaded.value.tiles = Some(tiles.clone());
     }
+    loaded.value.tiles_tms |= args.tiles_tms;
     Ok(loaded)
 }
 
@@ -85,9 +88,9 @@ pub fn run(args: &RunViewArgs) -> Result<(), Failure> {
         token: token.clone(),
     };
     run_file.write(&running).or_fail(ExitCode::Internal)?;
-    let (mut server, tiles) = server(&config, token, None)?;
+    let (mut server, files) = server(&config, token, None)?;
     server.set_robots(fleet.ids());
-    let mut shell = ViewShell::new(sockets, server, fleet, tiles, &config);
+    let mut shell = ViewShell::new(sockets, server, fleet, files, &config);
     tracing::info!(address = running.address(), "ready");
     let supervisor = Notifier::from_env();
     process::run(&mut shell, &termination, &supervisor).or_fail(ExitCode::Internal)?;
@@ -133,14 +136,16 @@ fn tokens(config: &ViewConfig, secret: String) -> Result<Vec<Token>, Failure> {
     Ok(tokens)
 }
 
-/// A server of robots that are live, or of a recording, and the reader of its tiles if there are any.
+/// A server of robots that are live, or of a recording, and what reads its files if there are any.
 pub(super) fn server(
     config: &ViewConfig,
     secret: String,
-    replay: Option<ReplayInfo>,
-) -> Result<(Server, Option<Tiles>), Failure> {
-    let tiles = config.tiles.as_deref().map(Tiles::open).transpose()?;
-    let (tiles, range) = tiles.unzip();
+    replay: Option<(ReplayInfo, &Path)>,
+) -> Result<(Server, Option<Files>), Failure> {
+    let tiles = config.tiles.as_deref();
+    let tiles = tiles.map(|folder| TileFolder::open(folder, config.tiles_tms));
+    let tiles = tiles.transpose()?;
+    let (replay, recording) = replay.unzip();
     let instance = Instance(random_hex().or_fail(ExitCode::Internal)?);
     let settings = Settings {
         names: config.names.clone(),
@@ -148,8 +153,10 @@ pub(super) fn server(
         tokens: tokens(config, secret)?,
         foxglove_commands: config.commands.foxglove,
         foxglove_parameters: config.commands.foxglove && replay.is_none(),
+        has_report: replay.is_some(),
         replay,
-        tiles: range,
+        tiles: tiles.as_ref().map(|tiles| tiles.range),
     };
-    Ok((Server::new(settings, instance), tiles))
+    let files = Files::start(tiles, recording.map(Path::to_owned))?;
+    Ok((Server::new(settings, instance), files))
 }

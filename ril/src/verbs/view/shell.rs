@@ -12,6 +12,7 @@ use module_kit::process::{Process, Sources};
 use view::{BUSY, ConnectionId, Event, Peer, Server};
 
 use super::checks::Checks;
+use super::files::Files;
 use super::fleet::Fleet;
 use super::foxglove::{Foxglove, ServiceCall};
 use super::messages;
@@ -20,7 +21,6 @@ use super::page_lost::PageLost;
 use super::replay::Playback;
 use super::sockets::{Arrived, ConnectionKey, Sockets};
 use super::speaker::Speaker;
-use super::tiles::Tiles;
 use crate::config::RequestConfig;
 use crate::request::order::RobotOrder;
 use crate::robot::changes::Weight;
@@ -34,7 +34,7 @@ const WATCHED_PERIOD: Duration = Duration::from_millis(50);
 /// The same when none does.
 const UNWATCHED_PERIOD: Duration = Duration::from_millis(200);
 
-/// Clients of robots that may wake the process. A wait has 16 sources, of which sockets, signals, tiles and two checks are five; the reports
+/// Clients of robots that may wake the process. A wait has 16 sources, of which sockets, signals, files and two checks are five; the reports
 /// of further robots are taken at the next look.
 const MAX_CLIENTS: usize = 11;
 
@@ -59,8 +59,8 @@ pub(super) struct ViewShell {
     connections: BTreeMap<ConnectionKey, ConnectionId>,
     server: Server,
     fleet: Fleet,
-    /// Reads imagery; `None` without any.
-    tiles: Option<Tiles>,
+    /// Reads imagery and the report; `None` if there is neither.
+    files: Option<Files>,
     /// The recording that is shown; `None` if robots are shown live.
     playback: Option<Playback>,
     speaker: Speaker,
@@ -80,11 +80,11 @@ impl ViewShell {
         sockets: Sockets,
         server: Server,
         fleet: Fleet,
-        tiles: Option<Tiles>,
+        files: Option<Files>,
         config: &ViewConfig,
     ) -> ViewShell {
         ViewShell {
-            tiles,
+            files,
             sockets,
             connections: BTreeMap::new(),
             server,
@@ -162,10 +162,10 @@ impl ViewShell {
         }
     }
 
-    /// Answers with the tiles that were read.
-    fn take_tiles(&mut self, now: MonotonicNs) {
-        for (connection, request, image) in self.tiles.iter_mut().flat_map(Tiles::found) {
-            self.server.tile(connection, request, image, now);
+    /// Answers with the files that were read.
+    fn take_files(&mut self, now: MonotonicNs) {
+        for (connection, request, bytes) in self.files.iter_mut().flat_map(Files::found) {
+            self.server.file(connection, request, bytes, now);
         }
     }
 
@@ -305,18 +305,18 @@ impl ViewShell {
                         self.next_look = now;
                     }
                 }
-                Event::Tile {
+                Event::File {
                     connection,
                     request,
                 } => {
-                    let tiles = self.tiles.as_ref();
-                    if !tiles.is_some_and(|tiles| tiles.ask(connection, request)) {
-                        self.server.tile(connection, request, None, now);
+                    let files = self.files.as_ref();
+                    if !files.is_some_and(|files| files.ask(connection, request)) {
+                        self.server.file(connection, request, None, now);
                     }
                 }
                 Event::Subscribed(_) => {
                     if let Some(playback) = &mut self.playback {
-                        playback.subscribed();
+                        playback.subscribed(now);
                     }
                 }
                 Event::Rejected { from, why, count } => {
@@ -417,8 +417,8 @@ impl Process for ViewShell {
 
     fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
         sources.descriptor((), self.sockets.descriptor());
-        if let Some(tiles) = &self.tiles {
-            sources.descriptor((), tiles.descriptor());
+        if let Some(files) = &self.files {
+            sources.descriptor((), files.descriptor());
         }
         for descriptor in self.checks.descriptors() {
             sources.descriptor((), descriptor);
@@ -431,7 +431,7 @@ impl Process for ViewShell {
     fn drain(&mut self, _wake: Wake) -> Result<(), ViewError> {
         let now = MonotonicNs::now();
         self.take_bytes(now)?;
-        self.take_tiles(now);
+        self.take_files(now);
         self.server.advance(now);
         for _ in 0..MAX_ROUNDS {
             let wanted = self.take_events(now);

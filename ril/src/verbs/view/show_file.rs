@@ -50,9 +50,9 @@ pub(super) fn view(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
         token: token.clone(),
     };
     run_file.write(&running).or_fail(ExitCode::Internal)?;
-    let (mut server, tiles) = server::server(&config, token, Some(info))?;
+    let (mut server, files) = server::server(&config, token, Some((info, file)))?;
     playback.offer(&mut server);
-    let mut shell = ViewShell::new(sockets, server, Fleet::none(domain), tiles, &config);
+    let mut shell = ViewShell::new(sockets, server, Fleet::none(domain), files, &config);
     shell.play(playback);
     tracing::info!(address = running.address(), "ready");
     opener::show(&running, args)?;

@@ -154,6 +154,9 @@ fn arguments(port: u16, args: &ServerArgs) -> Vec<OsString> {
         let tiles = std::path::absolute(tiles).unwrap_or_else(|_| tiles.clone());
         words.extend(["--tiles".into(), tiles.into()]);
     }
+    if args.tiles_tms {
+        words.push("--tiles-tms".into());
+    }
     let settings = &args.settings;
     if let Some(config) = &settings.config {
         words.extend(["--config".into(), config.into()]);

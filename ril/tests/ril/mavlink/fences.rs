@@ -2,13 +2,13 @@
 
 use std::fs;
 
+use endurance::mavlink::station::{Received, Station};
 use mavlink_gateway::message::{
     MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_ITEM_INT, MISSION_REQUEST_INT,
 };
 use mavlink_gateway::wire::MessageWriter;
 use ril_tests::process::Signal;
 
-use super::station::{Received, Station};
 use super::{NAN, gateway_with, sandbox};
 use crate::common::end;
 

@@ -2,20 +2,18 @@
 
 mod fences;
 mod missions;
-mod station;
 
 use std::fs::{self, Permissions};
 use std::net::UdpSocket;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
-use std::time::Instant;
 
+use endurance::mavlink::station::{Received, Station};
 use ipc_types::payload::MavlinkStations;
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Process, Sandbox, languages, packages};
 
 use crate::common::{end, sandbox};
-use station::Station;
 
 const NAN: f32 = f32::NAN;
 
@@ -47,7 +45,7 @@ fn a_station_arms_takes_off_flies_there_holds_and_lands() {
     station.connect();
     // What nothing is done for is not supported.
     assert_eq!(station.command(2000, [0.0; 7]), 3);
-    let on_ground = |message: &station::Received| message.is(245) && message.u8(1) == 1;
+    let on_ground = |message: &Received| message.is(245) && message.u8(1) == 1;
     station.until("on the ground", on_ground);
     assert_eq!(station.command(400, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 0);
     station.until("armed", |message| message.is(0) && message.u8(6) & 128 != 0);
@@ -202,53 +200,4 @@ fn pymavlink_signs_and_takes_signatures_alone() {
 #[test]
 fn pymavlink_flies_the_helicopter() {
     judged("judge.py", "pymavlink==2.4.50", &[], "", |_| {});
-}
-
-/// A station that sends all kinds of bytes as fast as it can is not obeyed, and another one still is.
-#[test]
-fn a_flood_leaves_room_for_a_hold_that_is_done_once() {
-    let rig = sandbox();
-    let robot = rig.start_robot(1, 10);
-    let mut station = Station::new();
-    let mut gateway = gateway(&rig, station.port(), 60.0);
-    station.connect();
-    assert_eq!(station.command(22, [NAN, 0.0, 0.0, NAN, NAN, NAN, NAN]), 0);
-    station.until_text("take-off done");
-    let here = station.until("a position", |message| message.is(33));
-    let there = here.i32(4) + 450_000;
-    assert_eq!(station.reposition(6, there, here.i32(8), 15.0), 0);
-    station.until_mode(OFFBOARD);
-    let before = resident_kb(&gateway);
-    let flood = station.flood(30_000);
-    // The socket drops what it has no room for: the command is sent again until it is answered, as stations do.
-    let (result, copies) = station.command_again_and_again(193, [0.0; 7]);
-    assert_eq!(result, 0);
-    station.until_mode(HOLD);
-    flood.join().expect("it has ended");
-    let grown = resident_kb(&gateway).saturating_sub(before);
-    assert!(grown < 8_192, "{grown} kB more");
-    // What is shown is said by the gateway once a second.
-    let give_up = Instant::now() + WAIT_LIMIT;
-    let is_counted = || {
-        let shown = rig.run("mavlink status", 0);
-        shown.stdout.iter().any(|line| line.contains("no frame"))
-    };
-    while !is_counted() {
-        assert!(Instant::now() < give_up, "the flood is not shown");
-    }
-    gateway.signal(Signal::TERM);
-    let said = gateway.exits(0);
-    let holds = said.stderr.iter().filter(|line| line.contains("hold by"));
-    // A copy that comes when the first one is answered already is a hold, too.
-    assert!((1..=copies).contains(&holds.count()), "{copies}: {said:#?}");
-    robot.end();
-}
-
-/// What a process has in memory, kB.
-fn resident_kb(process: &Process) -> u64 {
-    let path = format!("/proc/{}/status", process.id());
-    let status = fs::read_to_string(path).expect("it runs");
-    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"));
-    let number = line.and_then(|line| line.split_whitespace().next());
-    number.and_then(|number| number.parse().ok()).expect("kB")
 }

@@ -391,6 +391,15 @@ fn tiles_come_from_their_folder_and_from_nowhere_else() {
         );
     }
     view.end();
+    // The same folder with rows that count from the south.
+    let view = View::start_with(&rig, "--tiles imagery --tiles-tms");
+    let host = format!("127.0.0.1:{}", view.port);
+    for (row, status) in [(7, " 404 "), ((1 << 18) - 1 - 7, " 200 ")] {
+        let path = format!("/tiles/18/5/{row}");
+        let (found, _) = request(view.port, &path, &[("Host", &host)]);
+        assert!(found.contains(status), "{path}: {found}");
+    }
+    view.end();
     for folder in ["empty", "missing"] {
         ril(
             &rig,

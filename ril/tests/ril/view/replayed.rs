@@ -8,7 +8,7 @@ use ril_tests::process::Signal;
 use ril_tests::{Process, Sandbox, StandInBridge};
 use serde_json::{Value, json};
 
-use super::page::{Message, Page};
+use super::page::{Message, Page, request};
 use super::{View, free_port, order, ril, run_file, token};
 use crate::common::{end, sandbox};
 use crate::record::feed::{only_file, until_publishers, words};
@@ -217,6 +217,14 @@ fn all_pages_share_one_playhead_and_order_nothing() {
         (&hello["robots"], &info["start_unix_ms"]),
         (&json!([1]), &json!(1_700_000_000_000_u64))
     );
+    // Its report is what `ril log report` makes of it.
+    assert_eq!(hello["report"], true);
+    let host = format!("127.0.0.1:{}", shown.port);
+    let (status, report) = request(shown.port, "/report", &[("Host", &host)]);
+    assert!(status.contains(" 200 "), "{status}");
+    ril(&rig, "log report flight.mcap --output flight.html").exits(0);
+    let written = std::fs::read_to_string(rig.path("flight.html")).unwrap();
+    assert!(report == written, "another page");
     // It begins to play when the first page comes.
     page.until("that it plays", |message| {
         is_replay(message) && message["playing"] == true
@@ -351,6 +359,26 @@ fn foxglove_gets_the_recorded_samples() {
         is_replay(message) && message["position_s"] == 5.0 && message["playing"] == false
     });
     assert!(made.file.exists());
+    end(shown.process, Signal::TERM);
+}
+
+#[test]
+fn a_foxglove_client_without_a_page_sees_the_recording_play() {
+    let rig = sandbox();
+    let _made = record(rig.folder());
+    let shown = ShownFile::start(&rig, "flight.mcap");
+    let mut client = Page::foxglove("foxglove.websocket.v1", shown.port, None).expect("an upgrade");
+    let offered = client.until("the channels", |message| message["op"] == "advertise");
+    let channels = offered["channels"].as_array().unwrap();
+    let channel = channels
+        .iter()
+        .find(|one| one["topic"] == "/robot1/bridge/state")
+        .unwrap();
+    client.send(
+        &json!({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channel["id"]}]}),
+    );
+    let first = sample(&mut client).0;
+    while sample(&mut client).0 == first {}
     end(shown.process, Signal::TERM);
 }
 

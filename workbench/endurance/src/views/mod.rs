@@ -18,14 +18,12 @@ use serde_json::{Value, json};
 use crate::outcome::{Outcome, Times};
 use crate::plan::Plan;
 use crate::site::{Site, count_lines};
+use crate::usage::Usage;
 use client::{Client, Kind, Seen, Viewer};
 use hostile::Hostile;
 
 /// Pages of the crowd.
 const PAGES: u32 = 20;
-
-/// The kernel counts the time of processes in ticks of 10 ms.
-const TICKS_PER_S: f64 = 100.0;
 
 /// Who looks at the robot at once.
 struct Case {
@@ -128,20 +126,6 @@ impl View {
             token: String::new(),
         }
     }
-
-    /// Time on processors so far, s.
-    fn cpu_s(&self) -> f64 {
-        let stat =
-            fs::read_to_string(format!("/proc/{}/stat", self.process.id())).expect("it runs");
-        let fields = stat.rsplit(')').next().expect("fields").split_whitespace();
-        // Behind the name: user time is the 12th field, system time the 13th.
-        let ticks: f64 = fields
-            .skip(11)
-            .take(2)
-            .map(|ticks| ticks.parse::<f64>().expect("a number"))
-            .sum();
-        ticks / TICKS_PER_S
-    }
 }
 
 /// A port that no other process has at this moment.
@@ -169,11 +153,11 @@ fn measure(
     let hostile = case
         .is_attacked
         .then(|| Hostile::start(view.port, connections, per_second, plan.seed));
-    let (before_s, begun) = (view.cpu_s(), Instant::now());
+    let (before, begun) = (Usage::of(&view.process), Instant::now());
     let first_report = case.is_attacked.then(|| land(view));
     let status_ages = ages(site, plan.duration(60));
     let seconds = begun.elapsed().as_secs_f64();
-    let cpu = (view.cpu_s() - before_s) / seconds * 100.0;
+    let cpu = Usage::of(&view.process).since(&before).all_percent;
     let memory_kib = Holdings::of(view.process.id()).memory_kib;
     let attack = hostile.map(Hostile::end);
     let seen: Vec<Seen> = viewers.into_iter().map(Viewer::end).collect();

@@ -8,15 +8,11 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::{Domain, Ipc, MonotonicNs, RobotId, Subscriber, TelemetryGroup};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use rustix::process::Signal;
-use status::log::file_name::FileKind;
 
-use super::super::checks::{Evidence, judge};
 use super::super::children::{ChildProcess, Readiness, Spawner};
-use super::super::files::{find_log, recorded, rows};
-use super::super::flight::{
-    BRIDGE_CONFIG, SCRIPT, begun, status_config, waypoints_of, write_paths,
-};
-use super::super::seen::{LossCounts, Seen};
+use super::super::files::judge_flight;
+use super::super::flight::{BRIDGE_CONFIG, begun, status_config, waypoints_of, write_paths};
+use super::super::seen::{Flown, LossCounts};
 use runtime::finding::Finding;
 
 /// The name of the station.
@@ -56,16 +52,10 @@ pub struct Craft {
     /// Its processes, those of [`KINDS`] that were started.
     pub processes: Vec<ChildProcess>,
     ports: Option<CraftPorts>,
-    /// What a consumer beside it saw.
-    pub seen: Seen,
+    /// How it flies, and what a consumer beside it sees.
+    pub flown: Flown,
     /// The operator's command for it that is under way, at the station.
     pub order: Option<ChildProcess>,
-    /// How many commands ended with 0.
-    pub orders_done: usize,
-    /// The command that did not, and what it said.
-    pub order_failed: Option<String>,
-    /// Exit codes of the processes that were ended, by name.
-    exits: Vec<(&'static str, Option<i32>)>,
 }
 
 /// The consumer beside the robot.
@@ -97,11 +87,8 @@ impl Craft {
             endpoint: endpoint.to_owned(),
             processes: Vec::new(),
             ports: Some(ports),
-            seen: Seen::default(),
+            flown: Flown::default(),
             order: None,
-            orders_done: 0,
-            order_failed: None,
-            exits: Vec::new(),
         })
     }
 
@@ -179,27 +166,24 @@ impl Craft {
         }
         let (code, said) = (order.end(), order.last_words());
         let end = said.lines().last().unwrap_or("it ended without a word");
-        match code {
-            Some(0) => self.orders_done += 1,
-            _ => self.order_failed = Some(format!("{}: {end}", order.name())),
-        }
+        self.flown.order_ended(order.name(), code, end);
         self.order = None;
         true
     }
 
     /// Looks for the waypoints around the place where it stands, and writes them for the operator.
     pub fn plan_paths(&mut self) -> Result<(), Failure> {
-        let home = self.seen.home.ok_or_else(|| {
+        let home = self.flown.seen.home.ok_or_else(|| {
             Failure::internal(format!("robot {} has not shown where it is", self.number))
         })?;
         let paths = waypoints_of(&home);
-        self.seen.waypoints = paths.concat();
+        self.flown.seen.waypoints = paths.concat();
         write_paths(&self.folder, &paths)
     }
 
     /// Takes every sample that came.
     pub fn drain(&mut self) -> Result<(), Failure> {
-        let (Some(ports), seen) = (&mut self.ports, &mut self.seen) else {
+        let (Some(ports), seen) = (&mut self.ports, &mut self.flown.seen) else {
             return Ok(());
         };
         ports
@@ -257,7 +241,7 @@ impl Craft {
         if let Some(at) = self.processes.iter().position(|one| one.name() == kind) {
             let mut process = self.processes.swap_remove(at);
             let code = process.end();
-            self.exits.push((process.name(), code));
+            self.flown.exits.push((process.name(), code));
         }
     }
 
@@ -270,20 +254,8 @@ impl Craft {
 
     /// Judges its flight as that of a demonstration of one robot; it has ended.
     pub fn judge(&self, residue: usize) -> Vec<Finding> {
-        let log = find_log(&self.folder, FileKind::Tsv);
-        let record = find_log(&self.folder, FileKind::Mcap);
         let robot = RobotId::new(self.number).expect("robots are counted from 1");
-        judge(&Evidence {
-            orders: SCRIPT.len(),
-            orders_done: self.orders_done,
-            order_failed: self.order_failed.as_deref(),
-            seen: &self.seen,
-            log_rows: log.as_deref().and_then(rows),
-            record: record.as_deref().and_then(|file| recorded(file, robot)),
-            exits: &self.exits,
-            processes: KINDS.len(),
-            residue,
-        })
+        judge_flight(&self.flown, robot, &self.folder, KINDS.len(), residue)
     }
 }
 

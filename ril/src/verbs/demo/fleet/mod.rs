@@ -28,7 +28,7 @@ use rustix::process::Signal;
 
 use super::checks::check;
 use super::children::{ChildProcess, Readiness, Spawner};
-use super::flight::{SCRIPT, begun};
+use super::flight::{SCRIPT, begun, goes_on};
 use super::screen::Screen;
 use cost::Usage;
 use craft::{Craft, ENDS, KINDS, RELAY_CONFIG, STATION, View};
@@ -214,12 +214,13 @@ impl Fleet<'_> {
         self.start_station(&endpoints)?;
         self.until("every robot is seen at the station", |fleet| {
             let mut crafts = fleet.crafts.iter();
-            crafts.all(|craft| craft.seen.home.is_some()) && fleet.all_links_up()
+            crafts.all(|craft| craft.flown.seen.home.is_some()) && fleet.all_links_up()
         })?;
         self.crafts.iter_mut().try_for_each(Craft::plan_paths)
     }
 
     fn start_process(&mut self, at: usize, kind: &str) -> Result<(), Failure> {
+        self.serve()?;
         self.started += 1;
         self.crafts[at].start(kind, self.speed, self.readiness)
     }
@@ -263,8 +264,10 @@ impl Fleet<'_> {
     }
 
     fn order_one(&mut self, at: usize, command: (&'static str, &[&str])) -> Result<(), Failure> {
+        // A busy machine takes long to start a process: subscribers hold what comes while one starts, but not while twenty do.
+        self.serve()?;
         let craft = &mut self.crafts[at];
-        match craft.order_failed.is_some() || craft.is_dead() {
+        match craft.flown.order_failed.is_some() || craft.is_dead() {
             true => Ok(()),
             false => craft.order(command, self.station, self.readiness),
         }
@@ -284,6 +287,7 @@ impl Fleet<'_> {
         let mut all = true;
         for craft in &mut self.crafts {
             let doing = craft
+                .flown
                 .seen
                 .state
                 .as_ref()
@@ -338,7 +342,7 @@ impl Fleet<'_> {
             self.until_ready()?;
         }
         self.until("the replacement is seen at the station", |fleet| {
-            fleet.crafts[at].seen.home.is_some() && fleet.all_links_up()
+            fleet.crafts[at].flown.seen.home.is_some() && fleet.all_links_up()
         })?;
         self.crafts[at].plan_paths()?;
         Ok(at)
@@ -440,47 +444,16 @@ impl Fleet<'_> {
         links.map(|link| link.bytes_received).sum()
     }
 
-    /// Serves everything until `done`, which is `what`. Ends early when a process does, a signal comes, or time runs out.
+    /// Serves everything until `done`, which is `what`. Ends early as [`Fleet::serve`] does, or when time runs out.
     fn until(
         &mut self,
         what: &str,
         mut done: impl FnMut(&mut Self) -> bool,
     ) -> Result<(), Failure> {
         loop {
-            self.ready += self.readiness.drain();
-            self.crafts.iter_mut().try_for_each(Craft::drain)?;
-            self.views.iter_mut().try_for_each(View::drain)?;
-            if self.termination.requested() {
-                let text = "interrupted; nothing is left running";
-                return Err(match self.termination.signal() {
-                    Some(signal) => Failure::interrupted(signal, text),
-                    None => Failure::internal(text),
-                });
-            }
+            self.serve()?;
             if done(self) {
                 return Ok(());
-            }
-            let of_robots = self.crafts.iter_mut().flat_map(|craft| {
-                let number = craft.number;
-                craft
-                    .processes
-                    .iter_mut()
-                    .map(move |process| (number, process))
-            });
-            let station = self.relay.iter_mut().map(|relay| (0, relay));
-            let mut ended = of_robots.chain(station);
-            if let Some((number, process)) =
-                ended.find_map(|(number, process)| process.has_ended().then_some((number, process)))
-            {
-                let (name, code) = (process.name(), process.end());
-                let whose = match number {
-                    0 => "the station".to_owned(),
-                    number => format!("robot {number}"),
-                };
-                return Err(Failure::internal(format!(
-                    "the process {name} of {whose} ended by itself with code {code:?}; its last words:\n{}",
-                    process.last_words()
-                )));
             }
             if Instant::now() >= self.deadline {
                 let limit = LIMIT + LIMIT_PER_ROBOT * self.robots;
@@ -489,6 +462,36 @@ impl Fleet<'_> {
             }
             self.sleep()?;
         }
+    }
+
+    /// Takes everything that has come, without waiting. Fails when a signal came or a process has ended by itself.
+    fn serve(&mut self) -> Result<(), Failure> {
+        self.ready += self.readiness.drain();
+        self.crafts.iter_mut().try_for_each(Craft::drain)?;
+        self.views.iter_mut().try_for_each(View::drain)?;
+        // First of all: a signal to the process group may have ended a process that had no group of its own yet.
+        goes_on(self.termination)?;
+        let of_robots = self.crafts.iter_mut().flat_map(|craft| {
+            let number = craft.number;
+            let processes = craft.processes.iter_mut();
+            processes.map(move |process| (number, process))
+        });
+        let station = self.relay.iter_mut().map(|relay| (0, relay));
+        let mut ended = of_robots
+            .chain(station)
+            .filter_map(|(number, process)| process.has_ended().then_some((number, process)));
+        let Some((number, process)) = ended.next() else {
+            return Ok(());
+        };
+        let (name, code) = (process.name(), process.end());
+        let whose = match number {
+            0 => "the station".to_owned(),
+            number => format!("robot {number}"),
+        };
+        Err(Failure::internal(format!(
+            "the process {name} of {whose} ended by itself with code {code:?}; its last words:\n{}",
+            process.last_words()
+        )))
     }
 
     fn sleep(&mut self) -> Result<(), Failure> {
@@ -521,7 +524,7 @@ impl Fleet<'_> {
 
 /// What is judged of a robot that was killed on its way.
 fn of_dead(craft: &Craft, residue: usize) -> Vec<Finding> {
-    let failed = craft.order_failed.as_deref();
+    let failed = craft.flown.order_failed.as_deref();
     vec![
         check(
             "its last order did not succeed",

@@ -72,24 +72,15 @@ pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
     if configuration(&args.place.common)?.is_none() {
         return Ok(());
     }
-    let mut chart = of_files(args.bridge.as_deref(), args.plan.as_deref())?;
+    let chart = of_files(args.bridge.as_deref(), args.plan.as_deref())?;
     let file = chosen_file(args.file.as_ref(), &args.place, of_flight())?;
     let log = file.path().to_owned();
-    let record = OpenRecording::open(&log)?;
-    if let Some(fence) = record.as_ref().and_then(OpenRecording::fence)
-        && args.bridge.is_none()
-    {
-        chart = Chart {
-            path: chart.path,
-            ..fence
-        };
-    }
     let output = match &args.output {
         Some(output) => output.clone(),
         None => output_of(&log),
     };
     refuse_the_log_itself(&log, &output)?;
-    let read = read(file, record.as_ref(), &chart)?;
+    let read = read(file, chart, args.bridge.is_none())?;
     let page = view::report::page(&read.flight);
     replace(&output, page.as_bytes())?;
     print_result(args, &log, &output, &read, page.len())?;
@@ -100,6 +91,17 @@ pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
     } = read.summary;
     let name = log.display().to_string();
     ending(&name, read.trouble, damaged_lines, unfinished_bytes)
+}
+
+/// The report of the log at `path`, an HTML page, as it is without any option.
+///
+/// # Errors
+///
+/// Code 2 when the file cannot be read or is no log.
+pub fn report_page(path: &Path) -> Result<String, Failure> {
+    let file = LogFile::open(path, of_flight())?;
+    let read = read(file, of_files(None, None)?, true)?;
+    Ok(view::report::page(&read.flight))
 }
 
 /// The page of a log that is named after it, in the working directory.
@@ -160,8 +162,17 @@ impl OpenRecording {
     }
 }
 
-/// Reads the log to its end, or as far as it can be read.
-fn read(mut file: LogFile, record: Option<&OpenRecording>, chart: &Chart) -> Result<Read, Failure> {
+/// Reads the log to its end, or as far as it can be read. `finds_fence`: the fence is that of the record, if it has one.
+fn read(mut file: LogFile, mut chart: Chart, finds_fence: bool) -> Result<Read, Failure> {
+    let record = OpenRecording::open(file.path())?;
+    if let Some(fence) = record.as_ref().and_then(OpenRecording::fence)
+        && finds_fence
+    {
+        chart = Chart {
+            path: chart.path,
+            ..fence
+        };
+    }
     let (name, robot, created) = (file.name(), file.robot(), file.created_unix_s());
     file.begin()?;
     let columns = file.recording.columns().to_vec();
@@ -193,15 +204,15 @@ fn read(mut file: LogFile, record: Option<&OpenRecording>, chart: &Chart) -> Res
         }
     };
     let summary = summarizer.finish(file.recording.unfinished_bytes());
-    if let Some(record) = record {
+    if let Some(record) = &record {
         record::take(&mut collector, &record.file, start_unix_ns);
     }
-    let mut flight = collector.finish(words::title(&summary), chart);
+    let mut flight = collector.finish(words::title(&summary), &chart);
     flight.start_unix_ns = start_unix_ns;
     flight.lead = words::lead(&summary);
     flight.summary = words::sentences(&summary);
     flight.facts = words::facts(&summary);
-    flight.metadata = match record {
+    flight.metadata = match &record {
         Some(record) => record::tables(&record.summary),
         None => vec![Table {
             title: "The log".to_owned(),
@@ -236,6 +247,7 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
 
 fn unwritten(path: &Path, error: &io::Error) -> Failure {
     Failure::usage(format!("{} cannot be written: {error}", path.display()))
+        .with_next_step("name another place with --output")
 }
 
 /// Says what was written.

@@ -1,5 +1,5 @@
 //! [`RequestLog`]: what the robot was asked for and how it ended, of the topic `requests` of a record. All waypoints of a path are one
-//! request.
+//! request, and so are values of the DSP that one process reads one after the other, as `ril param list` does.
 
 use std::collections::BTreeMap;
 
@@ -15,6 +15,9 @@ const MAX_REQUESTS: usize = 300;
 /// Most waypoints of all paths.
 const MAX_WAYPOINTS: usize = 5000;
 
+/// Most requests whose reports are awaited. What becomes of further ones is not taken.
+const MAX_AWAITED: usize = 10_000;
+
 /// A request, of whatever became known of it.
 #[derive(Clone, Debug)]
 struct OpenRow {
@@ -22,7 +25,9 @@ struct OpenRow {
     sender: String,
     command: String,
     waypoints: u32,
-    /// Requests of the path that have no final report yet.
+    /// Values that were read.
+    reads: u32,
+    /// Requests of the path, or of the reads, that have no final report yet.
     pending: u32,
     /// Whether a request of the path was refused: then nothing of it was flown.
     is_refused: bool,
@@ -34,8 +39,9 @@ struct OpenRow {
 /// See the module's documentation.
 #[derive(Clone, Debug, Default)]
 pub struct RequestLog {
-    /// By the path, or else by the request, in the order of arrival.
+    /// In the order of arrival.
     open: Vec<OpenRow>,
+    /// The place in `open` of each path, and of each other request until its final report.
     places: BTreeMap<(bool, u64), usize>,
     /// Waypoints, each with the request that it belongs to, by its place in `open`.
     path: Vec<(usize, Place)>,
@@ -76,20 +82,36 @@ impl RequestLog {
             open.pending += 1;
             return;
         }
-        if self.open.len() >= MAX_REQUESTS {
+        let sender = match (event.station, event.sender_pid) {
+            ("", 0) => String::new(),
+            ("", pid) => format!("process {pid}"),
+            (station, _) => format!("station {station}"),
+        };
+        let is_read = event.service == "parameter" && event.command == "read";
+        let index = self.open.len();
+        if let Some(last) = self.open.last_mut()
+            && is_read
+            && last.reads > 0
+            && last.sender == sender
+        {
+            last.reads += 1;
+            if self.places.len() < MAX_AWAITED {
+                last.pending += 1;
+                self.places.insert(key, index - 1);
+            }
+            return;
+        }
+        if index >= MAX_REQUESTS || self.places.len() >= MAX_AWAITED {
             self.left_out += 1;
             return;
         }
-        self.places.insert(key, self.open.len());
+        self.places.insert(key, index);
         self.open.push(OpenRow {
             at_ns: event.at_ns,
-            sender: match (event.station, event.sender_pid) {
-                ("", 0) => String::new(),
-                ("", pid) => format!("process {pid}"),
-                (station, _) => format!("station {station}"),
-            },
+            sender,
             command: event.command.to_owned(),
             waypoints: u32::from(is_waypoint),
+            reads: u32::from(is_read),
             pending: 1,
             is_refused: false,
             ended_ns: None,
@@ -107,11 +129,12 @@ impl RequestLog {
             Some(Stage::Unknown) => Outcome::Open,
             Some(Stage::Accepted | Stage::Progress) | None => return,
         };
-        let Some(open) = self
-            .places
-            .get(&key)
-            .and_then(|place| self.open.get_mut(*place))
-        else {
+        let (is_path, _) = key;
+        let place = match is_path || outcome == Outcome::Open {
+            true => self.places.get(&key).copied(),
+            false => self.places.remove(&key),
+        };
+        let Some(open) = place.and_then(|place| self.open.get_mut(place)) else {
             return;
         };
         open.pending = open.pending.saturating_sub(1);
@@ -129,10 +152,11 @@ impl RequestLog {
         let request = |open: &OpenRow| RequestRow {
             from_s: at_s(open.at_ns),
             to_s: open.ended_ns.map(&at_s),
-            name: match open.waypoints {
-                0 => open.command.clone(),
-                1 => format!("{}, 1 waypoint", open.command),
-                waypoints => format!("{}, {waypoints} waypoints", open.command),
+            name: match (open.waypoints, open.reads) {
+                (0, 0 | 1) => open.command.clone(),
+                (0, reads) => format!("{}, {reads} values", open.command),
+                (1, _) => format!("{}, 1 waypoint", open.command),
+                (waypoints, _) => format!("{}, {waypoints} waypoints", open.command),
             },
             sender: open.sender.clone(),
             outcome: open.outcome,
@@ -252,6 +276,46 @@ mod tests {
             }
             assert_eq!(requests.path().len(), 1, "{order:?}");
         }
+    }
+
+    #[test]
+    fn values_that_are_read_one_after_the_other_are_one_request() {
+        let parameter = |at_ns, id, event_name, command, stage| RequestEvent {
+            service: "parameter",
+            ..event(at_ns, id, 0, event_name, command, stage)
+        };
+        let mut requests = RequestLog::default();
+        for id in 1..=40 {
+            let stage = if id == 7 { "refused" } else { "done" };
+            requests.take(&parameter(id * 10, id, "request", "read", ""));
+            requests.take(&parameter(id * 10 + 5, id, "report", "read", stage));
+        }
+        // What somebody else does ends the row, and so does another process.
+        requests.take(&event(500, 50, 0, "request", "hold", ""));
+        requests.take(&parameter(510, 51, "request", "read", ""));
+        requests.take(&RequestEvent {
+            sender_pid: 813,
+            ..parameter(520, 52, "request", "read", "")
+        });
+        requests.take(&parameter(530, 53, "request", "write", ""));
+        requests.take(&parameter(540, 54, "request", "write", ""));
+        let rows = requests.finish(|ns| ns as f64);
+        let names: Vec<_> = rows.iter().map(|row| row.name.as_str()).collect();
+        assert_eq!(
+            names,
+            ["read, 40 values", "hold", "read", "read", "write", "write"]
+        );
+        let first = &rows[0];
+        assert_eq!(
+            (first.from_s, first.to_s, first.outcome),
+            (10.0, Some(405.0), Outcome::Refused)
+        );
+        // Hours of them take no more memory, whether they are answered or not.
+        for id in 100..50_000 {
+            requests.take(&parameter(id, id, "request", "read", ""));
+        }
+        assert_eq!(requests.places.len(), MAX_AWAITED);
+        assert!(requests.finish(|_| 0.0).len() <= 7);
     }
 
     #[test]

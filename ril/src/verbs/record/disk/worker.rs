@@ -71,8 +71,6 @@ struct CurrentFile<F> {
     file: F,
     /// Its length.
     bytes: u64,
-    /// Whether its name is on the disk.
-    is_named: bool,
 }
 
 impl<S: Store<File: RecordFile>> Worker<S> {
@@ -102,8 +100,8 @@ impl<S: Store<File: RecordFile>> Worker<S> {
             self.close(is_whole, messages);
             return Ok(());
         }
-        let folder = self.place.folder.clone();
         if let FileAction::Open { .. } = action {
+            let folder = self.place.folder.clone();
             let prepared = self.store.prepare(&folder);
             prepared.map_err(|error| failed(&folder, &error))?;
             self.check_free_space()?;
@@ -118,8 +116,7 @@ impl<S: Store<File: RecordFile>> Worker<S> {
                 text: "no file is open".to_owned(),
             });
         };
-        open.act(action, &folder)
-            .map_err(|error| failed(&open.path, &error))
+        open.act(action).map_err(|error| failed(&open.path, &error))
     }
 
     /// Whether the disk has as much room as must be left.
@@ -172,7 +169,6 @@ impl<S: Store<File: RecordFile>> Worker<S> {
             path,
             file,
             bytes: 0,
-            is_named: false,
         });
         Ok(())
     }
@@ -208,7 +204,7 @@ impl<F: RecordFile> CurrentFile<F> {
         }
     }
 
-    fn act(&mut self, action: FileAction, folder: &Path) -> io::Result<()> {
+    fn act(&mut self, action: FileAction) -> io::Result<()> {
         match action {
             FileAction::Write { parts } => {
                 self.check_length()?;
@@ -224,11 +220,6 @@ impl<F: RecordFile> CurrentFile<F> {
             FileAction::Sync => {
                 self.check_length()?;
                 self.file.sync()?;
-                if !self.is_named {
-                    // A power cut could otherwise take the file's name, and with it the file. Not every file system can do that.
-                    let _ = File::open(folder).and_then(|folder| folder.sync_all());
-                    self.is_named = true;
-                }
             }
             FileAction::Open { .. } | FileAction::Close { .. } => {}
         }

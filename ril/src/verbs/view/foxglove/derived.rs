@@ -144,7 +144,11 @@ impl RobotTopics {
     fn map(&mut self, shown: &ShownRobot, server: &mut Server, clock: Clocks) {
         if let Some(channel) = self.chart.wanted(server) {
             let chart = messages::chart(&shown.robot, shown.ports.outline());
-            if self.chart.is_new(&chart) {
+            let is_flying = shown.robot.pilot.flying == Some(true);
+            let before = self.chart.said.as_ref();
+            if before
+                .is_none_or(|(before, _)| messages::is_another_chart(before, &chart, is_flying))
+            {
                 send(
                     server,
                     channel,

@@ -38,8 +38,9 @@ const SERVICES: [(&str, OrderKind, &str, &str); 6] = [
     ),
 ];
 
-/// JSON Schema of every answer. The id is a text, because JavaScript's numbers are too short for it.
-const RESPONSE: &str = r#"{"type":"object","properties":{"accepted":{"type":"boolean"},"request_id":{"type":["string","null"]},"text":{"type":"string"}},"required":["accepted","request_id","text"]}"#;
+/// JSON Schema of every answer. The id is a text, because JavaScript's numbers are too short for it; it is empty where nothing was sent.
+/// Each type is one word: Lichtblick refuses a service that has several of them.
+const RESPONSE: &str = r#"{"type":"object","properties":{"accepted":{"type":"boolean"},"request_id":{"type":"string"},"text":{"type":"string"}},"required":["accepted","request_id","text"]}"#;
 
 /// Why a client orders nothing: a page has the lease.
 pub(super) const COMMANDED: &str = "a page commands this robot, and can release it";
@@ -201,7 +202,7 @@ fn service_name(robot: u32, name: &str) -> String {
 }
 
 fn response(accepted: bool, request_id: Option<u64>, text: &str) -> Vec<u8> {
-    let request_id = request_id.map(|id| id.to_string());
+    let request_id = request_id.map_or_else(String::new, |id| id.to_string());
     let answer = json!({"accepted": accepted, "request_id": request_id, "text": text});
     answer.to_string().into_bytes()
 }
@@ -229,6 +230,11 @@ mod tests {
             for service in of_robot(robot) {
                 for schema in [&service.request, &service.response] {
                     let schema: Value = serde_json::from_str(schema).expect("JSON");
+                    let properties = schema["properties"].as_object().unwrap();
+                    assert!(
+                        properties.values().all(|one| one["type"].is_string()),
+                        "{schema}"
+                    );
                     let required = schema["required"].as_array().unwrap();
                     assert!(
                         required

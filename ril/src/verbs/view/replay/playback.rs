@@ -104,9 +104,7 @@ impl Playback {
         speaker: &mut Speaker,
         now: MonotonicNs,
     ) {
-        if !std::mem::replace(&mut self.has_begun, true) {
-            self.head.play(now);
-        }
+        self.begin(now);
         if self.jump.is_some() {
             // All pages are about to get all anew.
             return;
@@ -119,9 +117,18 @@ impl Playback {
         speaker.moved(std::iter::once(self.seen(true)));
     }
 
-    /// A Foxglove client wants a topic that none has wanted before.
-    pub fn subscribed(&mut self) {
+    /// A Foxglove client wants a topic that none has wanted before. Some clients have no control of the playback, and no page may be open.
+    pub fn subscribed(&mut self, now: MonotonicNs) {
         self.is_wanted_anew = true;
+        self.begin(now);
+    }
+
+    /// Begins to play for the first viewer.
+    fn begin(&mut self, now: MonotonicNs) {
+        if !std::mem::replace(&mut self.has_begun, true) {
+            self.head.play(now);
+            self.has_changed = true;
+        }
     }
 
     /// Goes on to `now`, and says what is new.

@@ -1,38 +1,49 @@
-//! A ground station with a UDP socket. Its frames are read and written with the gateway's own `wire`; the judge in Python has another.
+//! [`Station`]: a ground station with a UDP socket. Its frames are read and written with the gateway's own `wire`; the judges in Python
+//! have another.
 
 use std::collections::VecDeque;
 use std::net::{SocketAddr, UdpSocket};
-use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use dsp_sim::random::Random;
+use ipc_types::MonotonicNs;
 use ipc_types::code::Reason;
-use mavlink_gateway::message::{ALL, COMMAND_INT, COMMAND_LONG, HEARTBEAT};
+use mavlink_gateway::message::{COMMAND_INT, COMMAND_LONG, HEARTBEAT};
 use mavlink_gateway::wire::{MessageWriter, frames};
 use ril_tests::process::WAIT_LIMIT;
 
 /// How often the station says that it is there.
 const HEARTBEAT_PERIOD: Duration = Duration::from_millis(500);
 
+/// How long [`Station::next_message`] waits for a datagram.
+const NEXT_LIMIT: Duration = Duration::from_millis(20);
+
 /// A message of the helicopter.
 #[derive(Clone, Debug)]
 pub struct Received {
+    /// When its datagram was read.
+    pub at: MonotonicNs,
     id: u32,
     payload: Vec<u8>,
 }
 
 impl Received {
+    /// Whether it is the message of this number.
     pub fn is(&self, id: u32) -> bool {
         self.id == id
     }
 
+    /// The byte at this place.
     pub fn u8(&self, at: usize) -> u8 {
         self.payload.get(at).copied().unwrap_or(0)
     }
 
+    /// Two bytes.
     pub fn u16(&self, at: usize) -> u16 {
         u16::from_le_bytes([self.u8(at), self.u8(at + 1)])
     }
 
+    /// Four bytes with a sign.
     pub fn i32(&self, at: usize) -> i32 {
         i32::from_le_bytes(std::array::from_fn(|index| self.u8(at + index)))
     }
@@ -43,20 +54,34 @@ impl Received {
     }
 }
 
+/// See the module's documentation.
 pub struct Station {
     socket: UdpSocket,
     vehicle: Option<SocketAddr>,
     next_heartbeat: Instant,
     waiting: VecDeque<Received>,
-    /// What the line loses, in percent of the datagrams of each direction, by chance.
-    loss: Option<(u8, fastrand::Rng)>,
+    /// Which share of the datagrams of each direction the line loses, by chance.
+    loss: Option<(f64, Random)>,
+    /// Datagrams that have come, and their bytes.
+    pub received: (u64, u64),
+}
+
+impl Default for Station {
+    fn default() -> Station {
+        Station::new()
+    }
 }
 
 impl Station {
+    /// One that has heard nothing yet, on a port of its own.
+    ///
+    /// # Panics
+    ///
+    /// When there is no free port.
     pub fn new() -> Station {
         let socket = UdpSocket::bind("127.0.0.1:0").expect("a free port");
         socket
-            .set_read_timeout(Some(HEARTBEAT_PERIOD))
+            .set_read_timeout(Some(NEXT_LIMIT))
             .expect("a timeout");
         Station {
             socket,
@@ -64,14 +89,24 @@ impl Station {
             next_heartbeat: Instant::now(),
             waiting: VecDeque::new(),
             loss: None,
+            received: (0, 0),
         }
     }
 
+    /// Its port on this machine.
+    ///
+    /// # Panics
+    ///
+    /// Never: it is bound.
     pub fn port(&self) -> u16 {
         self.socket.local_addr().expect("an address").port()
     }
 
     /// Waits for the helicopter, which appears unasked, and for its telemetry.
+    ///
+    /// # Panics
+    ///
+    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn connect(&mut self) {
         self.until("a heartbeat", |message| message.is(0));
@@ -79,6 +114,10 @@ impl Station {
     }
 
     /// The same with another gateway, after the messages of the one before.
+    ///
+    /// # Panics
+    ///
+    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn reconnect(&mut self) {
         let before = self.vehicle;
@@ -86,33 +125,51 @@ impl Station {
         let give_up = Instant::now() + WAIT_LIMIT;
         while self.vehicle == before {
             assert!(Instant::now() < give_up, "no other gateway came");
-            self.next();
+            self.next_message();
         }
         self.waiting.clear();
         self.connect();
     }
 
-    /// From here on the line loses so much, in each direction.
-    pub fn lose(&mut self, percent: u8, seed: u64) {
-        self.loss = Some((percent, fastrand::Rng::with_seed(seed)));
+    /// Where the helicopter is reached.
+    ///
+    /// # Panics
+    ///
+    /// When it was not heard.
+    pub fn vehicle(&self) -> SocketAddr {
+        self.vehicle.expect("it was heard")
+    }
+
+    /// From here on the line loses this share of the datagrams, 0 … 1, in each direction.
+    pub fn lose(&mut self, share: f64, seed: u64) {
+        self.loss = (share > 0.0).then(|| (share, Random::new(seed, 0)));
     }
 
     fn is_lost(&mut self) -> bool {
-        let chance = |(percent, rng): &mut (u8, fastrand::Rng)| rng.u8(0..100) < *percent;
+        let chance = |(share, random): &mut (f64, Random)| random.uniform() < *share;
         self.loss.as_mut().is_some_and(chance)
     }
 
+    /// Sends a message to the helicopter.
+    ///
+    /// # Panics
+    ///
+    /// When the helicopter was not heard.
     pub fn send(&mut self, message: &MessageWriter) {
         if self.is_lost() {
             return;
         }
-        let vehicle = self.vehicle.expect("it was heard");
         let frame = message.frame(0, 255, 190);
-        self.socket.send_to(&frame, vehicle).expect("it is sent");
+        let sent = self.socket.send_to(&frame, self.vehicle());
+        sent.expect("it is sent");
     }
 
-    /// The next message, if one comes within the period of the heartbeat.
-    pub fn next(&mut self) -> Option<Received> {
+    /// The next message, if one comes soon: within 20 ms.
+    ///
+    /// # Panics
+    ///
+    /// When what comes is no frame.
+    pub fn next_message(&mut self) -> Option<Received> {
         if self.vehicle.is_some() && Instant::now() >= self.next_heartbeat {
             self.next_heartbeat = Instant::now() + HEARTBEAT_PERIOD;
             self.send(
@@ -128,13 +185,17 @@ impl Station {
         if self.waiting.is_empty() {
             let mut buffer = [0; 2048];
             let (length, from) = self.socket.recv_from(&mut buffer).ok()?;
+            let at = MonotonicNs::now();
             self.vehicle = Some(from);
             if self.is_lost() {
                 return None;
             }
+            self.received.0 += 1;
+            self.received.1 += length as u64;
             for frame in frames(&buffer[..length]) {
                 let frame = frame.expect("a frame");
                 self.waiting.push_back(Received {
+                    at,
                     id: frame.kind.id,
                     payload: frame.payload.0.to_vec(),
                 });
@@ -144,11 +205,15 @@ impl Station {
     }
 
     /// Waits for a message; the others are dropped.
+    ///
+    /// # Panics
+    ///
+    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn until(&mut self, what: &str, mut is_right: impl FnMut(&Received) -> bool) -> Received {
         let give_up = Instant::now() + WAIT_LIMIT;
         while Instant::now() < give_up {
-            if let Some(message) = self.next()
+            if let Some(message) = self.next_message()
                 && is_right(&message)
             {
                 return message;
@@ -157,6 +222,11 @@ impl Station {
         panic!("{what} did not come");
     }
 
+    /// Waits for a heartbeat with this mode.
+    ///
+    /// # Panics
+    ///
+    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn until_mode(&mut self, mode: u32) {
         let what = format!("mode {mode:08x}");
@@ -165,6 +235,11 @@ impl Station {
         });
     }
 
+    /// Waits for a text that begins with `text`.
+    ///
+    /// # Panics
+    ///
+    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn until_text(&mut self, text: &str) {
         self.until(text, |message| {
@@ -181,7 +256,12 @@ impl Station {
         })
     }
 
-    fn send_command(&mut self, command: u16, params: [f32; 7]) {
+    /// Sends a command, and awaits no answer.
+    ///
+    /// # Panics
+    ///
+    /// When the helicopter was not heard.
+    pub fn send_command(&mut self, command: u16, params: [f32; 7]) {
         let message = params
             .iter()
             .fold(MessageWriter::new(COMMAND_LONG), |message, param| {
@@ -191,56 +271,21 @@ impl Station {
     }
 
     /// Commands, and gives the result.
+    ///
+    /// # Panics
+    ///
+    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn command(&mut self, command: u16, params: [f32; 7]) -> u8 {
         self.send_command(command, params);
         self.answer(command).u8(2)
     }
 
-    /// Commands once a second until it is answered, and gives the result and how often it was sent.
-    #[track_caller]
-    pub fn command_again_and_again(&mut self, command: u16, params: [f32; 7]) -> (u8, usize) {
-        let give_up = Instant::now() + WAIT_LIMIT;
-        let (mut next, mut copies) = (Instant::now(), 0);
-        while Instant::now() < give_up {
-            if Instant::now() >= next {
-                self.send_command(command, params);
-                copies += 1;
-                next = Instant::now() + Duration::from_secs(1);
-            }
-            if let Some(message) = self.next()
-                && message.is(77)
-                && message.i32(0) as u16 == command
-            {
-                return (message.u8(2), copies);
-            }
-        }
-        panic!("{command} was not answered");
-    }
-
-    /// Another program sends so many datagrams of all kinds to the helicopter.
-    pub fn flood(&self, count: u32) -> JoinHandle<()> {
-        let vehicle = self.vehicle.expect("it was heard");
-        let socket = UdpSocket::bind("127.0.0.1:0").expect("a free port");
-        thread::spawn(move || {
-            for number in 0..count {
-                let bits = number.wrapping_mul(2_654_435_761);
-                let kind = ALL[bits as usize % ALL.len()];
-                let message = (0..20).fold(MessageWriter::new(kind), |message, at| {
-                    message.u32(bits.rotate_left(at))
-                });
-                let mut bytes = message.frame(number as u8, 77, 1);
-                match number % 4 {
-                    0 => bytes[0] = 0x55,
-                    1 => bytes[11] ^= 1,
-                    _ => {}
-                }
-                let _ = socket.send_to(&bytes, vehicle);
-            }
-        })
-    }
-
     /// Commands a return again and again, until that is refused because the helicopter is not heard: before, because it is on the ground.
+    ///
+    /// # Panics
+    ///
+    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn until_not_heard(&mut self) {
         let give_up = Instant::now() + WAIT_LIMIT;
@@ -255,6 +300,10 @@ impl Station {
     }
 
     /// Everything that comes until a command is answered.
+    ///
+    /// # Panics
+    ///
+    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn between_command(&mut self, command: u16, params: [f32; 7]) -> Vec<Received> {
         let mut between = Vec::new();
@@ -266,7 +315,11 @@ impl Station {
         between
     }
 
-    /// Commands to fly to a place, in 10⁻⁷ degrees.
+    /// Commands to fly to a place, in 10⁻⁷ degrees, and gives the result.
+    ///
+    /// # Panics
+    ///
+    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn reposition(&mut self, frame: u8, x: i32, y: i32, z: f32) -> u8 {
         let message = MessageWriter::new(COMMAND_INT)

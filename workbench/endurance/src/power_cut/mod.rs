@@ -1,0 +1,366 @@
+//! The power of the field computer is cut at any moment: what is on the disk then, and what do readers make of it?
+//!
+//! Real processes fly, record, keep and replace their files, and a [`trace`] has all that they do with them. A [`disk`] that is a value
+//! performs it step by step, and after each step gives the states in which a power cut leaves it. Of each state is judged:
+//!
+//! | file | what must hold |
+//! |---|---|
+//! | a record | it has every message that was forced onto the disk; a whole file can be made of it |
+//! | a log of status | it has every row that was |
+//! | one that is replaced as a whole: fence, timestamp of signatures, key of tokens | it is the version that was forced onto the disk, or a later one |
+
+mod disk;
+mod trace;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+
+use dsp_sim::random::Random;
+use recording::read::{check, messages, recover};
+use ril_tests::Process;
+use ril_tests::preload;
+
+use self::disk::{Disk, State};
+use self::trace::Step;
+use crate::outcome::Outcome;
+use crate::plan::Plan;
+use crate::site::Site;
+
+/// What the view and the gateway are told.
+const VIEW: &str = "token_key = \"kept/view.key\"\n[tokens]\nphone = \"watch\"\n";
+const MAVLINK: &str = "port = 0\nstations = []\nkey = \"mavlink.key\"\nstate = \"kept\"\n";
+
+/// A log of all groups.
+const STATUS: &str = "[[log]]\ndirectory = \"kept/log\"\nfile_name = \"sortable\"\nmin_free_mib = 0\n\
+                      groups = [\"geographic\", \"velocity\", \"attitude\"]\n";
+
+/// A plan with a fence, flown on the spot.
+const FENCED_PLAN: &str = r#"{"fileType":"Plan","version":1,"mission":{"version":2,"plannedHomePosition":[37.411,-6.001,10],"items":[
+{"type":"SimpleItem","command":22,"frame":3,"autoContinue":true,"params":[0,0,0,null,0,0,5]},
+{"type":"SimpleItem","command":21,"frame":3,"autoContinue":true,"params":[0,0,0,null,0,0,0]}]},
+"geoFence":{"version":2,"circles":[],"polygons":[
+{"inclusion":true,"version":1,"polygon":[[37.41,-6.003],[37.41,-5.999],[37.412,-5.999],[37.412,-6.003]]}]}}"#;
+
+/// Of so many states of each kind, the operator's programs read one, too.
+const BY_PROGRAMS: u32 = 50;
+
+/// Tries `count` states, drawn by the seed, or all of them, or until `goes_on` says no.
+///
+/// # Errors
+///
+/// Why nothing can be traced on this machine.
+///
+/// # Panics
+///
+/// When a process does not do its work.
+pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Result<Outcome, String> {
+    let before = prepare(site);
+    let steps = fly(site)?;
+    let kept = site.path("kept");
+    let mut judge = Judge::new(site);
+    let total: usize = walk(&before, &steps, |disk, index| disk.states(index).len())
+        .into_iter()
+        .sum();
+    let share = plan
+        .count
+        .map_or(1.0, |count| f64::from(count) / total as f64);
+    let mut chance = Random::new(plan.seed, 0);
+    walk(&before, &steps, |disk, index| {
+        let Some(path) = disk.name(index).filter(|path| path.starts_with(&kept)) else {
+            return;
+        };
+        for state in disk.states(index) {
+            if chance.uniform() < share && goes_on() {
+                judge.look(disk, &path, index, state);
+            }
+        }
+    });
+    Ok(judge.outcome(total, steps.len()))
+}
+
+/// Performs the steps, and asks something of the file that each was about.
+fn walk<T>(
+    before: &[(PathBuf, u64, Vec<u8>)],
+    steps: &[Step],
+    mut ask: impl FnMut(&Disk, usize) -> T,
+) -> Vec<T> {
+    let mut disk = Disk::with(before.iter().cloned());
+    let steps = steps.iter().filter_map(|step| {
+        let index = disk.perform(step)?;
+        Some(ask(&disk, index))
+    });
+    steps.collect()
+}
+
+/// Makes the folder of all that is kept, and gives what is in it.
+fn prepare(site: &Site) -> Vec<(PathBuf, u64, Vec<u8>)> {
+    fs::create_dir_all(site.path("kept/log")).expect("a folder of this program");
+    site.write("kept/bridge.toml", ril_tests::sandbox::FOR_SLOW_MACHINES);
+    site.write("status.toml", STATUS);
+    site.write("view.toml", VIEW);
+    site.write("mavlink.toml", MAVLINK);
+    site.write("fenced.plan", FENCED_PLAN);
+    let key = site.write("mavlink.key", "correct horse battery staple\n");
+    fs::set_permissions(key, fs::Permissions::from_mode(0o600)).expect("a file of this program");
+    let path = site.path("kept/bridge.toml");
+    let inode = fs::metadata(&path).expect("it was written").ino();
+    let bytes = fs::read(&path).expect("it was written");
+    vec![(path, inode, bytes)]
+}
+
+/// Flies, records and keeps, and gives what was done with files.
+fn fly(site: &Site) -> Result<Vec<Step>, String> {
+    let library = preload::build(site.folder(), preload::TRACE)?;
+    let trace = site.write("trace", "");
+    let traced = |args: &str| -> Process {
+        let mut command = site.command(args.split_whitespace());
+        command.env("LD_PRELOAD", &library);
+        command
+            .env("TRACE_FILE", &trace)
+            .env("TRACE_FOLDER", site.path("kept"));
+        site.spawn(command)
+    };
+    let ready = |args: &str| {
+        let mut process = traced(args);
+        process.wait_for_text("ready");
+        process
+    };
+    let sim = site.sim(1, "--speed 5");
+    let mut bridge = site.start_ready("run bridge --port dsp-1 --config kept/bridge.toml");
+    bridge.wait_for_text("to=\"up\"");
+    let status = ready("run status --config status.toml");
+    site.run("echo hero --count 1", 0);
+    // Long enough for two times at which the disk is forced, and a second file.
+    let mut recorder = traced("record --min-free 0 --output kept --duration 10s --split 6s");
+    for _ in 0..3 {
+        ready("run mavlink --config mavlink.toml").end();
+    }
+    traced("view --config view.toml --invite phone").wait_exit();
+    site.run("start", 0);
+    traced("plan fly fenced.plan --fence --bridge kept/bridge.toml").exits(0);
+    recorder.exits(0);
+    for process in [status, bridge, sim] {
+        process.end();
+    }
+    let bytes = fs::read(&trace).map_err(|error| error.to_string())?;
+    match trace::read(&bytes)? {
+        steps if steps.is_empty() => {
+            Err("the programs of this machine cannot be traced".to_owned())
+        }
+        steps => Ok(steps),
+    }
+}
+
+/// What a kind of file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+enum Kind {
+    Record,
+    Log,
+    Replaced,
+}
+
+/// Judges states, and counts.
+struct Judge<'a> {
+    site: &'a Site,
+    states: BTreeMap<Kind, u32>,
+    replaced: BTreeSet<PathBuf>,
+    by_programs: u32,
+    forced_messages: usize,
+    forced_rows: usize,
+    /// What was forced of a record, by file and how often that was done.
+    forced: BTreeMap<(usize, u64), Vec<u64>>,
+    failures: Vec<String>,
+}
+
+impl<'a> Judge<'a> {
+    fn new(site: &'a Site) -> Judge<'a> {
+        Judge {
+            site,
+            states: BTreeMap::new(),
+            replaced: BTreeSet::new(),
+            by_programs: 0,
+            forced_messages: 0,
+            forced_rows: 0,
+            forced: BTreeMap::new(),
+            failures: Vec::new(),
+        }
+    }
+
+    fn look(&mut self, disk: &Disk, path: &Path, index: usize, state: State) {
+        let content = disk.content(path, index, state);
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        let file = disk.file(index);
+        let judged = match (extension, disk.versions(path)) {
+            (_, Some((versions, may_miss))) => {
+                self.replaced.insert(path.to_owned());
+                let is_whole = match &content {
+                    None => may_miss,
+                    Some(bytes) => versions.iter().any(|version| version.bytes == *bytes),
+                };
+                let what = content.map_or("nothing".to_owned(), |bytes| {
+                    format!("{} bytes", bytes.len())
+                });
+                let wrong = || format!("{what}, and none of {} versions", versions.len());
+                Some((Kind::Replaced, is_whole.then_some(()).ok_or_else(wrong)))
+            }
+            (Some("mcap"), None) => {
+                let forced = self.forced.entry((index, file.syncs));
+                let forced = forced.or_insert_with(|| keys(&file.durable)).clone();
+                self.forced_messages = self.forced_messages.max(forced.len());
+                Some((Kind::Record, self.record(&forced, content)))
+            }
+            (Some("tsv"), None) => Some((Kind::Log, self.log(&file.durable, content))),
+            // What a file is before it gets its name.
+            _ => None,
+        };
+        if let Some((kind, result)) = judged {
+            *self.states.entry(kind).or_default() += 1;
+            if let Err(why) = result {
+                self.failures
+                    .push(format!("{} {state:?}: {why}", path.display()));
+            }
+        }
+    }
+
+    fn is_for_programs(&mut self, kind: Kind) -> bool {
+        let count = self.states.get(&kind).copied().unwrap_or(0);
+        let is_due = count.is_multiple_of(BY_PROGRAMS);
+        self.by_programs += u32::from(is_due);
+        is_due
+    }
+
+    fn record(&mut self, forced: &[u64], content: Option<Vec<u8>>) -> Result<(), String> {
+        let Some(bytes) = content else {
+            return missing(forced.len(), "messages");
+        };
+        let found = keys(&bytes);
+        if !found.starts_with(forced) {
+            return Err(format!(
+                "{} messages, and not the {} that were forced",
+                found.len(),
+                forced.len()
+            ));
+        }
+        if found.is_empty() {
+            return Ok(());
+        }
+        let mut whole = Vec::new();
+        let recovered = recover(&bytes, &mut whole).map_err(|error| error.to_string())?;
+        let checked = check(&whole);
+        if recovered.messages as usize != found.len() || !checked.is_complete {
+            return Err(format!(
+                "{} of {} recovered; {:?}",
+                recovered.messages,
+                found.len(),
+                checked.errors
+            ));
+        }
+        if self.is_for_programs(Kind::Record) {
+            let name = self.site.path("cut.mcap");
+            let whole = self.site.path("cut.recovered.mcap");
+            fs::write(&name, &bytes).map_err(|error| error.to_string())?;
+            let _ = fs::remove_file(&whole);
+            self.program("log recover cut.mcap")?;
+            if let Err(why) = self.program("log check cut.recovered.mcap --json")
+                // What was behind the cut may be missing without an event.
+                && !why.contains("\"complete\":true")
+            {
+                return Err(why);
+            }
+        }
+        Ok(())
+    }
+
+    fn log(&mut self, durable: &[u8], content: Option<Vec<u8>>) -> Result<(), String> {
+        let rows = durable
+            .iter()
+            .filter(|byte| **byte == b'\n')
+            .count()
+            .saturating_sub(1);
+        self.forced_rows = self.forced_rows.max(rows);
+        let whole = durable
+            .iter()
+            .rposition(|byte| *byte == b'\n')
+            .map_or(0, |at| at + 1);
+        let Some(bytes) = content else {
+            return missing(rows, "rows");
+        };
+        if !bytes.starts_with(&durable[..whole]) {
+            return Err(format!("not the {rows} rows that were forced"));
+        }
+        if rows > 0 && self.is_for_programs(Kind::Log) {
+            let name = self.site.path("hero1_2026-01-01T00-00-00Z.tsv");
+            fs::write(name, &bytes).map_err(|error| error.to_string())?;
+            let said = self.program("log summary hero1_2026-01-01T00-00-00Z.tsv --json")?;
+            let said: serde_json::Value =
+                serde_json::from_str(&said).map_err(|error| error.to_string())?;
+            let read = said["rows"].as_u64().unwrap_or(0) as usize;
+            if read < rows {
+                return Err(format!("`ril log` reads {read} of {rows} rows"));
+            }
+        }
+        Ok(())
+    }
+
+    /// What the operator's program prints about it, or how it fails.
+    fn program(&self, args: &str) -> Result<String, String> {
+        let finished = self.site.finish(args);
+        let said = finished.stdout.join("\n");
+        match finished.code() {
+            Some(0) => Ok(said),
+            code => Err(format!(
+                "`ril {args}`: {code:?} {said} {}",
+                finished.stderr.join(", ")
+            )),
+        }
+    }
+
+    fn outcome(self, total: usize, steps: usize) -> Outcome {
+        let mut outcome = Outcome::default();
+        let of = |kind| self.states.get(&kind).copied().unwrap_or(0);
+        outcome.cell("steps", steps);
+        outcome.cell("states there are", total);
+        outcome.cell("of records", of(Kind::Record));
+        outcome.cell("of logs", of(Kind::Log));
+        outcome.cell("of replaced files", of(Kind::Replaced));
+        outcome.cell("read by `ril log`", self.by_programs);
+        outcome.cell("messages forced", self.forced_messages);
+        outcome.cell("rows forced", self.forced_rows);
+        outcome.cell("wrong", self.failures.len());
+        let names = self.replaced.iter().filter_map(|path| path.file_name());
+        let names: Vec<_> = names.map(|name| name.to_string_lossy()).collect();
+        outcome.note(format!("replaced as a whole: {}", names.join(", ")));
+        for failure in self.failures.iter().take(20) {
+            outcome.require(false, failure);
+        }
+        outcome
+    }
+}
+
+fn missing(forced: usize, what: &str) -> Result<(), String> {
+    match forced {
+        0 => Ok(()),
+        _ => Err(format!(
+            "no file, and {forced} {what} were forced onto the disk"
+        )),
+    }
+}
+
+/// A number for each message of a record.
+fn keys(bytes: &[u8]) -> Vec<u64> {
+    let keys = messages(bytes).flatten().map(|message| {
+        let mut hash = DefaultHasher::new();
+        (
+            message.topic(),
+            message.sequence,
+            message.log_time_ns,
+            message.data(),
+        )
+            .hash(&mut hash);
+        hash.finish()
+    });
+    keys.collect()
+}
