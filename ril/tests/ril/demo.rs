@@ -270,7 +270,9 @@ fn one_relay_carries_the_largest_fleet() {
     }
     rig.run("demo --robots 51", 2)
         .err_says("51 is not in 3..=50");
-    let robots: Vec<String> = (1..=50).map(|one| format!("{{ number = {one} }}")).collect();
+    let robots: Vec<String> = (1..=50)
+        .map(|one| format!("{{ number = {one} }}"))
+        .collect();
     let config = format!("[station]\nrobots = [{}]\n", robots.join(", "));
     rig.write("fleet.toml", &config);
     rig.run("relay station --check-config --config fleet.toml", 0);

@@ -50,6 +50,10 @@ const LIMIT: Duration = Duration::from_secs(300);
 /// For each robot: twenty of them share two processors on small machines.
 const LIMIT_PER_ROBOT: Duration = Duration::from_secs(30);
 
+/// Processes that start at once. The kernel holds ten messages for a socket that is not read meanwhile (`net.unix.max_dgram_qlen`) and drops
+/// further ones: a process whose message is lost would never count as ready.
+const STARTING: usize = 8;
+
 /// What the operator chose.
 #[derive(Clone, Copy)]
 pub(super) struct Options {
@@ -220,7 +224,9 @@ impl Fleet<'_> {
     }
 
     fn start_process(&mut self, at: usize, kind: &str) -> Result<(), Failure> {
-        self.serve()?;
+        self.until("processes are ready", |fleet| {
+            fleet.started < fleet.ready + STARTING
+        })?;
         self.started += 1;
         self.crafts[at].start(kind, self.speed, self.readiness)
     }
