@@ -42,14 +42,22 @@ pub fn replace(path: &Path, bytes: &[u8]) -> io::Result<()> {
         let why = "another process replaces it at this moment";
         return Err(io::Error::new(ErrorKind::ResourceBusy, why));
     }
+    let written = write(&mut file, &path, bytes).and_then(|()| fs::rename(&new, &path));
+    if written.is_err() {
+        // Half of it takes room on a disk that is full.
+        let _ = fs::remove_file(&new);
+    }
+    written.and_then(|()| sync_folder(folder))
+}
+
+/// Writes what is to be in the place of `path`, with its permissions.
+fn write(file: &mut File, path: &Path, bytes: &[u8]) -> io::Result<()> {
     file.set_len(0)?;
-    if let Ok(old) = fs::metadata(&path) {
+    if let Ok(old) = fs::metadata(path) {
         file.set_permissions(old.permissions())?;
     }
     file.write_all(bytes)?;
-    file.sync_all()?;
-    fs::rename(&new, &path)?;
-    sync_folder(folder)
+    file.sync_all()
 }
 
 /// Forces the names in a folder onto the disk: before that, a power cut can take a new file with all that is in it.

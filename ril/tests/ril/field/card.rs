@@ -22,7 +22,9 @@ struct Card {
 impl Card {
     /// Takes all room that there is.
     fn fill(&self) {
-        let mut file = File::create(self.folder.join("filler")).unwrap();
+        let mut options = File::options();
+        let filler = self.folder.join("filler");
+        let mut file = options.create(true).append(true).open(filler).unwrap();
         let refused = loop {
             if let Err(error) = file.write_all(&[1; 4096]) {
                 break error;
@@ -104,6 +106,8 @@ fn a_full_card_costs_no_telemetry_and_no_order_and_all_goes_on_when_there_is_roo
         card.fill();
         status.wait_for_text("the log cannot be written");
         recorder.wait_for_text("the recording cannot be written");
+        // What these have given back with their files.
+        card.fill();
         // The gateway that flies goes on; another one starts, and says what it cannot keep.
         gateway.end();
         let mut gateway = rig.start("run mavlink --config mavlink.toml");

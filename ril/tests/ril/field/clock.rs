@@ -108,7 +108,7 @@ fn two_boots_of_1970_keep_every_file_and_a_clock_that_is_set_in_flight_costs_not
     rig.run("start", 0);
     rig.run("takeoff 5m", 0);
     let (latitude, longitude) = (37.4111, -6.001);
-    let mut path = rig.start(&format!("goto {latitude},{longitude},8"));
+    let mut path = rig.start(&format!("goto {latitude},{longitude},+3m"));
     path.wait_for_text("goto:");
     clock.set(SET);
     path.exits(0);

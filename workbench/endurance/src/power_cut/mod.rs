@@ -35,7 +35,7 @@ const MAVLINK: &str = "port = 0\nstations = []\nkey = \"mavlink.key\"\nstate = \
 
 /// A log of all groups.
 const STATUS: &str = "[[log]]\ndirectory = \"kept/log\"\nfile_name = \"sortable\"\nmin_free_mib = 0\n\
-                      groups = [\"geographic\", \"velocity\", \"attitude\"]\n";
+                      groups = [\"geographic\", \"gps_velocity\", \"attitude\"]\n";
 
 /// A plan with a fence, flown on the spot.
 const FENCED_PLAN: &str = r#"{"fileType":"Plan","version":1,"mission":{"version":2,"plannedHomePosition":[37.411,-6.001,10],"items":[
