@@ -92,7 +92,13 @@ fn datagram(chance: &mut Random) -> Vec<u8> {
         return (0..length).map(|_| chance.next_u64() as u8).collect();
     }
     let message = match kind {
-        4 => MessageWriter::new(HEARTBEAT).u32(0).u8(6).u8(8).u8(0).u8(4).u8(3),
+        4 => MessageWriter::new(HEARTBEAT)
+            .u32(0)
+            .u8(6)
+            .u8(8)
+            .u8(0)
+            .u8(4)
+            .u8(3),
         5 => command(chance),
         _ => any_message(chance),
     };

@@ -75,7 +75,11 @@ pub fn upload(station: &mut Station, items: &[MessageWriter]) -> u8 {
 ///
 /// As [`upload`].
 #[track_caller]
-pub fn upload_until(station: &mut Station, items: &[MessageWriter], stop: Option<usize>) -> Option<u8> {
+pub fn upload_until(
+    station: &mut Station,
+    items: &[MessageWriter],
+    stop: Option<usize>,
+) -> Option<u8> {
     let mut give_up = Instant::now() + WAIT_LIMIT;
     let mut last = count(items.len());
     station.send(&last);
