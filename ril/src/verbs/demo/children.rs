@@ -86,7 +86,7 @@ impl Spawner<'_> {
         let mut command = Command::new(std::env::current_exe()?);
         command
             .args(words)
-            .args(["--timeout", "60s", "--deadline", "0s"]);
+            .args(["--timeout", "60s", "--deadline", "60s"]);
         command.current_dir(self.folder);
         self.spawn(name, command)
     }
