@@ -79,12 +79,12 @@ impl Dialogue {
 }
 
 /// Whether the helicopter stands; how the replay ends if not.
-type Look = Pin<Box<dyn Future<Output = Result<(), Ended>>>>;
+type GroundCheck = Pin<Box<dyn Future<Output = Result<(), Ended>>>>;
 
 /// A dialogue that is being played. Before its first line the kit looks whether the helicopter stands, as a run does.
 pub struct Replay {
     wire: Rc<RefCell<Wire>>,
-    look: Option<Look>,
+    look: Option<GroundCheck>,
     ended_early: Option<Ended>,
     left: VecDeque<(Duration, Vec<u8>)>,
     /// How long after the first line of the PC the DSP is listened to.
