@@ -25,7 +25,7 @@ pub struct DiskFile {
     /// What was forced onto the disk.
     pub durable: Vec<u8>,
     /// What programs see.
-    pub current: Vec<u8>,
+    current: Vec<u8>,
     /// Pages as they were after each write since the last sync, by their number.
     pages: BTreeMap<usize, Vec<Vec<u8>>>,
     /// These writes in their order: page, and which of its versions.
@@ -44,11 +44,11 @@ enum NameChange {
 
 /// A version of a file that is replaced as a whole.
 #[derive(Clone, Debug)]
-pub struct Version {
+struct Version {
     /// Which change of a name put it in its place; 0 before the first one.
-    pub since: usize,
+    since: usize,
     /// All of it.
-    pub bytes: Vec<u8>,
+    bytes: Vec<u8>,
 }
 
 /// See the module's documentation.
@@ -165,14 +165,32 @@ impl Disk {
         names.max_by_key(|path| self.versions.contains_key(path))
     }
 
-    /// What may be in the place of a file that is replaced as a whole: its versions from the one that is certainly there; `None` if it is no
-    /// such file. And whether it may be missing.
-    pub fn versions(&self, path: &Path) -> Option<(&[Version], bool)> {
-        let versions = self.versions.get(path)?;
-        let durable = versions
-            .iter()
-            .rposition(|version| version.since <= self.durable_names);
-        Some((&versions[durable.unwrap_or(0)..], durable.is_none()))
+    /// Whether a file is one that is replaced as a whole.
+    pub fn is_replaced(&self, path: &Path) -> bool {
+        self.versions.contains_key(path)
+    }
+
+    /// Whether this may be in the place of a file that is replaced as a whole: the version that is certainly on the disk, or a later one.
+    ///
+    /// # Errors
+    ///
+    /// What is there, and how many versions it could be.
+    pub fn judge_replaced(&self, path: &Path, content: Option<&[u8]>) -> Result<(), String> {
+        let versions = self.versions.get(path).map_or(&[][..], Vec::as_slice);
+        let is_durable = |version: &Version| version.since <= self.durable_names;
+        let durable = versions.iter().rposition(is_durable);
+        let possible = &versions[durable.unwrap_or(0)..];
+        let is_possible = match content {
+            None => durable.is_none(),
+            Some(bytes) => possible.iter().any(|version| version.bytes == bytes),
+        };
+        let wrong = || {
+            let len = content.map_or("nothing".to_owned(), |bytes| {
+                format!("{} bytes", bytes.len())
+            });
+            format!("{len}, which is none of {} versions", possible.len())
+        };
+        is_possible.then_some(()).ok_or_else(wrong)
     }
 
     /// The states of a file after the last step, with so many by chance.

@@ -9,8 +9,8 @@
 //! | a log of status | it has every row that was |
 //! | one that is replaced as a whole: fence, timestamp of signatures, key of tokens | it is the version that was forced onto the disk, or a later one |
 
-mod disk;
-mod trace;
+pub mod disk;
+pub mod trace;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -61,38 +61,54 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Result<Outco
     let steps = fly(site)?;
     let kept = site.path("kept");
     let mut judge = Judge::new(site);
-    let total: usize = walk(&before, &steps, |disk, index| disk.states(index).len())
-        .into_iter()
-        .sum();
-    let share = plan
+    // As many states are drawn of each group that there is; of a small one all are tried.
+    let mut sizes = BTreeMap::new();
+    walk(&before, &steps, |disk, index| {
+        if let Some(group) = group(disk, index, &kept) {
+            *sizes.entry(group).or_default() += disk.states(index).len();
+        }
+    });
+    let total: usize = sizes.values().sum();
+    let each = plan
         .count
-        .map_or(1.0, |count| f64::from(count) / total as f64);
+        .map(|count| f64::from(count) / sizes.len() as f64);
+    let share = |size: usize| each.map_or(1.0, |each| each / size as f64);
     let mut chance = Random::new(plan.seed, 0);
     walk(&before, &steps, |disk, index| {
-        let Some(path) = disk.name(index).filter(|path| path.starts_with(&kept)) else {
+        let Some(group) = group(disk, index, &kept) else {
             return;
         };
         for state in disk.states(index) {
-            if chance.uniform() < share && goes_on() {
-                judge.look(disk, &path, index, state);
+            if chance.uniform() < share(sizes[&group]) && goes_on() {
+                judge.look(disk, index, group.0, state);
             }
         }
     });
     Ok(judge.outcome(total, steps.len()))
 }
 
-/// Performs the steps, and asks something of the file that each was about.
-fn walk<T>(
-    before: &[(PathBuf, u64, Vec<u8>)],
-    steps: &[Step],
-    mut ask: impl FnMut(&Disk, usize) -> T,
-) -> Vec<T> {
+/// What a file is, and whether it was forced onto the disk before; `None` if it is not judged.
+fn group(disk: &Disk, index: usize, kept: &Path) -> Option<(Kind, bool)> {
+    let path = disk.name(index).filter(|path| path.starts_with(kept))?;
+    let extension = path.extension().and_then(|extension| extension.to_str());
+    let kind = match (disk.is_replaced(&path), extension) {
+        (true, _) => Kind::Replaced,
+        (false, Some("mcap")) => Kind::Record,
+        (false, Some("tsv")) => Kind::Log,
+        // What a file is before it gets its name.
+        _ => return None,
+    };
+    Some((kind, disk.file(index).syncs > 0))
+}
+
+/// Performs the steps, and looks at the file that each was about.
+fn walk(before: &[(PathBuf, u64, Vec<u8>)], steps: &[Step], mut look: impl FnMut(&Disk, usize)) {
     let mut disk = Disk::with(before.iter().cloned());
-    let steps = steps.iter().filter_map(|step| {
-        let index = disk.perform(step)?;
-        Some(ask(&disk, index))
-    });
-    steps.collect()
+    for step in steps {
+        if let Some(index) = disk.perform(step) {
+            look(&disk, index);
+        }
+    }
 }
 
 /// Makes the folder of all that is kept, and gives what is in it.
@@ -189,39 +205,29 @@ impl<'a> Judge<'a> {
         }
     }
 
-    fn look(&mut self, disk: &Disk, path: &Path, index: usize, state: State) {
-        let content = disk.content(path, index, state);
-        let extension = path.extension().and_then(|extension| extension.to_str());
+    fn look(&mut self, disk: &Disk, index: usize, kind: Kind, state: State) {
+        let Some(path) = disk.name(index) else {
+            return;
+        };
+        let content = disk.content(&path, index, state);
         let file = disk.file(index);
-        let judged = match (extension, disk.versions(path)) {
-            (_, Some((versions, may_miss))) => {
-                self.replaced.insert(path.to_owned());
-                let is_whole = match &content {
-                    None => may_miss,
-                    Some(bytes) => versions.iter().any(|version| version.bytes == *bytes),
-                };
-                let what = content.map_or("nothing".to_owned(), |bytes| {
-                    format!("{} bytes", bytes.len())
-                });
-                let wrong = || format!("{what}, and none of {} versions", versions.len());
-                Some((Kind::Replaced, is_whole.then_some(()).ok_or_else(wrong)))
+        let result = match kind {
+            Kind::Replaced => {
+                self.replaced.insert(path.clone());
+                disk.judge_replaced(&path, content.as_deref())
             }
-            (Some("mcap"), None) => {
+            Kind::Record => {
                 let forced = self.forced.entry((index, file.syncs));
                 let forced = forced.or_insert_with(|| keys(&file.durable)).clone();
                 self.forced_messages = self.forced_messages.max(forced.len());
-                Some((Kind::Record, self.record(&forced, content)))
+                self.record(&forced, content)
             }
-            (Some("tsv"), None) => Some((Kind::Log, self.log(&file.durable, content))),
-            // What a file is before it gets its name.
-            _ => None,
+            Kind::Log => self.log(&file.durable, content),
         };
-        if let Some((kind, result)) = judged {
-            *self.states.entry(kind).or_default() += 1;
-            if let Err(why) = result {
-                self.failures
-                    .push(format!("{} {state:?}: {why}", path.display()));
-            }
+        *self.states.entry(kind).or_default() += 1;
+        if let Err(why) = result {
+            let path = path.display();
+            self.failures.push(format!("{path} {state:?}: {why}"));
         }
     }
 
