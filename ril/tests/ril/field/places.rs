@@ -40,11 +40,13 @@ fn on_a_read_only_root_a_robot_flies_records_and_keeps_all_on_a_ram_disk() {
     let Some([unshare, flags]) = own_mounts("a read-only root") else {
         return;
     };
-    let words = [unshare, flags, "sh", "-c", READ_ONLY, "sh"];
+    let ram = RamDisk(tempfile::tempdir_in("/dev/shm").unwrap());
+    // The view's folder of this user: root of a user namespace has the number of the one outside.
+    let runtime = format!("XDG_RUNTIME_DIR={}", ram.0.path().display());
+    let words = [unshare, flags, "sh", "-c", READ_ONLY, "sh", "env", &runtime];
     let ril = env!("CARGO_BIN_EXE_ril");
     let limit = std::time::Duration::from_secs(300);
     let rig = Sandbox::new(words.into_iter().chain([ril]), "a read-only root", limit);
-    let ram = RamDisk(tempfile::tempdir_in("/dev/shm").unwrap());
     let mut probe = rig.spawn({
         let mut command = std::process::Command::new(unshare);
         command

@@ -6,21 +6,54 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Step {
     /// A new, empty file has this name.
-    Created { path: PathBuf, inode: u64 },
+    Created {
+        /// Its name.
+        path: PathBuf,
+        /// Its number, which another one has when it is gone.
+        inode: u64,
+    },
     /// Bytes went to a place of a file.
-    Wrote { inode: u64, at: u64, bytes: Vec<u8> },
-    /// A file has this length.
-    Truncated { inode: u64, len: u64 },
+    Wrote {
+        /// The file.
+        inode: u64,
+        /// Offset of the first one.
+        at: u64,
+        /// The bytes.
+        bytes: Vec<u8>,
+    },
+    /// A file has another length.
+    Truncated {
+        /// The file.
+        inode: u64,
+        /// Its length in bytes.
+        len: u64,
+    },
     /// What a file has was forced onto the disk.
-    Synced { inode: u64 },
+    Synced {
+        /// The file.
+        inode: u64,
+    },
     /// The names in a folder were.
     SyncedFolder,
     /// A file has another name.
-    Renamed { from: PathBuf, to: PathBuf },
+    Renamed {
+        /// The name that is gone.
+        from: PathBuf,
+        /// The one that it has.
+        to: PathBuf,
+    },
     /// A file has a further name.
-    Linked { from: PathBuf, to: PathBuf },
+    Linked {
+        /// One that it has.
+        from: PathBuf,
+        /// The further one.
+        to: PathBuf,
+    },
     /// A name is gone.
-    Unlinked { path: PathBuf },
+    Unlinked {
+        /// Which.
+        path: PathBuf,
+    },
 }
 
 /// Length of the head of a step: four numbers of 32 bits and three of 64.
