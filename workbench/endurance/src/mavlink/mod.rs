@@ -12,9 +12,7 @@ use std::time::{Duration, Instant};
 use dsp_sim::random::Random;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::HeroTelemetry;
-use mavlink_gateway::message::{
-    ATTITUDE, COMMAND_ACK, EXTENDED_SYS_STATE, GLOBAL_POSITION_INT, HEARTBEAT,
-};
+use mavlink_gateway::message::{ATTITUDE, EXTENDED_SYS_STATE, GLOBAL_POSITION_INT, HEARTBEAT};
 use mavlink_gateway::number::command;
 use ril_tests::Process;
 use ril_tests::sandbox::{Holdings, TopicWatch};
@@ -32,7 +30,10 @@ const NAN: f32 = f32::NAN;
 const TAKE_OFF: u16 = 22;
 
 /// Mode Hold, as the heartbeat has it.
-const HOLD: i32 = 0x0304_0000;
+const HOLD: u32 = 0x0304_0000;
+
+/// The mode in which a path is flown that is no mission.
+const OFFBOARD: u32 = 0x0006_0000;
 
 /// Shortest period that a station can choose, µs: each sample of a robot that sends 50 a second.
 const EACH_SAMPLE_US: f32 = 20_000.0;
@@ -43,16 +44,15 @@ const MOST_ITEMS: u16 = 2_048;
 /// What the line loses in each direction.
 const LOSS: f64 = 0.2;
 
-/// When a station sends a command again that was not answered, as MAVSDK does.
-const COMMAND_RETRY: Duration = Duration::from_millis(500);
-
-/// How long a hold is flown to in a flood, and from one to the next.
+/// How long the helicopter flies before each hold of a flood.
 const HOLD_PERIOD: Duration = Duration::from_secs(5);
 
 /// The gateway, and the two stations that it knows.
 struct Ground {
     gateway: Process,
     stations: Vec<Station>,
+    /// Holds that were commanded and answered before the flood.
+    holds: usize,
 }
 
 /// Each measurement, one after the other, of the same gateway: `show` gets its rows.
@@ -109,6 +109,7 @@ impl Ground {
         Ground {
             gateway: site.start_ready("run mavlink"),
             stations,
+            holds: 0,
         }
     }
 
@@ -289,11 +290,13 @@ fn take_off(ground: &mut Ground) {
     pilot.until("in the air", is_in_air);
 }
 
-/// A place 5 km to the north, 15 m above home, which it takes minutes to reach; each call names another one.
+/// Flies to a place 5 km to the north, 15 m above home, which it takes minutes to reach; each number is another place.
 fn fly_away(pilot: &mut Station, number: i32) {
     let here = pilot.until("a position", |message| message.is(GLOBAL_POSITION_INT.id));
-    let result = pilot.reposition(6, here.i32(4) + 450_000 + number, here.i32(8), 15.0);
+    let message = station::reposition(6, here.i32(4) + 450_000 + number, here.i32(8), 15.0);
+    let (result, _) = pilot.send_until_answered(&message, command::REPOSITION, |_| {});
     assert_eq!(result, 0);
+    pilot.until_mode(OFFBOARD);
 }
 
 /// Commands to fly away and to hold by turns, at random moments: each is another one, and the bridge gets each.
@@ -315,6 +318,7 @@ fn command_in_flight(plan: &Plan, ground: &mut Ground) -> Outcome {
         holds.push(begun.elapsed());
         assert_eq!(result, 0);
     }
+    ground.holds = holds.count();
     let mut outcome = Outcome::default();
     outcome.cell("commands", paths.count() + holds.count());
     outcome.cell("DO_REPOSITION to its answer", &paths);
@@ -329,7 +333,6 @@ fn fly_in_a_flood(site: &Site, plan: &Plan, ground: &mut Ground, bridge: &mut Pr
         false => 10_000,
     };
     let duration = plan.duration(60);
-    let holds_before = count_lines(bridge, "command=\"hold\"");
     let log_before = ground.gateway.lines().len();
     let (port, drops_before) = {
         let port = ground.pilot().vehicle().port();
@@ -360,7 +363,10 @@ fn fly_in_a_flood(site: &Site, plan: &Plan, ground: &mut Ground, bridge: &mut Pr
     let sent = hostile.end();
     let drops = dropped(&ground.gateway, port) - drops_before;
     let copies: usize = held.iter().map(|one| one.copies).sum();
-    let requests = count_lines(bridge, "command=\"hold\"") - holds_before;
+    // The bridge logs in order: when it has logged the landing, all holds are in its log.
+    site.ask("land --preempt --no-wait");
+    bridge.wait_for_text("command=\"land\"");
+    let requests = count_lines(bridge, "command=\"hold\"") - ground.holds;
     let done = Times(held.iter().map(|one| one.done_after).collect());
 
     let mut outcome = Outcome::default();
@@ -400,35 +406,26 @@ struct Held {
     copies: usize,
 }
 
-/// Holds, with copies until it is answered.
+/// Holds.
 ///
 /// # Panics
 ///
 /// When it is refused, or not done.
 fn hold(pilot: &mut Station) -> Held {
-    let begun = Instant::now();
-    let mut next = begun;
-    let (mut copies, mut is_answered, mut shown) = (0, false, None);
-    loop {
-        if !is_answered && Instant::now() >= next {
-            pilot.send_command(command::PAUSE_CONTINUE, [0.0; 7]);
-            (copies, next) = (copies + 1, next + COMMAND_RETRY);
+    let (begun, mut shown) = (Instant::now(), None);
+    let message = station::long(command::PAUSE_CONTINUE, [0.0; 7]);
+    let look = |message: &Received| {
+        if message.is(HEARTBEAT.id) && message.i32(0) as u32 == HOLD {
+            shown.get_or_insert(begun.elapsed());
         }
-        assert!(begun.elapsed() < ril_tests::process::WAIT_LIMIT, "no hold");
-        let Some(message) = pilot.next_message() else {
-            continue;
-        };
-        if message.is(COMMAND_ACK.id) && message.u16(0) == command::PAUSE_CONTINUE {
-            assert_eq!(message.u8(2), 0, "{message:?}");
-            is_answered = true;
-        }
-        if shown.is_none() && message.is(HEARTBEAT.id) && message.i32(0) == HOLD {
-            shown = Some(begun.elapsed());
-        }
-        if let Some(done_after) = shown.filter(|_| is_answered) {
-            return Held { done_after, copies };
-        }
-    }
+    };
+    let (result, copies) = pilot.send_until_answered(&message, command::PAUSE_CONTINUE, look);
+    assert_eq!(result, 0);
+    let done_after = shown.unwrap_or_else(|| {
+        pilot.until_mode(HOLD);
+        begun.elapsed()
+    });
+    Held { done_after, copies }
 }
 
 /// Times that may be shorter than 0.1 ms.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use dsp_sim::random::Random;
 use ipc_types::MonotonicNs;
 use ipc_types::code::Reason;
-use mavlink_gateway::message::{COMMAND_INT, COMMAND_LONG, HEARTBEAT};
+use mavlink_gateway::message::{COMMAND_ACK, COMMAND_INT, COMMAND_LONG, HEARTBEAT};
 use mavlink_gateway::wire::{MessageWriter, frames};
 use ril_tests::process::WAIT_LIMIT;
 
@@ -17,6 +17,29 @@ const HEARTBEAT_PERIOD: Duration = Duration::from_millis(500);
 
 /// How long [`Station::next_message`] waits for a datagram.
 const NEXT_LIMIT: Duration = Duration::from_millis(20);
+
+/// When a station sends a command again that was not answered, as MAVSDK does.
+const COMMAND_RETRY: Duration = Duration::from_millis(500);
+
+/// A command for the helicopter.
+pub fn long(command: u16, params: [f32; 7]) -> MessageWriter {
+    let message = MessageWriter::new(COMMAND_LONG);
+    let message = params
+        .iter()
+        .fold(message, |message, param| message.f32(*param));
+    message.u16(command).u8(1).u8(1).u8(0)
+}
+
+/// DO_REPOSITION: the command to fly to a place, in 10⁻⁷ degrees.
+pub fn reposition(frame: u8, x: i32, y: i32, z: f32) -> MessageWriter {
+    let message = MessageWriter::new(COMMAND_INT)
+        .f32(-1.0)
+        .f32(0.0)
+        .f32(0.0)
+        .f32(f32::NAN);
+    let message = message.i32(x).i32(y).f32(z).u16(192).u8(1).u8(1);
+    message.u8(frame).u8(0).u8(0)
+}
 
 /// A message of the helicopter.
 #[derive(Clone, Debug)]
@@ -256,18 +279,38 @@ impl Station {
         })
     }
 
-    /// Sends a command, and awaits no answer.
+    fn send_command(&mut self, command: u16, params: [f32; 7]) {
+        self.send(&long(command, params));
+    }
+
+    /// Sends a command until it is answered, as stations do, and looks at all that comes meanwhile. Gives the result and how often it was
+    /// sent.
     ///
     /// # Panics
     ///
-    /// When the helicopter was not heard.
-    pub fn send_command(&mut self, command: u16, params: [f32; 7]) {
-        let message = params
-            .iter()
-            .fold(MessageWriter::new(COMMAND_LONG), |message, param| {
-                message.f32(*param)
-            });
-        self.send(&message.u16(command).u8(1).u8(1).u8(0));
+    /// After [`WAIT_LIMIT`].
+    #[track_caller]
+    pub fn send_until_answered(
+        &mut self,
+        message: &MessageWriter,
+        command: u16,
+        mut look: impl FnMut(&Received),
+    ) -> (u8, usize) {
+        let give_up = Instant::now() + WAIT_LIMIT;
+        let (mut next, mut copies) = (Instant::now(), 0);
+        while Instant::now() < give_up {
+            if Instant::now() >= next {
+                self.send(message);
+                (copies, next) = (copies + 1, next + COMMAND_RETRY);
+            }
+            if let Some(received) = self.next_message() {
+                look(&received);
+                if received.is(COMMAND_ACK.id) && received.u16(0) == command {
+                    return (received.u8(2), copies);
+                }
+            }
+        }
+        panic!("{command} was not answered");
     }
 
     /// Commands, and gives the result.
@@ -322,13 +365,7 @@ impl Station {
     /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn reposition(&mut self, frame: u8, x: i32, y: i32, z: f32) -> u8 {
-        let message = MessageWriter::new(COMMAND_INT)
-            .f32(-1.0)
-            .f32(0.0)
-            .f32(0.0)
-            .f32(f32::NAN);
-        let message = message.i32(x).i32(y).f32(z).u16(192).u8(1).u8(1);
-        self.send(&message.u8(frame).u8(0).u8(0));
+        self.send(&reposition(frame, x, y, z));
         self.answer(192).u8(2)
     }
 }
