@@ -149,7 +149,7 @@ fn run(command: cli::Command) -> Result<(), Failure> {
         Command::Control(args) => order::command_of(&args.command),
         Command::Status(args) => verbs::status::status(&args),
         Command::Watch(args) => watch::watch(&args),
-        Command::View(args) => view::view(&args),
+        Command::View(args) => view::view(&args, log::report_page),
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),

@@ -21,7 +21,7 @@ use std::io::{self, BufWriter};
 use runtime::exit::Failure;
 use status::log::groups::LogGroups;
 
-pub(super) use self::report::report_page;
+pub use self::report::report_page;
 
 use self::files::ending;
 use self::files::{MAX_NAMED, chosen_file, of_flight};

@@ -13,8 +13,6 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use view::page::TileRange;
 use view::{ConnectionId, FileRequest, Tile, Wanted};
 
-use crate::verbs::log;
-
 /// Files that wait for the disk, and files that wait to be taken. A map asks for some dozens of tiles; a further one is answered as
 /// missing, and the page asks again.
 const MAX_WAITING: usize = 64;
@@ -24,6 +22,9 @@ const MAX_TILE_BYTES: u64 = 1 << 20;
 
 /// Kinds of tiles, in the order in which they are looked for.
 const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
+
+/// Makes the report of the recording that is played.
+pub(super) type Report = Box<dyn Fn() -> Result<String, Failure> + Send>;
 
 /// What was looked for: its bytes, `None` if it is missing.
 type Found = (ConnectionId, FileRequest, Option<Vec<u8>>);
@@ -107,21 +108,27 @@ impl TileFolder {
 }
 
 impl Files {
-    /// Starts the thread for a folder of tiles and a recording; `None` if there is neither.
+    /// Starts the thread for a folder of tiles and a report; `None` if there is neither. A report is made anew for each request: a browser
+    /// asks once for a window.
     ///
     /// # Errors
     ///
     /// Code 1 when the operating system gives no thread.
     pub fn start(
         tiles: Option<TileFolder>,
-        recording: Option<PathBuf>,
+        report: Option<Report>,
     ) -> Result<Option<Files>, Failure> {
-        if tiles.is_none() && recording.is_none() {
+        if tiles.is_none() && report.is_none() {
             return Ok(None);
         }
         let read = move |wanted| match wanted {
             Wanted::Tile(tile) => tiles.as_ref()?.read(tile),
-            Wanted::Report => report(recording.as_deref()?),
+            Wanted::Report => report.as_ref()?()
+                .inspect_err(
+                    |failure| tracing::warn!(chain = ?failure.chain(), "there is no report"),
+                )
+                .ok()
+                .map(String::into_bytes),
         };
         Files::run(read).or_fail(ExitCode::Internal).map(Some)
     }
@@ -170,12 +177,4 @@ impl Files {
     pub fn descriptor(&self) -> BorrowedFd<'_> {
         self.wakes.as_fd()
     }
-}
-
-/// The report of a recording, as `ril log report` makes it. It is made anew for each request: a browser asks once for a window.
-fn report(recording: &Path) -> Option<Vec<u8>> {
-    log::report_page(recording)
-        .inspect_err(|failure| tracing::warn!(chain = ?failure.chain(), "there is no report"))
-        .ok()
-        .map(String::into_bytes)
 }

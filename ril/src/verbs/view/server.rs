@@ -13,7 +13,7 @@ use runtime::signal::Termination;
 use view::page::{ReplayInfo, Role};
 use view::{Instance, Server, Settings, Token};
 
-use super::files::{Files, TileFolder};
+use super::files::{Files, Report, TileFolder};
 use super::fleet::Fleet;
 use super::options::{RunViewArgs, ServerArgs};
 use super::run_file::{RunEntry, RunFile};
@@ -140,12 +140,12 @@ fn tokens(config: &ViewConfig, secret: String) -> Result<Vec<Token>, Failure> {
 pub(super) fn server(
     config: &ViewConfig,
     secret: String,
-    replay: Option<(ReplayInfo, &Path)>,
+    replay: Option<(ReplayInfo, Report)>,
 ) -> Result<(Server, Option<Files>), Failure> {
     let tiles = config.tiles.as_deref();
     let tiles = tiles.map(|folder| TileFolder::open(folder, config.tiles_tms));
     let tiles = tiles.transpose()?;
-    let (replay, recording) = replay.unzip();
+    let (replay, report) = replay.unzip();
     let instance = Instance(random_hex().or_fail(ExitCode::Internal)?);
     let settings = Settings {
         names: config.names.clone(),
@@ -157,6 +157,6 @@ pub(super) fn server(
         replay,
         tiles: tiles.as_ref().map(|tiles| tiles.range),
     };
-    let files = Files::start(tiles, recording.map(Path::to_owned))?;
+    let files = Files::start(tiles, report)?;
     Ok((Server::new(settings, instance), files))
 }

@@ -9,6 +9,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::signal::Termination;
 
+use super::files::Report;
 use super::fleet::Fleet;
 use super::options::ViewArgs;
 use super::replay::Playback;
@@ -22,12 +23,16 @@ use crate::view_setup::token_key::random_hex;
 /// Ports that are tried behind the wanted one, which the view of live robots may have.
 const MORE_PORTS: u16 = 20;
 
-/// Shows `file`.
+/// Shows `file`; `report` makes a page of it.
 ///
 /// # Errors
 ///
 /// Code 1 when no port is free, 2 when the file cannot be read or is no recording, 78 when the configuration is wrong.
-pub(super) fn view(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
+pub(super) fn view(
+    args: &ViewArgs,
+    file: &Path,
+    report: fn(&Path) -> Result<String, Failure>,
+) -> Result<(), Failure> {
     let config = server::load(&args.server)?.value;
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
@@ -50,7 +55,9 @@ pub(super) fn view(args: &ViewArgs, file: &Path) -> Result<(), Failure> {
         token: token.clone(),
     };
     run_file.write(&running).or_fail(ExitCode::Internal)?;
-    let (mut server, files) = server::server(&config, token, Some((info, file)))?;
+    let path = file.to_owned();
+    let replay = (info, Box::new(move || report(&path)) as Report);
+    let (mut server, files) = server::server(&config, token, Some(replay))?;
     playback.offer(&mut server);
     let mut shell = ViewShell::new(sockets, server, Fleet::none(domain), files, &config);
     shell.play(playback);

@@ -28,12 +28,12 @@ const TIMEOUT: Duration = Duration::from_secs(10);
 /// Most that is shown of the log of a server that did not start.
 const MAX_LOG_BYTES: u64 = 4096;
 
-/// `ril view`
+/// `ril view`; `report` makes a page of a recording.
 ///
 /// # Errors
 ///
 /// Code 1 when the server cannot start, 2 when a layout is of several robots, 3 when there is none to stop, 78 when the configuration is wrong.
-pub fn view(args: &ViewArgs) -> Result<(), Failure> {
+pub fn view(args: &ViewArgs, report: fn(&Path) -> Result<String, Failure>) -> Result<(), Failure> {
     if args.server.settings.check_config {
         return print_configuration("view", &server::check_config(&args.server)?);
     }
@@ -42,7 +42,7 @@ pub fn view(args: &ViewArgs) -> Result<(), Failure> {
     }
     runtime::logging::init(args.server.settings.verbosity())?;
     if let Some(file) = &args.file {
-        return show_file::view(args, file);
+        return show_file::view(args, file, report);
     }
     let config = server::load(&args.server)?.value;
     if let Some(name) = &args.invite {
