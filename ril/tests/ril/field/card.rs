@@ -120,7 +120,7 @@ fn a_full_card_costs_no_telemetry_and_no_order_and_all_goes_on_when_there_is_roo
         )
         .err_says("the fence is as before");
         assert_eq!(fs::read_to_string(&rules).unwrap(), FOR_SLOW_MACHINES);
-        for request in ["takeoff 10m", "wait hovering --timeout 60s", "land"] {
+        for request in ["takeoff 10m", "wait --for hovering --timeout 60s", "land"] {
             rig.run(request, 0);
         }
 

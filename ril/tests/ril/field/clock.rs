@@ -112,7 +112,7 @@ fn two_boots_of_1970_keep_every_file_and_a_clock_that_is_set_in_flight_costs_not
     path.wait_for_text("goto:");
     clock.set(SET);
     path.exits(0);
-    rig.run("wait hovering --timeout 60s", 0);
+    rig.run("wait --for hovering --timeout 60s", 0);
     rig.run("land", 0);
     assert!(!troubles(&rig, "--port dsp-1", 0).contains(&"clock".to_owned()));
     // The next file has the right time; the one before says that the clock was set.

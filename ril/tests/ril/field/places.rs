@@ -118,7 +118,7 @@ fn on_a_read_only_root_a_robot_flies_records_and_keeps_all_on_a_ram_disk() {
     for request in [
         "start",
         "takeoff 10m",
-        "wait hovering --timeout 60s",
+        "wait --for hovering --timeout 60s",
         "land",
         "stop",
     ] {
