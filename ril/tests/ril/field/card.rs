@@ -89,7 +89,7 @@ fn a_full_card_costs_no_telemetry_and_no_order_and_all_goes_on_when_there_is_roo
         fs::write(&rules, FOR_SLOW_MACHINES).unwrap();
         fs::write(rig.path("fenced.plan"), FENCED).unwrap();
 
-        let sim = rig.sim(1, "--speed 2");
+        let sim = rig.sim(1, "--speed 5");
         let mut bridge = rig.start_ready(&format!(
             "run bridge --port dsp-1 --config {}",
             rules.display()
@@ -120,7 +120,7 @@ fn a_full_card_costs_no_telemetry_and_no_order_and_all_goes_on_when_there_is_roo
         )
         .err_says("the fence is as before");
         assert_eq!(fs::read_to_string(&rules).unwrap(), FOR_SLOW_MACHINES);
-        for request in ["takeoff 5m", "land"] {
+        for request in ["takeoff 10m", "wait --for hovering --timeout 60s", "land"] {
             rig.run(request, 0);
         }
 

@@ -106,12 +106,13 @@ fn two_boots_of_1970_keep_every_file_and_a_clock_that_is_set_in_flight_costs_not
     text.out_says("the clock was never set: 1970-01-01T00:0");
     text.out_says("sudo date --set");
     rig.run("start", 0);
-    rig.run("takeoff 5m", 0);
+    rig.run("takeoff 10m", 0);
     let (latitude, longitude) = (37.4111, -6.001);
     let mut path = rig.start(&format!("goto {latitude},{longitude},+3m"));
     path.wait_for_text("goto:");
     clock.set(SET);
     path.exits(0);
+    rig.run("wait --for hovering --timeout 60s", 0);
     rig.run("land", 0);
     assert!(!troubles(&rig, "--port dsp-1", 0).contains(&"clock".to_owned()));
     // The next file has the right time; the one before says that the clock was set.

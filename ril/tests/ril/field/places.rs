@@ -91,7 +91,8 @@ fn on_a_read_only_root_a_robot_flies_records_and_keeps_all_on_a_ram_disk() {
 
     let port = ram.path("dsp-1");
     let sim = rig.start_ready(&format!("run sim --link {port} --seed 1 --speed 5"));
-    let bridge = rig.start_ready(&format!("run bridge --port {port}"));
+    let rules = ram.write("bridge.toml", ril_tests::sandbox::FOR_SLOW_MACHINES);
+    let bridge = rig.start_ready(&format!("run bridge --port {port} --config {rules}"));
     let log = |folder: &str| {
         format!("[[log]]\ndirectory = \"{folder}\"\nmin_free_mib = 0\ngroups = [\"geographic\"]\n")
     };
@@ -114,7 +115,13 @@ fn on_a_read_only_root_a_robot_flies_records_and_keeps_all_on_a_ram_disk() {
         ),
     );
     let gateway = rig.start_ready(&format!("run mavlink --config {placed}"));
-    for request in ["start", "takeoff 5m", "land", "stop"] {
+    for request in [
+        "start",
+        "takeoff 10m",
+        "wait --for hovering --timeout 60s",
+        "land",
+        "stop",
+    ] {
         rig.run(request, 0);
     }
     for process in [gateway, recorder, status, bridge, sim] {
