@@ -177,7 +177,7 @@ impl Default for EndpointsConfig {
 
 /// Most robots of one station's relay: as many as were measured. Each takes some 200 open files, with the nine services of a robot that has
 /// no modules of its own, together 12,800: the relay raises its limit of 1,024 to what the system allows, which is 524,288 under systemd.
-/// One thread publishes the samples of all, and at 50 samples a second of 64 robots it has no time left.
+/// One thread publishes the samples of all; docs/network.md has what that costs.
 pub const MAX_ROBOTS: usize = 64;
 
 /// `[station]`
