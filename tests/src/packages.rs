@@ -41,7 +41,9 @@ pub fn python_alone(requirement: &str) -> Result<PathBuf, String> {
     let made = |folder: &Path| {
         let environment = folder.join(format!("{name}-venv"));
         let is_complete = environment.join("complete").is_file();
-        is_complete.then(|| environment.join("bin/python"))
+        let python = environment.join("bin/python");
+        // Its interpreter may lie where this user may not enter.
+        (is_complete && run(Command::new(&python).arg("--version")).is_ok()).then_some(python)
     };
     let shared = folder();
     if let Some(python) = made(&shared) {

@@ -105,7 +105,7 @@ mod tests {
     use super::*;
     use crate::cli::{Cli, Command};
 
-    /// A take-off, and a path of the items 2, 3 and 5.
+    /// A take-off, and a path of the items 1, 3 and 5.
     fn executor() -> Executor {
         let point = |item| PathPoint {
             item,
@@ -115,7 +115,7 @@ mod tests {
             item: None,
             height_m: 12.5,
         };
-        let path = Step::Path([2, 3, 5].map(point).to_vec());
+        let path = Step::Path([1, 3, 5].map(point).to_vec());
         Executor::new(vec![take_off, path], 1)
     }
 
