@@ -229,7 +229,7 @@ fn ended_early(ended: &Ended, profile: Profile) -> Failure {
             ExitCode::Timeout,
             format!(
                 "the DSP sends no frame that the PC accepts: {}, in {}",
-                rejected.describe(profile),
+                rejected.describe(profile).replace('_', " "),
                 hex(&rejected.bytes)
             ),
             match rejected.error {
