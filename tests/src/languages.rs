@@ -323,17 +323,18 @@ fn virtual_environment() -> Result<PathBuf, String> {
     Ok(python)
 }
 
-/// An interpreter in a virtual environment in `folder`, with what `requirement` names from PyPI and nothing else.
+/// An interpreter in a virtual environment in `folder`, with what `requirements` names from PyPI, in the words of pip, and nothing else.
 ///
 /// # Errors
 ///
 /// Why there is none, such as that there is no network.
-pub fn python_with(requirement: &str, folder: &Path) -> Result<PathBuf, String> {
+pub fn python_with(requirements: &str, folder: &Path) -> Result<PathBuf, String> {
     let python = folder.join("bin/python");
     run(Command::new("python3").args(["-m", "venv"]).arg(folder))?;
     run(Command::new(&python)
         .args(["-m", "pip", "install", "--quiet", "--no-cache-dir"])
-        .args(["--disable-pip-version-check", "--retries", "1", requirement]))?;
+        .args(["--disable-pip-version-check", "--retries", "1"])
+        .args(requirements.split_whitespace()))?;
     Ok(python)
 }
 
