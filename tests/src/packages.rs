@@ -28,7 +28,7 @@ pub fn python(name: &str, packages: &[&str], imports: &str) -> Result<PathBuf, S
     Ok(python)
 }
 
-/// An interpreter of Python with what `requirement` names, such as `pymavlink==2.4.50`, and nothing else. A user who may not write in
+/// An interpreter of Python with what `requirements` names, such as `pymavlink==2.4.50 future`, and nothing else. A user who may not write in
 /// the target folder gets one in the folder for temporary files.
 ///
 /// Making one takes ten seconds of a processor, so tests share it; a second one waits until it is made.
@@ -36,8 +36,8 @@ pub fn python(name: &str, packages: &[&str], imports: &str) -> Result<PathBuf, S
 /// # Errors
 ///
 /// Why there is none.
-pub fn python_alone(requirement: &str) -> Result<PathBuf, String> {
-    let name = requirement.replace(|letter: char| !letter.is_ascii_alphanumeric(), "-");
+pub fn python_alone(requirements: &str) -> Result<PathBuf, String> {
+    let name = requirements.replace(|letter: char| !letter.is_ascii_alphanumeric(), "-");
     let made = |folder: &Path| {
         let environment = folder.join(format!("{name}-venv"));
         let is_complete = environment.join("complete").is_file();
@@ -63,7 +63,8 @@ pub fn python_alone(requirement: &str) -> Result<PathBuf, String> {
         return Ok(python);
     }
     let environment = folder.join(format!("{name}-venv"));
-    make_environment(&environment, &[requirement])?;
+    let requirements: Vec<&str> = requirements.split_whitespace().collect();
+    make_environment(&environment, &requirements)?;
     let complete = File::create(environment.join("complete"));
     complete.map_err(|error| error.to_string())?;
     Ok(environment.join("bin/python"))

@@ -1,67 +1,12 @@
 """A mission and all actions by MAVSDK, as a script that knows nothing of this project: `mavsdk_flies.py PORT`."""
 
 import asyncio
-import sys
 
-from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.action import ActionAsync
 from mavsdk.asyncio.plugins.mission import MissionAsync
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mavsdk.plugins.mission import MissionItem, MissionPlan
-
-LIMIT_S = 90
-ON_GROUND, IN_AIR = 1, 2
-HOLD = 3
-
-
-async def until(what, values, is_right):
-    """The first value that is right."""
-
-    async def look():
-        async for value in values:
-            if is_right(value):
-                return value
-
-    try:
-        return await asyncio.wait_for(look(), LIMIT_S)
-    except TimeoutError:
-        sys.exit(f"{what} did not come")
-
-
-def is_of_time(error):
-    """Whether MAVSDK gave up, or was told that the order takes longer: it waits for 1.5 s, and a machine can stand still for longer."""
-    return any(word in str(error) for word in ("BUSY", "TIMEOUT"))
-
-
-async def done(what, order):
-    """Gives the order, again while there is no answer in time. One that came late is perhaps refused then: what follows shows the outcome."""
-    for is_again in (False, True, True, True):
-        try:
-            return await asyncio.wait_for(order(), LIMIT_S)
-        except Exception as error:  # noqa: BLE001 each plugin has its own
-            if not is_of_time(error):
-                if is_again:
-                    return None
-                raise
-            print(f"{what}: {error}", flush=True)
-            # A command that comes again within 2.5 s counts as a copy.
-            await asyncio.sleep(3.0)
-    return None
-
-
-async def refused(what, order):
-    """The order must end with an error that says "denied"."""
-    for _ in range(4):
-        try:
-            await asyncio.wait_for(order(), LIMIT_S)
-        except Exception as error:  # noqa: BLE001 each plugin has its own
-            if "DENIED" in str(error):
-                return
-            assert is_of_time(error), f"{what}: {error}"
-            await asyncio.sleep(3.0)
-        else:
-            break
-    sys.exit(f"{what} was not refused")
+from mavsdk_station import HOLD, IN_AIR, ON_GROUND, done, judge, refused, until
 
 
 async def fly(system):
@@ -115,13 +60,4 @@ async def fly(system):
     await until("the ground", telemetry.subscribe_landed_state(), lambda state: int(state) == ON_GROUND)
 
 
-async def main():
-    config = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-    async with Mavsdk(config) as mavsdk:
-        await mavsdk.add_any_connection(f"udpin://127.0.0.1:{sys.argv[1]}")
-        system = await mavsdk.first_autopilot(timeout_s=LIMIT_S)
-        await fly(system)
-
-
-asyncio.run(main())
-print("all is well", flush=True)
+judge(fly)

@@ -146,10 +146,10 @@ fn mavsdk_flies_a_mission_and_all_its_actions() {
 }
 
 /// Runs a judge in Python: with its station's port, `words` behind it, and more lines of `mavlink.toml`.
-fn judged(script: &str, package: &str, words: &[&str], config: &str, look: impl FnOnce(&Sandbox)) {
+fn judged(script: &str, packages: &str, words: &[&str], config: &str, look: impl FnOnce(&Sandbox)) {
     let rig = sandbox();
-    let what = format!("{package} flies the helicopter");
-    let python = match packages::python_alone(package) {
+    let what = format!("{script} with {packages}");
+    let python = match packages::python_alone(packages) {
         Ok(python) => python,
         Err(why) => return languages::skip(&what, &why),
     };
@@ -173,6 +173,41 @@ fn judged(script: &str, package: &str, words: &[&str], config: &str, look: impl 
 
 /// What the stations of these tests sign with.
 const PASSPHRASE: &str = "correct horse battery";
+
+/// What a fence of the station is in `ril fence show`.
+fn shows_fence(rig: &Sandbox, areas: &[&str]) {
+    let shown = rig.run("fence show", 0);
+    for area in areas {
+        shown.out_says(area);
+    }
+}
+
+#[test]
+fn mavsdk_brings_a_fence_into_force_that_the_flight_keeps_to() {
+    let config = "[fence]\naccept = true\n";
+    judged("mavsdk_fence.py", "mavsdk==4.1.0", &[], config, |rig| {
+        let areas = [
+            "in force: 2 areas",
+            "inclusion plan: inclusion 1: ",
+            "exclusion plan: exclusion 2: circle of 20.0 m",
+        ];
+        shows_fence(rig, &areas);
+    });
+}
+
+/// Without what it needs for windows and maps.
+#[test]
+fn mavproxy_brings_a_fence_into_force_reads_and_clears_it() {
+    let proxy = "--no-deps mavproxy==1.8.75 pymavlink==2.4.50 pyserial==3.5 fastcrc==0.5.0";
+    let config = "[fence]\naccept = true\n";
+    judged("mavproxy_fence.py", proxy, &[], config, |rig| {
+        let areas = [
+            "in force: 1 area",
+            "exclusion plan: exclusion 1: circle of 25.0 m",
+        ];
+        shows_fence(rig, &areas);
+    });
+}
 
 /// Both sides sign; what was recorded or has another key is dropped.
 #[test]
