@@ -41,6 +41,7 @@ pub mod robot;
 pub mod session;
 pub mod verbs;
 mod view_setup;
+mod whole_file;
 
 use std::ffi::OsString;
 use std::io::Write;

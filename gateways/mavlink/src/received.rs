@@ -4,9 +4,9 @@ use arrayvec::ArrayString;
 
 use crate::message::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MISSION_ACK, MISSION_CLEAR_ALL,
-    MISSION_COUNT, MISSION_ITEM_INT, MISSION_REQUEST, MISSION_REQUEST_INT, MISSION_REQUEST_LIST,
-    MISSION_SET_CURRENT, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, SET_MODE,
-    TIMESYNC,
+    MISSION_COUNT, MISSION_ITEM, MISSION_ITEM_INT, MISSION_REQUEST, MISSION_REQUEST_INT,
+    MISSION_REQUEST_LIST, MISSION_SET_CURRENT, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET,
+    PING, SET_MODE, TIMESYNC,
 };
 use crate::mission::store::Item;
 use crate::number::{AUTOPILOT_INVALID, TYPE_PROGRAM, TYPE_STATION};
@@ -114,10 +114,18 @@ pub enum MissionRequest {
     Request(u16),
     /// This is this item.
     Item(u16, Item),
+    /// This is an item, in the form whose places are floats.
+    FloatItem,
     /// How a transfer ended: MAV_MISSION_RESULT.
     Ack(u8),
     /// Go on with this item.
     SetCurrent(u16),
+}
+
+/// Whether stations write this integer for "not a number": the ends of the range, and the bits of a float that is none. As degrees they lie
+/// beyond every place.
+pub fn is_no_integer(value: i32) -> bool {
+    matches!(value, i32::MAX | i32::MIN | 0x7ff8_0000 | 0x7fc0_0000)
 }
 
 /// COMMAND_LONG or COMMAND_INT.
@@ -160,8 +168,7 @@ impl Command {
         }
     }
 
-    /// Latitude and longitude in degrees; `None` if the command names no place. Stations write "none" in many ways: not a number, the
-    /// ends of the integers' range, and zero, of which the place is in the sea.
+    /// Latitude and longitude in degrees; `None` if the command names no place, or what is none.
     pub fn degrees(&self) -> Option<(f64, f64)> {
         let (latitude, longitude) = match self.place {
             Place::Float(x, y) => (f64::from(x), f64::from(y)),
@@ -169,6 +176,15 @@ impl Command {
         };
         let is_place = latitude.abs() <= 90.0 && longitude.abs() <= 180.0;
         (is_place && (latitude != 0.0 || longitude != 0.0)).then_some((latitude, longitude))
+    }
+
+    /// Whether the command names no place. Stations write "none" in many ways, and in both parameters: not a number, the ends of the
+    /// integers' range. Zero is one of them where no place is expected: it lies in the sea.
+    pub fn is_without_place(&self) -> bool {
+        match self.place {
+            Place::Float(x, y) => x.is_nan() && y.is_nan() || (x, y) == (0.0, 0.0),
+            Place::Integer { x, y, .. } => is_no_integer(x) && is_no_integer(y) || (x, y) == (0, 0),
+        }
     }
 
     /// MAV_FRAME; that of COMMAND_LONG is above sea.
@@ -231,6 +247,12 @@ impl Received {
                 system: payload.u8(32),
                 component: payload.u8(33),
                 request: MissionRequest::Item(payload.u16(28), Item::of(payload)),
+                mission_type: payload.u8(37),
+            },
+            MISSION_ITEM => Received::Mission {
+                system: payload.u8(32),
+                component: payload.u8(33),
+                request: MissionRequest::FloatItem,
                 mission_type: payload.u8(37),
             },
             MISSION_SET_CURRENT => Received::Mission {
@@ -353,6 +375,26 @@ mod tests {
         ];
         for place in none {
             assert_eq!(with(place).degrees(), None, "{place:?}");
+            assert!(with(place).is_without_place(), "{place:?}");
+        }
+        // A half of a place is none, and is not "no place" either.
+        for place in [
+            Place::Float(f32::NAN, -6.0),
+            Place::Float(37.0, f32::INFINITY),
+            Place::Float(91.0, 0.0),
+            Place::Integer {
+                x: i32::MAX,
+                y: 1,
+                frame,
+            },
+            Place::Integer {
+                x: 900_000_001,
+                y: 1,
+                frame,
+            },
+        ] {
+            assert_eq!(with(place).degrees(), None, "{place:?}");
+            assert!(!with(place).is_without_place(), "{place:?}");
         }
         let (x, y) = (374_112_000, -60_010_000);
         let place = with(Place::Integer { x, y, frame }).degrees();
