@@ -120,7 +120,8 @@ pub fn decide(asked: &VehicleCommand, facts: &VehicleFacts<'_>) -> Decision {
         command::REPOSITION => facts.reposition(asked),
         command::PAUSE_CONTINUE => match asked.param(1) {
             0.0 => OrderPair::one(OrderKind::Hold),
-            _ => MISSION_GOES_ON,
+            1.0 => MISSION_GOES_ON,
+            _ => refuse(MavResult::Denied, "pause: param1 is 0 or 1"),
         },
         command::MISSION_START => mission_start(asked),
         command::SET_MISSION_CURRENT => match asked.param(1) {
@@ -174,7 +175,9 @@ pub fn decide_mode(custom: u32, facts: &VehicleFacts<'_>) -> Decision {
 fn custom_of(main: f32, sub: f32) -> u32 {
     match main {
         main if main >= 65_536.0 => main as u32,
-        main => (sub as u32 & 0xff) << 24 | (main as u32 & 0xff) << 16,
+        // A number that is none of these two is no mode.
+        main if !(0.0..256.0).contains(&main) || !(0.0..256.0).contains(&sub) => 0,
+        main => (sub as u32) << 24 | (main as u32) << 16,
     }
 }
 
@@ -244,7 +247,8 @@ impl VehicleFacts<'_> {
             let text = format!("take-off was refused: {why}");
             return refuse(MavResult::TemporarilyRejected, text);
         }
-        if self.is_elsewhere(asked) {
+        let is_nowhere = asked.degrees().is_none() && !asked.is_without_place();
+        if is_nowhere || self.is_elsewhere(asked) {
             return refuse(
                 MavResult::Denied,
                 "take-off was refused: it begins here, not elsewhere",
@@ -359,7 +363,11 @@ impl VehicleFacts<'_> {
     fn reposition(&self, asked: &VehicleCommand) -> Decision {
         let z = f64::from(asked.param(7));
         let place = asked.degrees();
-        if place.is_none() && !z.is_finite() {
+        if z.is_infinite() || place.is_none() && !asked.is_without_place() {
+            let text = "goto was refused: that is no place, or no altitude";
+            return refuse(MavResult::Denied, text);
+        }
+        if place.is_none() && z.is_nan() {
             return OrderPair::one(OrderKind::Hold);
         }
         if place.is_none() && has_zeros(asked) {

@@ -6,6 +6,8 @@
 //! | ground | follows | → take-off | → operator |
 //! | take-off | → ground | stays | → operator |
 //! | operator | stays | stays | → operator |
+//!
+//! [`KeptHome`] outlives the gateway: that of a take-off until the helicopter lands, that of an operator as long as the bridge lives.
 
 use ipc_types::payload::WaypointPosition;
 
@@ -57,9 +59,120 @@ impl Home {
     }
 }
 
+/// Longest file of a home that is kept.
+pub const MAX_HOME_BYTES: usize = 512;
+
+/// How the file of a home begins, and its version.
+const HEAD: [&str; 2] = ["ril-home", "1"];
+
+/// A home that is kept over restarts of the gateway.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KeptHome {
+    /// Where it is.
+    pub position: WaypointPosition,
+    /// On which ground, by telemetry's altitude, the flight began that it belongs to; `None` if an operator has set it, for all flights.
+    pub ground_altitude_m: Option<f64>,
+}
+
+impl KeptHome {
+    /// The file: one line. `bridge` numbers the run of the bridge that it belongs to.
+    pub fn encode(&self, bridge: u64) -> String {
+        let WaypointPosition {
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+        } = self.position;
+        let ground = match self.ground_altitude_m {
+            Some(ground_altitude_m) => ground_altitude_m.to_string(),
+            None => "operator".to_owned(),
+        };
+        let [head, version] = HEAD;
+        format!("{head} {version} {bridge} {latitude_deg} {longitude_deg} {altitude_m} {ground}\n")
+    }
+
+    /// The home of a file; `None` if it belongs to another run of the bridge, or none is kept.
+    ///
+    /// # Errors
+    ///
+    /// Why it is no file of a home, as a clause.
+    pub fn decode(bytes: &[u8], bridge: u64) -> Result<Option<KeptHome>, String> {
+        let text = str::from_utf8(bytes).map_err(|_| "it is no text".to_owned())?;
+        let words: Vec<&str> = text.split_whitespace().collect();
+        let number = |word: &str| {
+            let number = word.parse().ok().filter(|number: &f64| number.is_finite());
+            number.ok_or_else(|| format!("`{word}` is no number"))
+        };
+        let rest = match words.as_slice() {
+            [] => return Ok(None),
+            [head, version, rest @ ..] if [*head, *version] == HEAD => rest,
+            [head, ..] if *head == HEAD[0] => return Err("it is of another version".to_owned()),
+            _ => return Err("it is no home".to_owned()),
+        };
+        let [run, latitude, longitude, altitude, ground] = rest else {
+            return Err("it is cut short".to_owned());
+        };
+        let position = WaypointPosition {
+            latitude_deg: number(latitude)?,
+            longitude_deg: number(longitude)?,
+            altitude_m: number(altitude)?,
+        };
+        if position.latitude_deg.abs() > 90.0 || position.longitude_deg.abs() > 180.0 {
+            return Err("that is no place".to_owned());
+        }
+        let ground_altitude_m = match *ground {
+            "operator" => None,
+            ground => Some(number(ground)?),
+        };
+        let kept = KeptHome {
+            position,
+            ground_altitude_m,
+        };
+        Ok((*run == bridge.to_string()).then_some(kept))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_kept_home_is_read_again_and_what_is_none_is_refused() {
+        let position = WaypointPosition {
+            latitude_deg: -37.411_200_1,
+            longitude_deg: -6.001,
+            altitude_m: 1e-9,
+        };
+        for ground_altitude_m in [None, Some(-30.001)] {
+            let kept = KeptHome {
+                position,
+                ground_altitude_m,
+            };
+            let text = kept.encode(u64::MAX);
+            assert!(text.len() < MAX_HOME_BYTES);
+            let read = |bridge| KeptHome::decode(text.as_bytes(), bridge);
+            assert_eq!(read(u64::MAX), Ok(Some(kept)));
+            assert_eq!(read(7), Ok(None), "the bridge has begun anew");
+            for length in 1..text.len() - 9 {
+                let cut = KeptHome::decode(&text.as_bytes()[..length], u64::MAX);
+                assert!(cut.is_err(), "{length}");
+            }
+        }
+        assert_eq!(KeptHome::decode(b"", 7), Ok(None));
+        for wrong in [
+            "ril-home 2 7 1 2 3 4",
+            "ril-home 1 7 NaN 2 3 4",
+            "ril-home 1 7 91 2 3 4",
+            "ril-home 1 7 1 181 3 4",
+            "ril-home 1 7 1 2 inf 4",
+            "ril-home 1 7 1 2 3 pilot",
+            "ril-home 1 7 1 2 3 4 5",
+            "RILM",
+            "\u{1f681}",
+        ] {
+            assert!(KeptHome::decode(wrong.as_bytes(), 7).is_err(), "{wrong}");
+        }
+        assert!(KeptHome::decode(&[0xff], 7).is_err());
+    }
 
     #[test]
     fn each_state_and_each_event() {

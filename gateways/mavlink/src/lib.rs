@@ -43,6 +43,7 @@ pub use areas::FenceRefusal;
 pub use commands::MEMORY;
 pub use event::{Datagram, Event, Order, OrderKind, Task};
 pub use gateway::Gateway;
+pub use home::{KeptHome, MAX_HOME_BYTES};
 pub use mission::store::{MAX_FILE_BYTES, Mission};
 pub use mode::Mode;
 pub use settings::{Settings, StationLost};

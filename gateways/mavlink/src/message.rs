@@ -45,7 +45,9 @@ kinds! {
     LOCAL_POSITION_NED = 32, 185;
     /// Place and velocity on the globe.
     GLOBAL_POSITION_INT = 33, 104;
-    /// Asks for an item of a mission, in the form that is not used any more.
+    /// An item of a mission with places that a metre is lost of; it is answered and not taken.
+    MISSION_ITEM = 39, 254;
+    /// Asks for an item of a mission, in the old form.
     MISSION_REQUEST = 40, 230;
     /// Goes on with an item of a mission.
     MISSION_SET_CURRENT = 41, 28;

@@ -4,12 +4,12 @@ use arrayvec::ArrayString;
 
 use crate::message::{
     COMMAND_INT, COMMAND_LONG, FILE_TRANSFER_PROTOCOL, HEARTBEAT, MISSION_ACK, MISSION_CLEAR_ALL,
-    MISSION_COUNT, MISSION_ITEM_INT, MISSION_REQUEST, MISSION_REQUEST_INT, MISSION_REQUEST_LIST,
-    MISSION_SET_CURRENT, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET, PING, SET_MODE,
-    TIMESYNC,
+    MISSION_COUNT, MISSION_ITEM, MISSION_ITEM_INT, MISSION_REQUEST, MISSION_REQUEST_INT,
+    MISSION_REQUEST_LIST, MISSION_SET_CURRENT, PARAM_REQUEST_LIST, PARAM_REQUEST_READ, PARAM_SET,
+    PING, SET_MODE, TIMESYNC,
 };
 use crate::mission::store::Item;
-use crate::number::{AUTOPILOT_INVALID, TYPE_PROGRAM, TYPE_STATION};
+use crate::number::{AUTOPILOT_INVALID, TYPE_PROGRAM, TYPE_STATION, is_no_integer};
 use crate::parameters::NAME;
 use crate::wire::{MavFrame, Payload};
 
@@ -114,6 +114,8 @@ pub enum MissionRequest {
     Request(u16),
     /// This is this item.
     Item(u16, Item),
+    /// This is an item, in the form whose places are floats.
+    FloatItem,
     /// How a transfer ended: MAV_MISSION_RESULT.
     Ack(u8),
     /// Go on with this item.
@@ -160,8 +162,7 @@ impl VehicleCommand {
         }
     }
 
-    /// Latitude and longitude in degrees; `None` if the command names no place. Stations write "none" in many ways: not a number, the
-    /// ends of the integers' range, and zero, of which the place is in the sea.
+    /// Latitude and longitude in degrees; `None` if the command names no place, or what is none.
     pub fn degrees(&self) -> Option<(f64, f64)> {
         let (latitude, longitude) = match self.place {
             CommandPlace::Float(x, y) => (f64::from(x), f64::from(y)),
@@ -169,6 +170,17 @@ impl VehicleCommand {
         };
         let is_place = latitude.abs() <= 90.0 && longitude.abs() <= 180.0;
         (is_place && (latitude != 0.0 || longitude != 0.0)).then_some((latitude, longitude))
+    }
+
+    /// Whether the command names no place. Stations write "none" in many ways, and in both parameters: not a number, the ends of the
+    /// integers' range. Zero is one of them where no place is expected: it lies in the sea.
+    pub fn is_without_place(&self) -> bool {
+        match self.place {
+            CommandPlace::Float(x, y) => x.is_nan() && y.is_nan() || (x, y) == (0.0, 0.0),
+            CommandPlace::Integer { x, y, .. } => {
+                is_no_integer(x) && is_no_integer(y) || (x, y) == (0, 0)
+            }
+        }
     }
 
     /// MAV_FRAME; that of COMMAND_LONG is above sea.
@@ -231,6 +243,12 @@ impl StationMessage {
                 system: payload.u8(32),
                 component: payload.u8(33),
                 request: MissionRequest::Item(payload.u16(28), Item::of(payload)),
+                mission_type: payload.u8(37),
+            },
+            MISSION_ITEM => StationMessage::Mission {
+                system: payload.u8(32),
+                component: payload.u8(33),
+                request: MissionRequest::FloatItem,
                 mission_type: payload.u8(37),
             },
             MISSION_SET_CURRENT => StationMessage::Mission {
@@ -353,6 +371,26 @@ mod tests {
         ];
         for place in none {
             assert_eq!(with(place).degrees(), None, "{place:?}");
+            assert!(with(place).is_without_place(), "{place:?}");
+        }
+        // A half of a place is none, and is not "no place" either.
+        for place in [
+            CommandPlace::Float(f32::NAN, -6.0),
+            CommandPlace::Float(37.0, f32::INFINITY),
+            CommandPlace::Float(91.0, 0.0),
+            CommandPlace::Integer {
+                x: i32::MAX,
+                y: 1,
+                frame,
+            },
+            CommandPlace::Integer {
+                x: 900_000_001,
+                y: 1,
+                frame,
+            },
+        ] {
+            assert_eq!(with(place).degrees(), None, "{place:?}");
+            assert!(!with(place).is_without_place(), "{place:?}");
         }
         let (x, y) = (374_112_000, -60_010_000);
         let place = with(CommandPlace::Integer { x, y, frame }).degrees();

@@ -4,6 +4,8 @@ mod chance;
 mod commands;
 mod common;
 mod fence;
+mod home;
+mod hostile;
 mod mission_file;
 mod missions;
 mod parameters;

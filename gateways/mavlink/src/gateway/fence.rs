@@ -92,7 +92,7 @@ impl Gateway {
                     }
                 }
             }
-            MissionRequest::SetCurrent(_) => {}
+            MissionRequest::SetCurrent(_) | MissionRequest::FloatItem => {}
             MissionRequest::Count(_) => {
                 let why = "a fence is not taken over MAVLink: set `[fence] accept`, or use `ril plan fly --fence`";
                 self.refuse_fence(sender, MissionResult::Denied, why, now);

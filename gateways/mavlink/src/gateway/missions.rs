@@ -41,6 +41,9 @@ impl Gateway {
         mission_type: u8,
         now: MonotonicNs,
     ) {
+        if *request == MissionRequest::FloatItem {
+            return self.refuse_float_item(sender, mission_type, now);
+        }
         if mission_type != MISSION && !(mission_type == ALL && *request == MissionRequest::Clear) {
             return match mission_type {
                 MISSION_TYPE_FENCE => self.fence(sender, is_station, request, now),
@@ -78,6 +81,7 @@ impl Gateway {
                 }
                 self.set_current(None, sender, sequence, now);
             }
+            MissionRequest::FloatItem => {}
             MissionRequest::Count(_) | MissionRequest::Clear => {
                 let refused = match self.not_permitted(sender, is_station) {
                     Some((_, why)) => Some(why),
@@ -99,11 +103,26 @@ impl Gateway {
                     Output::Ack(to, result) => self.acknowledge_mission(to, result, mission_type),
                     output => {
                         self.missions.asked_type = mission_type;
+                        // What waits for the rules of the bridge is not wanted any more.
+                        self.missions.spare = None;
                         self.transfer(MISSION, Some(output), now);
                     }
                 }
             }
         }
+    }
+
+    /// A station answers in the old form: whoever waits for it is told at once, and its transfer is over.
+    fn refuse_float_item(&mut self, sender: StationAddress, mission_type: u8, now: MonotonicNs) {
+        match mission_type {
+            MISSION => self.missions.transfer.cancel(sender),
+            MISSION_TYPE_FENCE => self.fence.transfer.cancel(sender),
+            _ => {}
+        }
+        self.acknowledge_mission(sender, MissionResult::Unsupported, mission_type);
+        let text =
+            "MISSION_ITEM is not taken, since its places are too coarse: send MISSION_ITEM_INT";
+        self.say(&[sender.address], MavSeverity::Error, text, now);
     }
 
     /// Rally points: there are none, and none is taken.
@@ -168,12 +187,19 @@ impl Gateway {
                     false => self.missions.asked_type,
                 };
                 self.acknowledge_mission(to, result, answered);
-                if result == MissionResult::Cancelled {
-                    let what = if is_fence { "fence" } else { "mission" };
-                    let text =
-                        format!("the {what} did not come whole, and the one of before is in force");
-                    self.say(&[to.address], MavSeverity::Error, &text, now);
-                }
+            }
+            Some(Output::Late(to, sequence)) => {
+                self.transfer(
+                    mission_type,
+                    Some(Output::Ack(to, MissionResult::Cancelled)),
+                    now,
+                );
+                let what = if is_fence { "fence" } else { "mission" };
+                let number = u32::from(sequence) + 1;
+                let text = format!(
+                    "the {what} did not come whole, and the one of before is in force: no MISSION_ITEM_INT came for item {number}"
+                );
+                self.say(&[to.address], MavSeverity::Error, &text, now);
             }
             Some(Output::Check(from, items)) if is_fence => self.put_fence(from, &items, now),
             Some(Output::Check(from, items)) => {
@@ -327,6 +353,10 @@ impl Gateway {
             let why = "the helicopter is not heard";
             return self.refuse_for_now(&key, Reason::LinkDown, why, now);
         };
+        if self.missions.is_saving {
+            let why = "another mission is just coming into force";
+            return self.refuse_for_now(&key, Reason::Busy, why, now);
+        }
         if total == 0 || first.is_some_and(|first| first >= total) {
             let why = match total {
                 0 => "there is none: send one first",
@@ -407,11 +437,11 @@ impl Gateway {
             .filter(|run| run.executor.is_running());
         let refused = if sequence >= self.missions.mission.count() {
             Some((MavResult::Denied, Reason::None, "there is no such item"))
-        } else if self.missions.starting.is_some() {
+        } else if self.missions.starting.is_some() || self.missions.is_saving {
             Some((
                 MavResult::TemporarilyRejected,
                 Reason::Busy,
-                "it is being started",
+                "it is being started, or comes into force",
             ))
         } else if run.is_some_and(|run| run.key.sender != sender) {
             let why = "another station flies it: press Pause first";

@@ -11,10 +11,11 @@
 //! What becomes of it later is a text to all stations.
 //!
 //! `missions`: how a mission comes, and its steps; `orders`: commands become orders, and reports become answers; `fence`: the geofence;
-//! `lost`: what becomes of those of a station that is lost; `output`: what is sent; `parameters`: what is asked about them; `pending`: an
+//! `home`: what is kept of home; `lost`: what becomes of those of a station that is lost; `output`: what is sent; `parameters`: what is asked about them; `pending`: an
 //! order on its way; `shown`: what the gateway says of itself.
 
 mod fence;
+mod home;
 mod lost;
 mod missions;
 mod orders;
@@ -31,6 +32,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{MavlinkVehicle, ModuleStatus, SafetyAction};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 
+use self::home::HomeKeeper;
 use self::pending::Pending;
 use crate::commands::Commands;
 use crate::counts::Counts;
@@ -63,6 +65,7 @@ pub struct Gateway {
     robot: u32,
     vehicle: Vehicle,
     home: Home,
+    keeper: HomeKeeper,
     stations: Stations,
     commands: Commands,
     texts: Texts,
@@ -95,6 +98,7 @@ impl Gateway {
             settings,
             robot,
             home: Home::default(),
+            keeper: HomeKeeper::default(),
             commands: Commands::default(),
             texts: Texts::default(),
             signing: None,
@@ -138,6 +142,7 @@ impl Gateway {
         };
         let is_flying = known.is_flying();
         if let Some(position) = known.position() {
+            self.restore_home_in_flight();
             self.home.follow(position, is_flying);
         }
         if before.is_some_and(|before| before != is_flying) {
@@ -212,8 +217,8 @@ impl Gateway {
         let Some(received) = StationMessage::of(frame) else {
             return;
         };
-        if frame.system == self.settings.system {
-            // Our own frame came back, or a stranger has our number.
+        if frame.system == self.settings.system || frame.system == 0 {
+            // Our own frame came back, or a stranger has our number; or none has sent it: an answer would be one to all.
             return;
         }
         let is_station = self.stations.touch(sender, now);
@@ -344,6 +349,7 @@ impl Gateway {
             self.parameters.deadline(),
             self.missions.deadline(),
             self.fence.deadline(),
+            self.deadline_of_home(),
         ]
         .into_iter()
         .flatten()

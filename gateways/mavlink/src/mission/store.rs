@@ -14,6 +14,7 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use plans::mavlink::{FRAME_MISSION, MissionItem};
 
 use crate::message::MISSION_ITEM_INT;
+use crate::number::is_no_integer;
 use crate::stations::StationAddress;
 use crate::wire::{MessageWriter, Payload};
 
@@ -78,7 +79,7 @@ impl Item {
         let payload = self.payload();
         let is_place = u16::from(self.frame()) != FRAME_MISSION;
         let integer = |at: usize| match payload.i32(at) {
-            i32::MAX | i32::MIN | 0x7ff8_0000 => f64::NAN,
+            value if is_no_integer(value) => f64::NAN,
             value if is_place => f64::from(value) / 1e7,
             value => f64::from(value),
         };

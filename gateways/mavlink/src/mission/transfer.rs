@@ -39,6 +39,8 @@ pub enum Output {
     Request(StationAddress, u16),
     /// Say how the transfer ended.
     Ack(StationAddress, MissionResult),
+    /// Say that it ended because this item did not come.
+    Late(StationAddress, u16),
     /// All items are there: check them, then say [`Transfer::checked`].
     Check(StationAddress, Vec<Item>),
 }
@@ -184,27 +186,27 @@ impl Transfer {
 
     /// Time has passed.
     pub fn advance(&mut self, now: MonotonicNs) -> Option<Output> {
-        let (ended, result) = match &mut self.state {
+        let ended = match &mut self.state {
             TransferState::Receiving(receiving) => {
                 let is_over = now >= receiving.limit || now >= receiving.asked + ITEM_LIMIT;
+                let awaited = receiving.items.len() as u16;
                 if !is_over {
                     if now < receiving.retry_at {
                         return None;
                     }
                     receiving.is_asked_again = true;
                     receiving.retry_at = now + receiving.retry();
-                    let awaited = receiving.items.len() as u16;
                     return Some(Output::Request(receiving.from, awaited));
                 }
-                (receiving.from, MissionResult::Cancelled)
+                Output::Late(receiving.from, awaited)
             }
             TransferState::Checking { from, limit, .. } if now >= *limit => {
-                (*from, MissionResult::Error)
+                Output::Ack(*from, MissionResult::Error)
             }
             _ => return None,
         };
         self.state = TransferState::Idle;
-        Some(Output::Ack(ended, result))
+        Some(ended)
     }
 
     /// When [`Transfer::advance`] is to be called.
@@ -279,7 +281,7 @@ mod tests {
 
     #[test]
     fn each_state_and_each_event() {
-        use MissionResult::{Accepted, Cancelled, Error, NoSpace};
+        use MissionResult::{Accepted, Error, NoSpace};
         let (one, two) = (sender(1), sender(2));
         type Event = Box<dyn Fn(&mut Transfer) -> Option<Output>>;
         let begin = |from, count| -> Event {
@@ -291,6 +293,7 @@ mod tests {
         let passes = |ms| -> Event { Box::new(move |transfer| transfer.advance(at(ms))) };
         let request = |sequence| Some(Output::Request(one, sequence));
         let ack = |to, result| Some(Output::Ack(to, result));
+        let late = || Some(Output::Late(one, 1));
         let all = || Some(Output::Check(one, vec![item(0), item(1)]));
         let none = || Some(Output::Check(one, Vec::new()));
         // For each state: what is done, and the state afterwards.
@@ -384,20 +387,12 @@ mod tests {
             (
                 "the time of an item has passed",
                 passes(1_500),
-                [
-                    (None, "idle"),
-                    (ack(one, Cancelled), "idle"),
-                    (None, "checking"),
-                ],
+                [(None, "idle"), (late(), "idle"), (None, "checking")],
             ),
             (
                 "the time of the check has passed",
                 passes(5_000),
-                [
-                    (None, "idle"),
-                    (ack(one, Cancelled), "idle"),
-                    (ack(one, Error), "idle"),
-                ],
+                [(None, "idle"), (late(), "idle"), (ack(one, Error), "idle")],
             ),
         ];
         for (event, happens, expected) in table {
@@ -447,7 +442,7 @@ mod tests {
         let ended = (0..100).find_map(|number| {
             now_ms += 1_400;
             let ended = transfer.advance(at(now_ms));
-            let is_over = matches!(ended, Some(Output::Ack(..)));
+            let is_over = matches!(ended, Some(Output::Late(..)));
             transfer.item(sender(1), number, item(number), at(now_ms));
             is_over.then_some(now_ms)
         });

@@ -93,6 +93,12 @@ impl Ports {
         })
     }
 
+    /// Numbers the run of the bridge, also through a relay; `None` if none runs.
+    pub fn bridge_run(&self) -> Option<u64> {
+        let provider = self.ipc.provider(ModuleState::KEY).ok()??;
+        Some(provider.since_ns)
+    }
+
     /// What to wait for. Without a station no sample wakes the process.
     pub fn sources(&mut self, with_samples: bool) -> impl Iterator<Item = &mut dyn Source> {
         let telemetry = with_samples.then_some(&mut self.telemetry as &mut dyn Source);

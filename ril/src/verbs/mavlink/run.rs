@@ -7,17 +7,19 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use ipc_types::payload::MavlinkStations;
 use ipc_types::{MonotonicNs, Topic};
-use mavlink_gateway::{Gateway, Signing};
+use mavlink_gateway::{Gateway, KeptHome, MAX_FILE_BYTES, MAX_HOME_BYTES, Mission, Signing};
 use module_kit::{SetUp, process};
 use runtime::args::CommonArgs;
 use runtime::config::resulting::Resulting;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
+use super::fence;
 use super::own_topic::OwnTopic;
 use super::ports::Ports;
 use super::shell::MavlinkShell;
-use super::store::MissionFile;
-use super::timestamp::TimestampFile;
+use super::state::{
+    MAX_TIMESTAMP_BYTES, StateError, StateFile, timestamp_of, warn_of_timestamp, write_timestamp,
+};
 use crate::mavlink_setup::{self, DEFAULT_FILE, EXAMPLE, MavlinkConfig};
 
 /// `ril run mavlink`
@@ -69,22 +71,31 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
     let ports = Ports::open(ipc, set_up.config.fence.bridge.clone())?;
     let system = settings.system;
     let mut gateway = Gateway::new(settings, robot.get());
+    let folder = set_up.config.state_folder();
+    let state = |what| StateFile::new(folder.as_deref(), robot, what);
     let mut timestamp = None;
     if let Some(key) = key {
-        let file = TimestampFile::new(set_up.config.state_folder().as_deref(), robot);
+        let file = state("timestamp");
         let clock = mavlink_gateway::timestamp(
             SystemTime::now()
                 .duration_since(UNIX_EPOCH)
                 .unwrap_or_default(),
         );
-        let kept = file.read().or_fail(ExitCode::Configuration)?;
+        let unusable = |why: StateError| {
+            let text = format!("the timestamp of signatures cannot be kept: {why}");
+            Failure::new(ExitCode::Configuration, text)
+        };
+        let kept = file
+            .read(MAX_TIMESTAMP_BYTES, timestamp_of)
+            .map_err(unusable)?;
+        let kept = kept.unwrap_or(0);
         gateway = gateway.signing(Signing::new(key, clock, kept, MonotonicNs::now()));
         // Before anything is signed: a place where nothing can be kept is seen at the start. A full disk ends no flight with a station.
         if let Some(first) = gateway.poll_timestamp() {
-            match file.write(first) {
-                Err(error) if error.is_full() => file.keep(first),
+            match write_timestamp(&file, first) {
+                Err(error) if error.is_full() => warn_of_timestamp(&error),
                 kept => kept.map_err(|error| {
-                    Failure::new(ExitCode::Configuration, error).with_next_step(
+                    unusable(error).with_next_step(
                         "name a folder that this user may write by `state` of mavlink.toml",
                     )
                 })?,
@@ -92,13 +103,28 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
         }
         timestamp = Some(file);
     }
-    let file = MissionFile::new(set_up.config.state_folder().as_deref(), robot);
-    match file.read() {
-        Ok(mission) => gateway.restore(mission),
-        // Without a mission the rest works.
+    let (mission, home) = (state("mission"), state("home"));
+    // Without them the rest works.
+    let decode = |bytes: &[u8]| Mission::decode(bytes).map_err(str::to_owned);
+    match mission.read(MAX_FILE_BYTES, decode) {
+        Ok(Some(mission)) => gateway.restore(mission),
+        Ok(None) | Err(StateError::NoFolder) => {}
         Err(why) => tracing::warn!("{why}; there is no mission"),
     }
-    let mut shell = MavlinkShell::new(socket, ports, topic, (file, timestamp), gateway);
+    let bridge = ports.bridge_run();
+    let decode = |bytes: &[u8]| KeptHome::decode(bytes, bridge.unwrap_or(0));
+    match home.read(MAX_HOME_BYTES, decode) {
+        Ok(Some(Some(home))) => gateway.restore_home(home),
+        Ok(_) | Err(StateError::NoFolder) => {}
+        Err(why) => tracing::warn!("{why}; home is not known before it is seen"),
+    }
+    if set_up.config.fence.accept
+        && let Some(why) = fence::trouble(ports.bridge_file())
+    {
+        tracing::warn!("as it is, no fence of a station comes into force: {why}");
+    }
+    let files = (mission, home, timestamp);
+    let mut shell = MavlinkShell::new(socket, ports, topic, files, gateway);
     tracing::info!(%address, system, "ready");
     process::run(&mut shell, &set_up.termination, &set_up.supervisor)
         .or_fail(ExitCode::Internal)?;

@@ -11,11 +11,11 @@ use mavlink_gateway::{Datagram, Event, Gateway, Task};
 use module_kit::process::{Process, Sources};
 use runtime::exit::Failure;
 
-use super::fence::FenceFile;
+use super::fence;
 use super::own_topic::OwnTopic;
 use super::ports::Ports;
-use super::store::MissionFile;
-use super::timestamp::TimestampFile;
+use super::state::{StateFile, warn_of_timestamp, write_timestamp};
+use crate::fence_file::FenceChange;
 
 /// Datagrams that are read at one wake, so that a flood cannot starve telemetry and reports.
 const MAX_DATAGRAMS: usize = 64;
@@ -51,10 +51,12 @@ pub(super) struct MavlinkShell {
     socket: UdpSocket,
     ports: Ports,
     topic: OwnTopic,
-    timestamp: Option<TimestampFile>,
+    timestamp: Option<StateFile>,
     gateway: Gateway,
-    file: MissionFile,
-    fence: FenceFile,
+    mission: StateFile,
+    home: StateFile,
+    /// The last change of the bridge's file, until the next one.
+    fence: Option<FenceChange>,
     /// Answers that the socket did not take.
     waiting: VecDeque<Datagram>,
     retry_at: Option<MonotonicNs>,
@@ -66,7 +68,7 @@ impl MavlinkShell {
         socket: UdpSocket,
         ports: Ports,
         topic: OwnTopic,
-        (file, timestamp): (MissionFile, Option<TimestampFile>),
+        (mission, home, timestamp): (StateFile, StateFile, Option<StateFile>),
         gateway: Gateway,
     ) -> MavlinkShell {
         MavlinkShell {
@@ -75,8 +77,9 @@ impl MavlinkShell {
             topic,
             timestamp,
             gateway,
-            file,
-            fence: FenceFile::new(),
+            mission,
+            home,
+            fence: None,
             waiting: VecDeque::new(),
             retry_at: None,
             deadline: None,
@@ -106,16 +109,19 @@ impl MavlinkShell {
                 Some(Task::Rules) => self.ports.ask_rules(now)?,
                 Some(Task::PutFence(areas)) => {
                     let file = self.ports.bridge_file();
-                    let put = file.and_then(|file| self.fence.put(&file, &areas));
-                    self.gateway.fence_put(put, now);
+                    let put = file.and_then(|file| fence::put(&file, &areas));
+                    let areas = put.map(|change| self.fence.insert(change).areas);
+                    self.gateway.fence_put(areas, now);
                 }
                 Some(Task::RestoreFence) => {
-                    let restored = self.fence.restore();
+                    let restored = self.fence.take().map_or(Ok(()), FenceChange::take_back);
+                    let restored = restored.map_err(|error| error.to_string());
                     self.gateway.fence_restored(restored, now);
                 }
                 Some(Task::Save(mission)) => {
-                    let result = self.file.write(&mission);
-                    self.gateway.saved(mission, result, now);
+                    let written = self.mission.write(&mission.encode());
+                    let written = written.map_err(|why| why.to_string());
+                    self.gateway.saved(mission, written, now);
                 }
             }
             self.ports.take_rules(&mut self.gateway, now);
@@ -146,8 +152,24 @@ impl MavlinkShell {
         let Some(file) = &self.timestamp else {
             return;
         };
-        if let Some(timestamp) = self.gateway.poll_timestamp() {
-            file.keep(timestamp);
+        if let Some(timestamp) = self.gateway.poll_timestamp()
+            && let Err(error) = write_timestamp(file, timestamp)
+        {
+            warn_of_timestamp(&error);
+        }
+    }
+
+    fn keep_home(&mut self, now: MonotonicNs) {
+        let Some(home) = self.gateway.poll_home(now) else {
+            return;
+        };
+        // Without a bridge there is no flight that it could belong to.
+        let bridge = self.ports.bridge_run();
+        let kept = home.zip(bridge);
+        let text = kept.map_or_else(String::new, |(home, bridge)| home.encode(bridge));
+        if let Err(error) = self.home.write(text.as_bytes()) {
+            let what = "a restart in flight forgets it";
+            tracing::warn!(%error, "home was not kept: {what}");
         }
     }
 
@@ -188,6 +210,7 @@ impl Process for MavlinkShell {
         self.ports.take_rules(&mut self.gateway, now);
         self.work(now)?;
         self.keep_timestamp();
+        self.keep_home(now);
         self.write(now);
         self.log();
         self.topic.tend(&self.gateway, now);

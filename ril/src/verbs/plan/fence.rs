@@ -2,20 +2,16 @@
 //!
 //! [`fence_file`](crate::fence_file) says which areas make way for which.
 
-use std::fs;
-use std::io;
 use std::path::Path;
 use std::time::Duration;
 
-use bridge::BridgeConfig;
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, ModuleState};
 use ipc_types::{MonotonicNs, fresh_request_id};
 use plans::model::FenceArea;
-use runtime::durable;
 use runtime::exit::{ExitCode, Failure};
 
-use crate::fence_file::with_areas;
+use crate::fence_file::{FenceChange, FenceFileError};
 use crate::render::messages::Verb;
 use crate::request::{Conversation, Format, Until};
 use crate::session::{Latest, Session};
@@ -35,23 +31,18 @@ pub fn put(
     if areas.is_empty() {
         return Err(Failure::usage("--fence: the plan has no fence of its own"));
     }
-    let name = file.display();
-    let before = fs::read_to_string(file)
-        .map_err(|error| Failure::usage(format!("{name}: cannot be read: {error}")))?;
-    let after = with_areas(&before, areas)
-        .map_err(|reason| Failure::usage(format!("--fence: {name}: {reason}")))?;
-    let expected: BridgeConfig = runtime::config::parse(&after, name.to_string())?;
-    let unwritten = |error: io::Error| {
-        Failure::usage(format!(
-            "--fence: {name} cannot be written: {error}; the fence is as before"
-        ))
-    };
-    durable::replace(file, after.as_bytes()).map_err(unwritten)?;
-    let count = expected.fence.areas() as u32;
+    let change = FenceChange::put(file, areas).map_err(|error| match error {
+        FenceFileError::Read { .. } => Failure::usage(error.to_string()),
+        FenceFileError::Configuration(error) => error.into(),
+        error => Failure::usage(format!("--fence: {error}")),
+    })?;
+    let count = change.areas as u32;
     let taken =
         reload(session, timeout, format).and_then(|()| await_areas(session, timeout, count, file));
     if taken.is_err() {
-        durable::replace(file, before.as_bytes()).map_err(unwritten)?;
+        change
+            .take_back()
+            .map_err(|error| Failure::usage(format!("--fence: {error}")))?;
         // The bridge may have read the file in between.
         let _ = reload(session, timeout, Format::Silent);
     }

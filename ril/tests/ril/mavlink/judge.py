@@ -72,6 +72,21 @@ assert set_parameter("DSP_CRUISE_MPS", 6.5, False).param_value == 6.5
 assert set_parameter("DSP_CRUISE_MPS", 99.0, True).error == 2
 assert set_parameter("MIS_TAKEOFF_ALT", 8.0, False).param_value == 8.0
 
+# A client that answers in the old form of items is told so, and one that asks in the old form gets the one form that there is.
+vehicle.mav.mission_count_send(1, 1, 1, 0)
+until("a question", lambda one: one.get_type() == "MISSION_REQUEST_INT")
+vehicle.mav.mission_item_send(1, 1, 0, 3, 22, 0, 1, 0, 0, 0, NAN, 0, 0, 10.0, 0)
+assert until("an answer", lambda one: one.get_type() == "MISSION_ACK").type == 3
+until("the reason", lambda one: one.get_type() == "STATUSTEXT" and one.text.startswith("MISSION_ITEM is not taken"))
+vehicle.mav.mission_count_send(1, 1, 1, 0)
+until("a question", lambda one: one.get_type() == "MISSION_REQUEST_INT")
+vehicle.mav.mission_item_int_send(1, 1, 0, 3, 22, 0, 1, 0, 0, 0, NAN, 0, 0, 10.0, 0)
+assert until("an answer", lambda one: one.get_type() == "MISSION_ACK").type == 0
+vehicle.mav.mission_request_list_send(1, 1, 0)
+until("a number", lambda one: one.get_type() == "MISSION_COUNT" and one.count == 1)
+vehicle.mav.mission_request_send(1, 1, 0, 0)
+assert until("an item", lambda one: one.get_type() == "MISSION_ITEM_INT").z == 10.0
+
 assert command(22, NAN, 0, 0, NAN, NAN, NAN, NAN) == 0
 landed_state(2)
 assert command(400, 0, 21196) == 2, "kill in the air"

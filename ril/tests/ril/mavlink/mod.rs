@@ -9,7 +9,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 use endurance::mavlink::station::{Received, Station};
-use ipc_types::payload::MavlinkStations;
+use ipc_types::payload::{MavlinkStations, ModuleState};
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Process, Sandbox, languages, packages};
 
@@ -20,6 +20,7 @@ const NAN: f32 = f32::NAN;
 /// Modes of PX4, as the heartbeat has them.
 const HOLD: u32 = 0x0304_0000;
 const LAND: u32 = 0x0604_0000;
+const RETURN: u32 = 0x0504_0000;
 const OFFBOARD: u32 = 0x0006_0000;
 
 /// A gateway for this station. What a stall of the machine makes of ages and answers is no part of these tests, unless `lost_s` says so.
@@ -81,6 +82,35 @@ fn a_station_arms_takes_off_flies_there_holds_and_lands() {
     station.until_mode(LAND);
     station.until_text("land done");
     station.until("on the ground", on_ground);
+    end(gateway, Signal::TERM);
+    robot.end();
+}
+
+#[test]
+fn a_gateway_that_is_killed_in_flight_knows_home_when_it_starts_again() {
+    let rig = sandbox();
+    let robot = rig.start_robot(1, 10);
+    let mut station = Station::new();
+    let mut first = gateway(&rig, station.port(), 60.0);
+    station.connect();
+    assert_eq!(station.command(22, [NAN, 0.0, 0.0, NAN, NAN, NAN, NAN]), 0);
+    station.until_text("take-off done");
+    let kept = || fs::read_to_string(rig.path("state/robot-1.home")).unwrap_or_default();
+    // The bridge says the ground at least once a second, and the gateway keeps it once a second.
+    let mut states = rig.subscribe::<ModuleState>(1);
+    states.until("the home of this flight is kept", |state| {
+        station.next_message();
+        kept().ends_with(&format!(" {}\n", state.ground_altitude_m))
+    });
+    first.signal(Signal::KILL);
+    first.wait_status();
+    let gateway = gateway(&rig, station.port(), 60.0);
+    station.reconnect();
+    assert_eq!(station.command(20, [0.0; 7]), 0, "a return");
+    station.until_mode(RETURN);
+    station.until("on the ground", |message| {
+        message.is(245) && message.u8(1) == 1
+    });
     end(gateway, Signal::TERM);
     robot.end();
 }

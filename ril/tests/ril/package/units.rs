@@ -245,6 +245,33 @@ fn the_configuration_of_the_package_is_taken_by_the_processes() {
     assert!(folders.contains(&own), "{folders}");
 }
 
+/// What keeps the service from writing the fence of a station is what the manual tells the operator to permit, and a purge removes that.
+#[test]
+fn the_manual_permits_the_service_to_write_the_fence_where_its_bridge_reads_it() {
+    let unit = unit("ril-mavlink@.service");
+    let words: Vec<&str> = only(&unit, "ExecStart").split(' ').collect();
+    let config = words.iter().position(|word| *word == "--config").unwrap() + 1;
+    let folder = Path::new(words[config]).parent().unwrap();
+    let folder = folder.to_str().unwrap().replace("robot-7", "robot-1");
+    assert_eq!(only(&unit, "ProtectSystem"), "strict");
+    assert!(!only(&unit, "ReadWritePaths").contains("/etc"));
+    let read = |path: &str| fs::read_to_string(repository(path)).unwrap();
+    let example = read("ril/mavlink.toml");
+    assert!(example.contains(&format!("#bridge = \"{folder}/bridge.toml\"")));
+    let manual = read("docs/install.md");
+    let drop_in = "/etc/systemd/system/ril-mavlink@1.service.d";
+    for said in [
+        format!("bridge = \"{folder}/bridge.toml\""),
+        format!("ReadWritePaths={folder}\\n"),
+        format!("chmod g+w {folder}\n"),
+        format!("{drop_in}/"),
+    ] {
+        assert!(manual.contains(&said), "{said}");
+    }
+    let removed = drop_in.replace("@1", "@*");
+    assert!(read("package/debian/postrm").contains(&removed));
+}
+
 #[test]
 fn the_udev_rule_makes_the_port_of_the_configuration() {
     let rule = fs::read_to_string(repository("package/udev/65-hero-dsp.rules")).unwrap();

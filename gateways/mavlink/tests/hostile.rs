@@ -1,0 +1,189 @@
+//! Stations that lie, hurry or speak an old form: nothing moves by mistake, and each gets an answer.
+
+use ipc_types::code::Reason;
+use mavlink_gateway::message::{
+    COMMAND_ACK, HEARTBEAT, MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_ITEM,
+    MISSION_ITEM_INT, MISSION_REQUEST_INT, STATUSTEXT,
+};
+use mavlink_gateway::wire::MessageWriter;
+
+use crate::common::{HERE, QGC, Sent, World, acks, long, reposition, texts};
+
+const NAN: f32 = f32::NAN;
+const INFINITY: f32 = f32::INFINITY;
+
+fn here() -> (i32, i32) {
+    ((HERE.0 * 1e7) as i32, (HERE.1 * 1e7) as i32)
+}
+
+#[test]
+fn what_is_no_place_or_no_number_moves_nothing_and_is_denied() {
+    let (x, y) = here();
+    let goto = |x, y, z| long(192, [-1.0, 0.0, 0.0, NAN, x, y, z]);
+    let in_the_air = [
+        reposition(6, 900_000_001, y, 30.0),
+        reposition(6, x, 1_800_000_001, 30.0),
+        reposition(6, i32::MAX, y, 30.0),
+        reposition(6, x, i32::MIN, 30.0),
+        reposition(6, x, y, INFINITY),
+        reposition(6, i32::MAX, i32::MAX, INFINITY),
+        goto(INFINITY, INFINITY, 30.0),
+        goto(37.0, NAN, 30.0),
+        goto(NAN, NAN, -INFINITY),
+        long(193, [NAN; 7]),
+        long(193, [2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        // Not mode 4, Mission, by its lowest eight bits.
+        long(176, [1.0, 260.0, 4.0, 0.0, 0.0, 0.0, 0.0]),
+        long(176, [1.0, 4.0, 260.0, 0.0, 0.0, 0.0, 0.0]),
+        long(22, [0.0, 0.0, 0.0, NAN, NAN, NAN, INFINITY]),
+        long(22, [0.0, 0.0, 0.0, NAN, 91.0, NAN, 45.0]),
+        long(178, [1.0, NAN, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        long(179, [0.0, 0.0, 0.0, 0.0, 37.0, -6.0, INFINITY]),
+        long(179, [0.0, 0.0, 0.0, 0.0, NAN, -6.0, 10.0]),
+        long(400, [NAN; 7]),
+    ];
+    for message in in_the_air {
+        let mut world = World::flying();
+        world.receive(QGC, &QGC.frame(&message));
+        assert_eq!(world.orders(), [], "{message:?}");
+        let answers = acks(&world.sent());
+        assert_eq!(answers.len(), 1, "{message:?}");
+        assert_eq!(answers[0].1, 2, "{message:?}");
+    }
+}
+
+#[test]
+fn a_system_with_the_number_of_all_is_none() {
+    let mut world = World::with_station();
+    let nobody = |message: &MessageWriter| message.frame(0, 0, 190);
+    let heartbeat = MessageWriter::new(HEARTBEAT)
+        .u32(0)
+        .u8(6)
+        .u8(8)
+        .u8(0)
+        .u8(4)
+        .u8(3);
+    world.receive(QGC, &nobody(&heartbeat));
+    world.receive(QGC, &nobody(&long(400, [1.0; 7])));
+    world.receive(QGC, &nobody(&count(3, 0)));
+    assert_eq!(world.orders(), []);
+    let answers = |one: &&Sent| {
+        matches!(
+            one.kind,
+            COMMAND_ACK | MISSION_ACK | MISSION_REQUEST_INT | STATUSTEXT
+        )
+    };
+    assert_eq!(world.sent().iter().find(answers), None);
+}
+
+fn count(count: u16, mission_type: u8) -> MessageWriter {
+    let message = MessageWriter::new(MISSION_COUNT).u16(count).u8(1).u8(1);
+    message.u8(mission_type)
+}
+
+/// A take-off to this height.
+fn take_off(z: f32) -> MessageWriter {
+    let message = MessageWriter::new(MISSION_ITEM_INT).f32s(0.0, 3).f32(NAN);
+    let message = message.i32(0).i32(0).f32(z).u16(0).u16(22);
+    message.u8(1).u8(1).u8(6).u8(0).u8(1).u8(0)
+}
+
+fn clear() -> MessageWriter {
+    MessageWriter::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(0)
+}
+
+/// MISSION_ACK: the results that were sent.
+fn results(sent: &[Sent]) -> Vec<u8> {
+    let answers = sent.iter().filter(|one| one.kind == MISSION_ACK);
+    answers.map(|ack| ack.bytes::<1>(2)[0]).collect()
+}
+
+/// A helicopter with a mission of one item.
+fn with_mission() -> World {
+    let mut world = World::with_station();
+    world.receive(QGC, &QGC.frame(&count(1, 0)));
+    world.receive(QGC, &QGC.frame(&take_off(15.0)));
+    world.serve("");
+    assert_eq!(results(&world.sent()), [0]);
+    world
+}
+
+#[test]
+fn a_start_behind_a_clearing_is_answered() {
+    let mut world = with_mission();
+    world.receive(QGC, &QGC.frame(&clear()));
+    world.command(QGC, 300, [0.0; 7]);
+    world.command(QGC, 224, [0.0; 7]);
+    let busy = Reason::Busy.code();
+    assert_eq!(acks(&world.sent()), [(300, 1, busy), (224, 1, busy)]);
+    world.serve("");
+    assert_eq!(results(&world.sent()), [0]);
+    assert_eq!(world.orders(), []);
+    assert_eq!(world.disk.as_ref().map(|mission| mission.count()), Some(0));
+}
+
+#[test]
+fn a_clearing_behind_a_mission_that_waits_for_its_check_clears() {
+    let mut world = with_mission();
+    world.receive(QGC, &QGC.frame(&count(1, 0)));
+    world.receive(QGC, &QGC.frame(&take_off(20.0)));
+    world.receive(QGC, &QGC.frame(&clear()));
+    world.serve("");
+    assert_eq!(results(&world.sent()), [0]);
+    assert_eq!(world.disk.as_ref().map(|mission| mission.count()), Some(0));
+}
+
+#[test]
+fn a_mission_and_a_fence_that_come_alternately_do_not_mix() {
+    let mut world = World::with_station();
+    world.receive(QGC, &QGC.frame(&count(1, 0)));
+    // Without `[fence] accept` this one is denied, and the other one goes on.
+    world.receive(QGC, &QGC.frame(&count(1, 1)));
+    assert_eq!(results(&world.sent()), [14]);
+    world.receive(QGC, &QGC.frame(&take_off(15.0)));
+    world.serve("");
+    assert_eq!(results(&world.sent()), [0]);
+}
+
+#[test]
+fn items_in_the_old_form_are_refused_at_once() {
+    // Mission, fence, rally points.
+    for mission_type in [0, 1, 2] {
+        let old = MessageWriter::new(MISSION_ITEM)
+            .f32s(0.0, 4)
+            .f32(37.0)
+            .f32(-6.0);
+        let old = old.f32(15.0).u16(0).u16(16).u8(1).u8(1);
+        let old = old.u8(3).u8(0).u8(1).u8(mission_type);
+        let mut world = World::with_station();
+        world.receive(QGC, &QGC.frame(&count(2, 0)));
+        world.sent();
+        world.receive(QGC, &QGC.frame(&old));
+        let sent = world.sent();
+        assert_eq!(results(&sent), [3], "{mission_type}");
+        let text = texts(&sent).remove(0);
+        assert_eq!(text.0, 3);
+        assert!(text.1.ends_with("send MISSION_ITEM_INT"), "{text:?}");
+        // The transfer of that type is over.
+        world.pass(300);
+        let asked = world.sent();
+        let asked = asked.iter().any(|one| one.kind == MISSION_REQUEST_INT);
+        assert_eq!(asked, mission_type != 0);
+    }
+}
+
+#[test]
+fn whoever_does_not_answer_the_question_for_an_item_is_told_which_it_was() {
+    let mut world = World::with_station();
+    world.receive(QGC, &QGC.frame(&count(2, 0)));
+    world.pass(1_600);
+    let sent = world.sent();
+    assert_eq!(results(&sent), [15]);
+    let expected = "no MISSION_ITEM_INT came for item 1";
+    assert!(
+        texts(&sent)
+            .iter()
+            .any(|(_, text)| text.ends_with(expected)),
+        "{sent:?}"
+    );
+}
