@@ -40,7 +40,7 @@ const SILENCES: [usize; 2] = [2, 3];
 /// How long the air is silent after the station has noticed it.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// How often samples are taken. Waking for each of them would cost more than all robots' processes do; a subscriber holds those of more
+/// How often samples are taken, and the ends of commands: there are more than one wait takes. Waking for each of them would cost more than all robots' processes do; a subscriber holds those of more
 /// than a second.
 const TICK: Duration = Duration::from_millis(50);
 
@@ -501,12 +501,10 @@ impl Fleet<'_> {
     }
 
     fn sleep(&mut self) -> Result<(), Failure> {
-        let mut descriptors = vec![
+        let mut descriptors = [
             Descriptor::new(self.termination.as_fd()),
             Descriptor::new(self.readiness.as_fd()),
         ];
-        let orders = self.crafts.iter().filter_map(|craft| craft.order.as_ref());
-        descriptors.extend(orders.map(|process| Descriptor::new(process.as_fd())));
         let descriptors = descriptors.iter_mut().map(|one| one as &mut dyn Source);
         let mut sources: Vec<_> = descriptors.map(|source| ((), source)).collect();
         let waited = self.waiter.wait(&mut sources, Some(TICK));
