@@ -78,10 +78,13 @@ impl Dialogue {
     }
 }
 
+/// The look that is under way.
+type Look = Pin<Box<dyn Future<Output = Result<(), Ended>>>>;
+
 /// A dialogue that is being played. Before its first line the kit looks whether the helicopter stands, as a run does.
 pub struct Replay {
     wire: Rc<RefCell<Wire>>,
-    look: Option<Pin<Box<dyn Future<Output = Result<(), Ended>>>>>,
+    look: Option<Look>,
     ended_early: Option<Ended>,
     left: VecDeque<(Duration, Vec<u8>)>,
     /// How long after the first line of the PC the DSP is listened to.
