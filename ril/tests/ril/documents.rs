@@ -34,8 +34,9 @@ use crate::common::sandbox;
 use crate::watch::screen::Screen;
 
 /// Pages with something to run, each of which has a test below.
-const PAGES: [&str; 11] = [
+const PAGES: [&str; 12] = [
     "README.md",
+    "docs/firmware.md",
     "docs/install.md",
     "docs/json.md",
     "docs/mavlink.md",
@@ -743,6 +744,11 @@ fn the_examples_of_the_page_about_plans_run() {
 #[test]
 fn the_examples_of_the_reference_run() {
     Reader::new("docs/reference.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_firmware_are_right() {
+    Reader::new("docs/firmware.md").reads();
 }
 
 #[test]
