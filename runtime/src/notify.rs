@@ -42,9 +42,12 @@ impl Notifier {
         self.send("STOPPING=1");
     }
 
-    /// The process is alive.
+    /// The process is alive. Nothing is sent to a supervisor that does not watch: what it does not read would take the place of what it
+    /// waits for.
     pub fn watchdog(&self) {
-        self.send("WATCHDOG=1");
+        if self.watchdog.is_some() {
+            self.send("WATCHDOG=1");
+        }
     }
 
     /// How often [`watchdog`](Self::watchdog) should be called: half of what the supervisor tolerates. `None` if it
@@ -93,14 +96,21 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("notify");
         let supervisor = UnixDatagram::bind(&path).unwrap();
-        let notifier = notifier(&[("NOTIFY_SOCKET", path.as_os_str())]);
-        notifier.ready();
-        notifier.watchdog();
-        notifier.stopping();
-        for expected in ["READY=1", "WATCHDOG=1", "STOPPING=1"] {
-            let mut message = [0; 32];
-            let length = supervisor.recv(&mut message).unwrap();
-            assert_eq!(&message[..length], expected.as_bytes());
+        let socket = ("NOTIFY_SOCKET", path.as_os_str());
+        let watched = notifier(&[socket, ("WATCHDOG_USEC", OsStr::new("3000000"))]);
+        let unwatched = notifier(&[socket]);
+        for (notifier, messages) in [
+            (watched, &["READY=1", "WATCHDOG=1", "STOPPING=1"][..]),
+            (unwatched, &["READY=1", "STOPPING=1"]),
+        ] {
+            notifier.ready();
+            notifier.watchdog();
+            notifier.stopping();
+            for expected in messages {
+                let mut message = [0; 32];
+                let length = supervisor.recv(&mut message).unwrap();
+                assert_eq!(&message[..length], expected.as_bytes());
+            }
         }
     }
 
