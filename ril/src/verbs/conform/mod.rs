@@ -223,7 +223,7 @@ fn ended_early(ended: &Ended, profile: Profile) -> Failure {
         Ended::Silent => (
             ExitCode::Timeout,
             "the DSP sends nothing".to_owned(),
-            "is it switched on, is the cable right, and does it acknowledge a read (section 8.2)?",
+            "is it switched on, are cable, --baud-rate and --profile right? A DSP that computes the check field wrongly (sections 2 and 11) takes no command, and so sends nothing",
         ),
         Ended::Garbled(rejected) => (
             ExitCode::Timeout,
