@@ -9,6 +9,7 @@
 //!
 //! [`KeptHome`] outlives the gateway: that of a take-off until the helicopter lands, that of an operator as long as the bridge lives.
 
+use ipc_types::MonotonicNs;
 use ipc_types::payload::WaypointPosition;
 
 /// See the module's documentation. Altitudes have telemetry's zero.
@@ -129,6 +130,17 @@ impl KeptHome {
         };
         Ok((*run == bridge.to_string()).then_some(kept))
     }
+}
+
+/// What of home is on the disk, and what a gateway of before has left there.
+#[derive(Clone, Debug, Default)]
+pub struct HomeKeeper {
+    /// What is kept.
+    pub kept: Option<KeptHome>,
+    /// When it was.
+    pub at: Option<MonotonicNs>,
+    /// What was kept of a flight before this gateway began; nothing has said yet whether that flight goes on.
+    pub before: Option<KeptHome>,
 }
 
 #[cfg(test)]

@@ -11,17 +11,6 @@ use crate::home::{Home, KeptHome};
 /// Homes are kept at most so often: a station may set one after another, and each is a write to the disk.
 const KEEP_PERIOD: Duration = Duration::from_secs(1);
 
-/// See the module's documentation.
-#[derive(Clone, Debug, Default)]
-pub(super) struct HomeKeeper {
-    /// What is kept.
-    kept: Option<KeptHome>,
-    /// When it was.
-    at: Option<MonotonicNs>,
-    /// What was kept of a flight before this gateway began; nothing has said yet whether that flight goes on.
-    before: Option<KeptHome>,
-}
-
 impl Gateway {
     /// The home that a gateway of before has kept, while the same bridge was running.
     pub fn restore_home(&mut self, kept: KeptHome) {

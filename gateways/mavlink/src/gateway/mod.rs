@@ -32,13 +32,12 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{MavlinkVehicle, ModuleStatus, SafetyAction};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 
-use self::home::HomeKeeper;
 use self::pending::Pending;
 use crate::commands::Commands;
 use crate::counts::Counts;
 use crate::event::{Datagram, Event, Order, Task};
 use crate::fence::Fence;
-use crate::home::Home;
+use crate::home::{Home, HomeKeeper};
 use crate::message::{FILE_TRANSFER_PROTOCOL, PING, TIMESYNC};
 use crate::mission::Missions;
 use crate::number::{COMPONENT, MISSION_PLANNER, MavSeverity};
