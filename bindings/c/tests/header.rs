@@ -30,7 +30,7 @@ const TYPES: [(&str, &str); 34] = [
     ("*mut Offset", "hero_ril_offset *"),
     ("*const HeroTelemetry", "const HeroTelemetry *"),
     ("*const AnySource", "const hero_ril_source *"),
-    ("*mut Counts", "hero_ril_losses *"),
+    ("*mut LossCounts", "hero_ril_losses *"),
     ("*mut RequestReport", "RequestReport *"),
     ("*const RequestReport", "const RequestReport *"),
     ("SampleCallback", "hero_ril_sample_callback"),
