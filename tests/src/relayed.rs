@@ -1,7 +1,6 @@
 //! [`Rig`]: a robot and a ground station, each in a [`Sandbox`] of its own, and the relays between them.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::net::TcpListener;
 use std::path::Path;
 use std::time::Duration;
 
@@ -10,7 +9,7 @@ use ipc_types::payload::{DspTelemetry, ModuleState, RelayLink};
 
 pub use crate::process::says;
 use crate::process::{Finished, Process};
-use crate::sandbox::{Robot, Sandbox};
+use crate::sandbox::{Robot, Sandbox, free_port};
 
 /// The name of the station, which may command the robot.
 pub const STATION: &str = "gcs";
@@ -189,10 +188,9 @@ pub fn await_link(station: &Sandbox, robot: u32) {
     });
 }
 
-/// An endpoint on loopback that no other process has at this moment.
+/// An endpoint on loopback that no other process has.
 pub fn free_endpoint() -> String {
-    let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
-    format!("tcp/{}", listener.local_addr().expect("an address"))
+    format!("tcp/127.0.0.1:{}", free_port())
 }
 
 /// What bridges did, by what they logged about every request.

@@ -7,8 +7,10 @@ use std::cell::Cell;
 use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::io::{self, Write as _};
+use std::net::{TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{self, Command};
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::Duration;
 
@@ -49,6 +51,24 @@ begin_within_ms = 60000
 
 /// Lets a process of `ril` end when the one that started it is killed.
 const WITH_PARENT: &str = "RIL_ENDS_WITH_PARENT";
+
+/// A port on loopback that no other process has, for TCP and for UDP, and that no other test gets: below those that the kernel gives away.
+///
+/// # Panics
+///
+/// When there is none.
+pub fn free_port() -> u16 {
+    static GIVEN: AtomicU32 = AtomicU32::new(0);
+    let mut ports = (0..20_000).map(|_| {
+        let given = GIVEN.fetch_add(1, Ordering::Relaxed);
+        (10_000 + (process::id() * 61 + given) % 20_000) as u16
+    });
+    let is_free = |port: &u16| {
+        let address = ("127.0.0.1", *port);
+        TcpListener::bind(address).is_ok() && UdpSocket::bind(address).is_ok()
+    };
+    ports.find(is_free).expect("a free port")
+}
 
 /// The binary `ril` that `RIL_BINARY` names, or the one in a folder of `PATH`. `None` if there is none: a line on standard
 /// error then says that the test is skipped, also when tests that pass print nothing.

@@ -34,6 +34,9 @@ pub fn put(
     let change = FenceChange::put(file, areas).map_err(|error| match error {
         FenceFileError::Read { .. } => Failure::usage(error.to_string()),
         FenceFileError::Configuration(error) => error.into(),
+        FenceFileError::Write { .. } => {
+            Failure::usage(format!("--fence: {error}; the fence is as before"))
+        }
         error => Failure::usage(format!("--fence: {error}")),
     })?;
     let count = change.areas as u32;

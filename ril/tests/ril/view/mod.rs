@@ -9,11 +9,11 @@ mod replayed;
 use std::fs;
 use std::net::{TcpListener, TcpStream};
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 use ipc_types::RobotId;
 use ipc_types::code::{MovementKind, Reason};
 use ril_tests::process::Signal;
+use ril_tests::sandbox::free_port;
 use ril_tests::{Answer, Process, Sandbox, StandInBridge};
 use serde_json::{Value, json};
 
@@ -25,15 +25,6 @@ struct View {
     process: Process,
     port: u16,
     token: String,
-}
-
-/// A port that no other process has, and that no other test gets: below those that the kernel gives away.
-fn free_port() -> u16 {
-    static GIVEN: AtomicU32 = AtomicU32::new(0);
-    let ports = std::iter::repeat_with(|| GIVEN.fetch_add(1, Ordering::Relaxed));
-    let mut ports = ports.map(|given| (10_000 + (std::process::id() * 61 + given) % 20_000) as u16);
-    let is_free = |port: &u16| TcpListener::bind(("127.0.0.1", *port)).is_ok();
-    ports.find(is_free).expect("a free port")
 }
 
 /// `ril` with these arguments, whose runtime folder is the sandbox's.

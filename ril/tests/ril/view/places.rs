@@ -4,9 +4,10 @@ use std::fs::{self, Permissions};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 
 use ril_tests::process::Signal;
+use ril_tests::sandbox::free_port;
 use serde_json::json;
 
-use super::{View, free_port, ril};
+use super::{View, ril};
 use crate::common::{FOR_SLOW_MACHINES, Flight, end, sandbox};
 use crate::view::page::Page;
 

@@ -5,11 +5,12 @@ use std::collections::BTreeSet;
 use ipc_types::code::LinkState;
 use ipc_types::payload::{ModuleState, SharedStruct};
 use ril_tests::process::Signal;
+use ril_tests::sandbox::free_port;
 use ril_tests::{Process, Sandbox, StandInBridge};
 use serde_json::{Value, json};
 
 use super::page::{Message, Page, request};
-use super::{View, free_port, order, ril, run_file, token};
+use super::{View, order, ril, run_file, token};
 use crate::common::{end, sandbox};
 use crate::record::feed::{only_file, until_publishers, words};
 use crate::replay::made::record;

@@ -4,7 +4,6 @@ mod client;
 mod hostile;
 
 use std::fs;
-use std::net::TcpListener;
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -12,7 +11,7 @@ use std::time::{Duration, Instant};
 use ipc_types::MonotonicNs;
 use ipc_types::payload::HeroTelemetry;
 use ril_tests::Process;
-use ril_tests::sandbox::Holdings;
+use ril_tests::sandbox::{Holdings, free_port};
 use serde_json::{Value, json};
 
 use crate::outcome::{Outcome, Times};
@@ -126,12 +125,6 @@ impl View {
             token: String::new(),
         }
     }
-}
-
-/// A port that no other process has at this moment.
-fn free_port() -> u16 {
-    let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
-    listener.local_addr().expect("an address").port()
 }
 
 fn measure(
