@@ -5,17 +5,17 @@
 //! end of what is there [`LogReader::next`] gives nothing, and more when there is more.
 //!
 //! ```
-//! use status::log::read::{Entry, LogReader};
+//! use status::log::read::{LogEntry, LogReader};
 //!
 //! let text = "flying\tsequence\treceived_ns\tgps_quality\n1\t7\t5000\t4\n1\t8\tx\t4\n1\t9";
 //! let mut log = LogReader::new(text.as_bytes());
-//! let Some(Entry::Row(row)) = log.next()? else { panic!() };
+//! let Some(LogEntry::Row(row)) = log.next()? else { panic!() };
 //! assert_eq!((row.sequence, row.cells().nth(3)), (7, Some("4")));
-//! let Some(Entry::Damaged(damage)) = log.next()? else { panic!() };
+//! let Some(LogEntry::Damaged(damage)) = log.next()? else { panic!() };
 //! assert_eq!(damage.to_string(), "line 3: `received_ns` is no number: x");
 //! assert!(log.next()?.is_none());
 //! assert_eq!(log.unfinished_bytes(), 3);
-//! # Ok::<(), status::log::read::ReadError>(())
+//! # Ok::<(), status::log::read::LogReadError>(())
 //! ```
 
 #[cfg(test)]
