@@ -96,8 +96,8 @@ pub struct DoorbellSlot(usize);
 
 impl DoorbellSlot {
     /// The bit of one of the service's events.
-    pub(crate) fn bits(self, channel: ServiceEvent) -> Bits {
-        let direction = match channel {
+    pub(crate) fn bits(self, event: ServiceEvent) -> Bits {
+        let direction = match event {
             ServiceEvent::Samples | ServiceEvent::Responses => 0,
             ServiceEvent::Subscribers | ServiceEvent::Requests => 1,
         };
@@ -288,7 +288,7 @@ mod tests {
 
     #[test]
     fn every_event_has_a_bit_of_its_own() {
-        let channels = [
+        let events = [
             ServiceEvent::Samples,
             ServiceEvent::Subscribers,
             ServiceEvent::Requests,
@@ -296,8 +296,8 @@ mod tests {
         ];
         let mut all = vec![GENERATION.get()];
         for spec in &SERVICES {
-            for channel in channels {
-                all.push(doorbell_slot(spec.contract.key).bits(channel).get());
+            for event in events {
+                all.push(doorbell_slot(spec.contract.key).bits(event).get());
             }
         }
         assert!(all.iter().all(|bits| bits.count_ones() == 1));

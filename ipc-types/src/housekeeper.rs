@@ -85,7 +85,7 @@ pub(crate) struct Maintained {
     /// Whether its clients may need the reserve.
     keeps_reserve: bool,
     passes: AtomicU32,
-    orders: TaskSender,
+    tasks: TaskSender,
     /// When the thread was last asked to judge who has the places, host monotonic ns.
     asked_ns: AtomicU64,
     deaths: AtomicU32,
@@ -111,7 +111,7 @@ impl Maintained {
             keeps_reserve,
             folder: generation.path().to_owned(),
             passes: AtomicU32::new(0),
-            orders: housekeeper.orders.clone(),
+            tasks: housekeeper.tasks.clone(),
             asked_ns: AtomicU64::new(0),
             deaths: AtomicU32::new(0),
             is_worn: AtomicBool::new(false),
@@ -152,7 +152,7 @@ impl Maintained {
             is_full: taken >= places,
         };
         // Without the thread the places stay as they are.
-        self.orders
+        self.tasks
             .give(HousekeeperTask::Judge(Arc::downgrade(self), crowd));
     }
 
@@ -379,7 +379,7 @@ impl ThreadWaker {
     }
 }
 
-/// Where orders to the thread are given.
+/// Where tasks are given to the thread.
 #[derive(Clone, Debug)]
 struct TaskSender {
     sender: Sender<HousekeeperTask>,
@@ -387,9 +387,9 @@ struct TaskSender {
 }
 
 impl TaskSender {
-    fn give(&self, order: HousekeeperTask) {
-        // Without the thread the order is dropped here, and with it what it holds.
-        let _ = self.sender.send(order);
+    fn give(&self, task: HousekeeperTask) {
+        // Without the thread the task is dropped here, and with it what it holds.
+        let _ = self.sender.send(task);
         self.waker.signal();
     }
 }
@@ -397,17 +397,17 @@ impl TaskSender {
 /// The thread; it ends when this is dropped.
 #[derive(Debug)]
 pub(crate) struct Housekeeper {
-    orders: TaskSender,
+    tasks: TaskSender,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Housekeeper {
     pub(crate) fn start(domain: &Domain) -> Housekeeper {
-        let (sender, orders) = mpsc::channel();
+        let (sender, tasks) = mpsc::channel();
         let waker = Arc::<ThreadWaker>::default();
         let mut house = House {
             domain: domain.clone(),
-            orders,
+            tasks,
             waker: Arc::clone(&waker),
             deaths: Deaths(None),
             rooms: Vec::new(),
@@ -420,30 +420,30 @@ impl Housekeeper {
             )
             .ok();
         Housekeeper {
-            orders: TaskSender { sender, waker },
+            tasks: TaskSender { sender, waker },
             thread,
         }
     }
 
     /// Looks after a generation for as long as it is held.
     pub(crate) fn tend(&self, maintained: &Arc<Maintained>) {
-        if self.orders.waker.0.get().is_none() {
-            self.orders.waker.open();
+        if self.tasks.waker.0.get().is_none() {
+            self.tasks.waker.open();
         }
-        self.orders
+        self.tasks
             .give(HousekeeperTask::Tend(Arc::downgrade(maintained)));
     }
 
     /// Drops something on the thread.
     pub(crate) fn drop_later(&self, thing: impl Any + Send) {
-        self.orders.give(HousekeeperTask::Drop(Box::new(thing)));
+        self.tasks.give(HousekeeperTask::Drop(Box::new(thing)));
     }
 }
 
 impl Drop for Housekeeper {
     fn drop(&mut self) {
         let (sender, ended) = mpsc::channel();
-        self.orders.give(HousekeeperTask::End(sender));
+        self.tasks.give(HousekeeperTask::End(sender));
         if let Some(thread) = self.thread.take() {
             if ended.recv_timeout(END_LIMIT) == Err(RecvTimeoutError::Timeout) {
                 return tracing::warn!("what dead processes left cannot be removed in time");
@@ -495,7 +495,7 @@ impl Deaths {
 /// What the thread looks after.
 struct House {
     domain: Domain,
-    orders: Receiver<HousekeeperTask>,
+    tasks: Receiver<HousekeeperTask>,
     waker: Arc<ThreadWaker>,
     deaths: Deaths,
     rooms: Vec<Room>,
@@ -527,9 +527,9 @@ impl House {
         // The first moment of the next look.
         let mut rested = MonotonicNs::default();
         loop {
-            let mut order = self.sleep(rested);
+            let mut task = self.sleep(rested);
             loop {
-                match order {
+                match task {
                     Ok(HousekeeperTask::Tend(one)) => self.move_in(one),
                     Ok(HousekeeperTask::Judge(one, crowd)) => self.judge(&one, crowd),
                     Ok(HousekeeperTask::Drop(thing)) => drop(thing),
@@ -537,7 +537,7 @@ impl House {
                     Err(TryRecvError::Empty) => break,
                     Err(TryRecvError::Disconnected) => return,
                 }
-                order = self.orders.try_recv();
+                task = self.tasks.try_recv();
             }
             let now = MonotonicNs::now();
             if now >= rested && self.look(now) {
@@ -613,19 +613,19 @@ impl House {
         has_looked
     }
 
-    /// Sleeps until there is an order, which it returns, a process has left a generation, or a look is due; not for that before
+    /// Sleeps until there is a task, which it returns, a process has left a generation, or a look is due; not for that before
     /// `rested`.
     fn sleep(&self, rested: MonotonicNs) -> Result<HousekeeperTask, TryRecvError> {
         let now = MonotonicNs::now();
         let due = self.rooms.iter().map(|room| room.due.min(room.tidy)).min();
         // A process that provides nothing has nothing to look after.
         let Some(due) = due else {
-            return self.orders.recv().map_err(|_| TryRecvError::Disconnected);
+            return self.tasks.recv().map_err(|_| TryRecvError::Disconnected);
         };
         let mut timeout = due.max(rested).since(now);
         let Some(waker) = self.waker.0.get() else {
-            return match self.orders.recv_timeout(timeout) {
-                Ok(order) => Ok(order),
+            return match self.tasks.recv_timeout(timeout) {
+                Ok(task) => Ok(task),
                 Err(RecvTimeoutError::Timeout) => Err(TryRecvError::Empty),
                 Err(RecvTimeoutError::Disconnected) => Err(TryRecvError::Disconnected),
             };
@@ -641,7 +641,7 @@ impl House {
         // It fails when a signal comes, or memory is short; then there is one look more.
         let _ = poll(&mut sources, timeout.as_ref());
         let _ = rustix::io::read(waker, &mut [0; 8]);
-        self.orders.try_recv()
+        self.tasks.try_recv()
     }
 }
 

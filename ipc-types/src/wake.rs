@@ -26,8 +26,8 @@ use crate::service::{self, EventCode, service_name};
 use crate::session::Session;
 
 /// End of the name, listeners and notifiers of an event service.
-fn limits(channel: ServiceEvent) -> (&'static str, usize, usize) {
-    match channel {
+fn limits(kind: ServiceEvent) -> (&'static str, usize, usize) {
+    match kind {
         ServiceEvent::Samples => ("", service::MAX_SUBSCRIBERS, service::MAX_PROVIDERS),
         ServiceEvent::Subscribers => (
             "/subscribers",
@@ -46,7 +46,7 @@ pub(crate) struct Event {
     name: String,
     service: EventService,
     limits: (usize, usize),
-    channel: ServiceEvent,
+    kind: ServiceEvent,
     /// What the doorbell is rung by.
     bits: Bits,
 }
@@ -57,9 +57,9 @@ impl Event {
         generation: &Generation,
         robot: RobotId,
         key: &str,
-        channel: ServiceEvent,
+        kind: ServiceEvent,
     ) -> Result<Event, OpenError> {
-        Event::make(generation, robot, key, channel, |builder, limits| {
+        Event::make(generation, robot, key, kind, |builder, limits| {
             builder
                 .max_listeners(limits.0)
                 .max_notifiers(limits.1)
@@ -79,9 +79,9 @@ impl Event {
         generation: &Generation,
         robot: RobotId,
         key: &str,
-        channel: ServiceEvent,
+        kind: ServiceEvent,
     ) -> Result<Event, OpenError> {
-        Event::make(generation, robot, key, channel, |builder, _| {
+        Event::make(generation, robot, key, kind, |builder, _| {
             builder
                 .open()
                 .map_err(|error| Box::new(error) as Box<dyn Debug>)
@@ -92,10 +92,10 @@ impl Event {
         generation: &Generation,
         robot: RobotId,
         key: &str,
-        channel: ServiceEvent,
+        kind: ServiceEvent,
         make: impl FnOnce(EventBuilder, (usize, usize)) -> Result<EventService, Box<dyn Debug>>,
     ) -> Result<Event, OpenError> {
-        let (suffix, listeners, notifiers) = limits(channel);
+        let (suffix, listeners, notifiers) = limits(kind);
         let name = format!("{}{suffix}", service_name(robot, key));
         let limits = (listeners, notifiers);
         let builder = generation
@@ -107,8 +107,8 @@ impl Event {
             service: made.map_err(|error| open::failed(&name, error))?,
             name,
             limits,
-            channel,
-            bits: doorbell_slot(key).bits(channel),
+            kind,
+            bits: doorbell_slot(key).bits(kind),
         })
     }
 
@@ -187,7 +187,7 @@ impl WakeSender {
     pub(crate) fn make(session: &Arc<Session>, event: Event) -> Result<WakeSender, OpenError> {
         Ok(WakeSender {
             notifier: event.notifier()?,
-            known: (event.channel == ServiceEvent::Samples).then(Cell::default),
+            known: (event.kind == ServiceEvent::Samples).then(Cell::default),
             event,
             membership: Arc::clone(session.membership()),
         })

@@ -50,6 +50,12 @@ impl Sent {
     }
 }
 
+/// That of a ground station.
+pub fn heartbeat() -> MessageWriter {
+    let message = MessageWriter::new(HEARTBEAT).u32(0).u8(6).u8(8);
+    message.u8(0).u8(4).u8(3)
+}
+
 /// COMMAND_ACK: command, result, reason.
 pub type Ack = (u16, u8, u32);
 
@@ -159,14 +165,7 @@ impl World {
     }
 
     pub fn heartbeat(&mut self, from: Station) {
-        let heartbeat = MessageWriter::new(HEARTBEAT)
-            .u32(0)
-            .u8(6)
-            .u8(8)
-            .u8(0)
-            .u8(4)
-            .u8(3);
-        self.receive(from, &from.frame(&heartbeat));
+        self.receive(from, &from.frame(&heartbeat()));
     }
 
     pub fn command(&mut self, from: Station, command: u16, params: [f32; 7]) {

@@ -2,12 +2,12 @@
 
 use ipc_types::code::Reason;
 use mavlink_gateway::message::{
-    COMMAND_ACK, HEARTBEAT, MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_ITEM,
-    MISSION_ITEM_INT, MISSION_REQUEST_INT, STATUSTEXT,
+    COMMAND_ACK, MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_ITEM, MISSION_ITEM_INT,
+    MISSION_REQUEST_INT, STATUSTEXT,
 };
 use mavlink_gateway::wire::MessageWriter;
 
-use crate::common::{HERE, QGC, Sent, World, acks, long, reposition, texts};
+use crate::common::{HERE, QGC, Sent, World, acks, heartbeat, long, reposition, texts};
 
 const NAN: f32 = f32::NAN;
 const INFINITY: f32 = f32::INFINITY;
@@ -56,14 +56,7 @@ fn what_is_no_place_or_no_number_moves_nothing_and_is_denied() {
 fn a_system_with_the_number_of_all_is_none() {
     let mut world = World::with_station();
     let nobody = |message: &MessageWriter| message.frame(0, 0, 190);
-    let heartbeat = MessageWriter::new(HEARTBEAT)
-        .u32(0)
-        .u8(6)
-        .u8(8)
-        .u8(0)
-        .u8(4)
-        .u8(3);
-    world.receive(QGC, &nobody(&heartbeat));
+    world.receive(QGC, &nobody(&heartbeat()));
     world.receive(QGC, &nobody(&long(400, [1.0; 7])));
     world.receive(QGC, &nobody(&count(3, 0)));
     assert_eq!(world.orders(), []);

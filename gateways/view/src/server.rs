@@ -193,7 +193,7 @@ impl Server {
         let peer = connection.peer.clone();
         self.access.enter(request, &peer)?;
         let Some(upgrade) = &request.upgrade else {
-            // A report tells of a recording what viewers are told, so it is for those that may look without a token.
+            // A report shows what viewers of the recording see, so it is for those that may look without a token.
             let wants_report = self.has_report
                 && request.path == REPORT_PATH
                 && self.access.permit(&peer, None).is_some();

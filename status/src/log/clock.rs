@@ -82,19 +82,8 @@ impl IsoTime {
 
 impl fmt::Display for IsoTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Utc {
-            year,
-            month,
-            day,
-            hour,
-            minute,
-            second,
-        } = Utc::from_unix(self.unix_ns / NS_PER_S);
-        let us = self.unix_ns % NS_PER_S / 1000;
-        write!(
-            f,
-            "{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}.{us:06}Z"
-        )
+        Utc::from_unix(self.unix_ns / NS_PER_S).write_to_second(f)?;
+        write!(f, ".{:06}Z", self.unix_ns % NS_PER_S / 1000)
     }
 }
 
@@ -145,6 +134,29 @@ impl Utc {
             .assume_utc()
             .unix_timestamp();
         unix_s.try_into().ok()
+    }
+
+    /// By ISO 8601, without the letter of the time zone.
+    fn write_to_second(self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Utc {
+            year,
+            month,
+            day,
+            hour,
+            minute,
+            second,
+        } = self;
+        write!(
+            f,
+            "{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}"
+        )
+    }
+}
+
+impl fmt::Display for Utc {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write_to_second(f)?;
+        f.write_str("Z")
     }
 }
 

@@ -112,7 +112,7 @@ impl Gateway {
         }
     }
 
-    /// A station answers in the old form: whoever waits for it is told at once, and its transfer is over.
+    /// A station has sent MISSION_ITEM, whose degrees are floats: it is told at once that this is not supported, and its transfer ends.
     fn refuse_float_item(&mut self, sender: StationAddress, mission_type: u8, now: MonotonicNs) {
         match mission_type {
             MISSION => self.missions.transfer.cancel(sender),

@@ -57,8 +57,8 @@ impl Response {
         })
     }
 
-    /// What was read, or that it is missing. A browser keeps a tile for an hour, and asks again for one that is missing. A report is a
-    /// page of an origin of its own: whatever a file made of it, it has nothing of the view's.
+    /// What was read, or that it is missing. A browser keeps a tile for an hour, and asks again for one that is missing. The browser
+    /// gives a report an origin of its own: whatever a recording has brought into it, its script reads nothing of the view.
     pub fn read(request: FileRequest, bytes: Option<Vec<u8>>) -> Response {
         let kind = match (request.wanted, &bytes) {
             (_, None) => None,

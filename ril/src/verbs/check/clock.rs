@@ -9,19 +9,8 @@ const ID: &str = "clock";
 
 /// What the wall clock means.
 pub(super) fn diagnose(facts: &ClockFacts) -> Finding {
-    let shown = |unix_s| {
-        let Utc {
-            year,
-            month,
-            day,
-            hour,
-            minute,
-            second,
-        } = Utc::from_unix(unix_s);
-        format!("{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}Z")
-    };
     let clock = facts.clock;
-    let now = shown(clock.unix_s);
+    let now = Utc::from_unix(clock.unix_s);
     let check = if !clock.was_set() {
         Finding::warning(
             ID,
@@ -37,5 +26,5 @@ pub(super) fn diagnose(facts: &ClockFacts) -> Finding {
             format!("{now}; whether it is synchronized is not known"),
         )
     };
-    check.with_limit(format!("after {}", shown(clock.not_before_unix_s)))
+    check.with_limit(format!("after {}", Utc::from_unix(clock.not_before_unix_s)))
 }

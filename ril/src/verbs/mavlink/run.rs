@@ -7,7 +7,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use ipc_types::payload::MavlinkStations;
 use ipc_types::{MonotonicNs, Topic};
-use mavlink_gateway::{Gateway, KeptHome, MAX_FILE_BYTES, MAX_HOME_BYTES, Mission, Signing};
+use mavlink_gateway::{
+    Gateway, KeptHome, MAX_FILE_BYTES, MAX_HOME_BYTES, Mission, Signing, SigningKey,
+};
 use module_kit::{SetUp, process};
 use runtime::args::CommonArgs;
 use runtime::config::resulting::Resulting;
@@ -73,51 +75,16 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
     let mut gateway = Gateway::new(settings, robot.get());
     let folder = set_up.config.state_folder();
     let state = |what| StateFile::new(folder.as_deref(), robot, what);
-    let mut timestamp = None;
-    if let Some(key) = key {
-        let file = state("timestamp");
-        let clock = mavlink_gateway::timestamp(
-            SystemTime::now()
-                .duration_since(UNIX_EPOCH)
-                .unwrap_or_default(),
-        );
-        let unusable = |why: StateError| {
-            let text = format!("the timestamp of signatures cannot be kept: {why}");
-            Failure::new(ExitCode::Configuration, text)
-        };
-        let kept = file
-            .read(MAX_TIMESTAMP_BYTES, timestamp_of)
-            .map_err(unusable)?;
-        let kept = kept.unwrap_or(0);
-        gateway = gateway.signing(Signing::new(key, clock, kept, MonotonicNs::now()));
-        // Before anything is signed: a place where nothing can be kept is seen at the start. A full disk ends no flight with a station.
-        if let Some(first) = gateway.poll_timestamp() {
-            match write_timestamp(&file, first) {
-                Err(error) if error.is_full() => warn_of_timestamp(&error),
-                kept => kept.map_err(|error| {
-                    unusable(error).with_next_step(
-                        "name a folder that this user may write by `state` of mavlink.toml",
-                    )
-                })?,
-            }
+    let timestamp = match key {
+        Some(key) => {
+            let file = state("timestamp");
+            gateway = signing(gateway, key, &file)?;
+            Some(file)
         }
-        timestamp = Some(file);
-    }
+        None => None,
+    };
     let (mission, home) = (state("mission"), state("home"));
-    // Without them the rest works.
-    let decode = |bytes: &[u8]| Mission::decode(bytes).map_err(str::to_owned);
-    match mission.read(MAX_FILE_BYTES, decode) {
-        Ok(Some(mission)) => gateway.restore(mission),
-        Ok(None) | Err(StateError::NoFolder) => {}
-        Err(why) => tracing::warn!("{why}; there is no mission"),
-    }
-    let bridge = ports.bridge_run();
-    let decode = |bytes: &[u8]| KeptHome::decode(bytes, bridge.unwrap_or(0));
-    match home.read(MAX_HOME_BYTES, decode) {
-        Ok(Some(Some(home))) => gateway.restore_home(home),
-        Ok(_) | Err(StateError::NoFolder) => {}
-        Err(why) => tracing::warn!("{why}; home is not known before it is seen"),
-    }
+    restore(&mut gateway, &mission, &home, ports.bridge_run());
     if set_up.config.fence.accept
         && let Some(why) = fence::trouble(ports.bridge_file())
     {
@@ -130,6 +97,47 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
         .or_fail(ExitCode::Internal)?;
     tracing::info!("ended");
     Ok(())
+}
+
+/// The gateway, which signs with `key` from the timestamp on that was kept. A place where none can be kept is an error before anything is
+/// signed. A full disk is none: it ends no flight with a station.
+fn signing(mut gateway: Gateway, key: SigningKey, file: &StateFile) -> Result<Gateway, Failure> {
+    let unusable = |why: StateError| {
+        let text = format!("the timestamp of signatures cannot be kept: {why}");
+        Failure::new(ExitCode::Configuration, text)
+    };
+    let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
+    let clock = mavlink_gateway::timestamp(since_1970.unwrap_or_default());
+    let kept = file.read(MAX_TIMESTAMP_BYTES, timestamp_of);
+    let kept = kept.map_err(unusable)?.unwrap_or(0);
+    gateway = gateway.signing(Signing::new(key, clock, kept, MonotonicNs::now()));
+    if let Some(first) = gateway.poll_timestamp() {
+        match write_timestamp(file, first) {
+            Err(error) if error.is_full() => warn_of_timestamp(&error),
+            kept => kept.map_err(|error| {
+                unusable(error).with_next_step(
+                    "name a folder that this user may write by `state` of mavlink.toml",
+                )
+            })?,
+        }
+    }
+    Ok(gateway)
+}
+
+/// Gives the gateway what one of before has kept. Without it the rest works. `bridge` numbers the bridge's run.
+fn restore(gateway: &mut Gateway, mission: &StateFile, home: &StateFile, bridge: Option<u64>) {
+    let decode = |bytes: &[u8]| Mission::decode(bytes).map_err(str::to_owned);
+    match mission.read(MAX_FILE_BYTES, decode) {
+        Ok(Some(mission)) => gateway.restore(mission),
+        Ok(None) | Err(StateError::NoFolder) => {}
+        Err(why) => tracing::warn!("{why}; there is no mission"),
+    }
+    let decode = |bytes: &[u8]| KeptHome::decode(bytes, bridge.unwrap_or(0));
+    match home.read(MAX_HOME_BYTES, decode) {
+        Ok(Some(Some(home))) => gateway.restore_home(home),
+        Ok(_) | Err(StateError::NoFolder) => {}
+        Err(why) => tracing::warn!("{why}; home is not known before it is seen"),
+    }
 }
 
 fn bind(address: SocketAddr) -> Result<UdpSocket, Failure> {

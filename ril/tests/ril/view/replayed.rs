@@ -306,6 +306,20 @@ fn all_pages_share_one_playhead_and_order_nothing() {
     end(shown.process, Signal::INT);
 }
 
+/// Subscribes to the bridge's state, and gives its channel.
+fn subscribe_to_state(client: &mut Page) -> Value {
+    let offered = client.until("the channels", |message| message["op"] == "advertise");
+    let channels = offered["channels"].as_array().unwrap();
+    let channel = channels
+        .iter()
+        .find(|one| one["topic"] == "/robot1/bridge/state")
+        .unwrap();
+    client.send(
+        &json!({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channel["id"]}]}),
+    );
+    channel.clone()
+}
+
 #[test]
 fn foxglove_gets_the_recorded_samples() {
     let rig = sandbox();
@@ -319,16 +333,8 @@ fn foxglove_gets_the_recorded_samples() {
     page.until("the position", |message| {
         is_replay(message) && message["position_s"] == 2.5
     });
-    let offered = client.until("the channels", |message| message["op"] == "advertise");
-    let channels = offered["channels"].as_array().unwrap();
-    let channel = channels
-        .iter()
-        .find(|one| one["topic"] == "/robot1/bridge/state")
-        .unwrap();
+    let channel = subscribe_to_state(&mut client);
     assert_eq!(channel["schemaName"], "hero_msgs/msg/ModuleState");
-    client.send(
-        &json!({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channel["id"]}]}),
-    );
     // The one that held there comes although it stands.
     let (time, bytes) = sample(&mut client);
     assert_eq!(time, 1_700_000_002_500_000_000);
@@ -369,15 +375,7 @@ fn a_foxglove_client_without_a_page_sees_the_recording_play() {
     let _made = record(rig.folder());
     let shown = ShownFile::start(&rig, "flight.mcap");
     let mut client = Page::foxglove("foxglove.websocket.v1", shown.port, None).expect("an upgrade");
-    let offered = client.until("the channels", |message| message["op"] == "advertise");
-    let channels = offered["channels"].as_array().unwrap();
-    let channel = channels
-        .iter()
-        .find(|one| one["topic"] == "/robot1/bridge/state")
-        .unwrap();
-    client.send(
-        &json!({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": channel["id"]}]}),
-    );
+    subscribe_to_state(&mut client);
     let first = sample(&mut client).0;
     while sample(&mut client).0 == first {}
     end(shown.process, Signal::TERM);

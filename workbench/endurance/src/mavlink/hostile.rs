@@ -7,8 +7,10 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use dsp_sim::random::Random;
-use mavlink_gateway::message::{ALL, COMMAND_LONG, HEARTBEAT};
+use mavlink_gateway::message::{ALL, COMMAND_LONG};
 use mavlink_gateway::wire::MessageWriter;
+
+use super::station::heartbeat;
 
 /// Threads that send, and sockets of each.
 const SENDERS: u64 = 4;
@@ -92,13 +94,7 @@ fn datagram(chance: &mut Random) -> Vec<u8> {
         return (0..length).map(|_| chance.next_u64() as u8).collect();
     }
     let message = match kind {
-        4 => MessageWriter::new(HEARTBEAT)
-            .u32(0)
-            .u8(6)
-            .u8(8)
-            .u8(0)
-            .u8(4)
-            .u8(3),
+        4 => heartbeat(),
         5 => command(chance),
         _ => any_message(chance),
     };

@@ -21,6 +21,12 @@ const NEXT_LIMIT: Duration = Duration::from_millis(20);
 /// When a station sends a command again that was not answered, as MAVSDK does.
 const COMMAND_RETRY: Duration = Duration::from_millis(500);
 
+/// That of a ground station.
+pub fn heartbeat() -> MessageWriter {
+    let message = MessageWriter::new(HEARTBEAT).u32(0).u8(6).u8(8);
+    message.u8(0).u8(4).u8(3)
+}
+
 /// A command for the helicopter.
 pub fn long(command: u16, params: [f32; 7]) -> MessageWriter {
     let message = MessageWriter::new(COMMAND_LONG);
@@ -195,15 +201,7 @@ impl Station {
     pub fn next_message(&mut self) -> Option<Received> {
         if self.vehicle.is_some() && Instant::now() >= self.next_heartbeat {
             self.next_heartbeat = Instant::now() + HEARTBEAT_PERIOD;
-            self.send(
-                &MessageWriter::new(HEARTBEAT)
-                    .u32(0)
-                    .u8(6)
-                    .u8(8)
-                    .u8(0)
-                    .u8(4)
-                    .u8(3),
-            );
+            self.send(&heartbeat());
         }
         if self.waiting.is_empty() {
             let mut buffer = [0; 2048];

@@ -40,8 +40,8 @@ const SILENCES: [usize; 2] = [2, 3];
 /// How long the air is silent after the station has noticed it.
 const SILENCE: Duration = Duration::from_secs(2);
 
-/// How often samples are taken, and the ends of commands: there are more than one wait takes. Waking for each of them would cost more than all robots' processes do; a subscriber holds those of more
-/// than a second.
+/// How often samples are taken, and how often the fleet looks which commands have ended. To wake for each sample would cost more than all
+/// robots' processes do, and a subscriber holds those of more than a second. Of commands more may be open than one wait takes.
 const TICK: Duration = Duration::from_millis(50);
 
 /// The whole demonstration ends within this and [`LIMIT_PER_ROBOT`], or something hangs. It takes about two minutes; machines stall.
