@@ -228,8 +228,11 @@ impl BytesClient {
         };
         let pending = port.deliver(request, request_id)?;
         if pending.number_of_server_connections() == 0 {
-            // It lives, but it has not read anything of this client yet, and the queue is full.
-            return Err(SendError::ServerFull);
+            // It lives, but it has not read anything of this client yet, and the queue is full; or it ends at this moment.
+            return Err(match port.has_server() {
+                true => SendError::ServerFull,
+                false => self.no_server(),
+            });
         }
         port.requests.wake();
         let path_id = self.offer.path_offset.map(|offset| word(request, offset));

@@ -6,13 +6,13 @@ use std::time::Duration;
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::client::RequestSendError;
 use iceoryx2::port::{BackpressureAction, SendError as IoxSendError};
-use iceoryx2::prelude::BackpressureStrategy;
+use iceoryx2::prelude::{BackpressureStrategy, PortFactory};
 use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use crate::code::{Reason, Stage};
 use crate::doorbell::ServiceEvent;
 use crate::generation::{self, Generation};
-use crate::iox::{AnyRequest, Svc};
+use crate::iox::{AnyRequest, RequestService, Svc};
 use crate::open::{self, Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::provider::LockWatch;
@@ -65,6 +65,7 @@ fn server_of(key: &str) -> String {
 /// A client's part in one generation.
 pub(crate) struct ClientPort {
     port: IoxClient,
+    service: RequestService,
     /// Bytes of a request.
     size: usize,
     /// Where a request says when it was issued, if it does.
@@ -117,6 +118,7 @@ impl ClientPort {
         start_somewhere(&port);
         Ok(ClientPort {
             port,
+            service,
             size: offer.schema.size(),
             issued_offset: offer.issued_offset,
             responses,
@@ -124,6 +126,11 @@ impl ClientPort {
             server: generation::provider_watch(generation.path()),
             generation,
         })
+    }
+
+    /// Whether the server's port is open. One that ends closes it a moment before it gives up its lock.
+    pub(crate) fn has_server(&self) -> bool {
+        self.service.dynamic_config().number_of_servers() > 0
     }
 
     /// Sends the bytes of a request, which are as many as the service says, under this id. One that does not say when it was issued

@@ -425,6 +425,25 @@ fn a_client_that_does_not_read_loses_progress_but_never_the_final_report() {
 }
 
 #[test]
+fn a_request_that_meets_the_end_of_its_server_is_sent_or_has_no_server() {
+    in_robot(|ipc| {
+        for round in 0..200 {
+            let server = ipc.server::<ModuleControl>().unwrap();
+            let mut client = ipc.client::<ModuleControl>().unwrap();
+            let ended = thread::spawn(move || drop(server));
+            for _ in 0..MAX_OUTSTANDING - 1 {
+                match client.send(&start()) {
+                    Ok(_) => {}
+                    Err(SendError::NoServer { .. }) => break,
+                    Err(error) => panic!("in round {round}: {error:?}"),
+                }
+            }
+            ended.join().unwrap();
+        }
+    });
+}
+
+#[test]
 fn a_server_that_does_not_read_refuses_and_a_client_that_gives_up_again_and_again_harms_nobody() {
     in_service(|mut client: Client<ModuleControl>, mut server| {
         // A request that was given up keeps its place in the queue until the server reads on.
