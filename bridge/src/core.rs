@@ -216,7 +216,7 @@ impl Bridge {
         }
     }
 
-    /// The process with whose end the one ends who commands; `None` if control is free, or the process is not known.
+    /// The process whose end ends the control that its sender has; `None` if control is free, or the process is not known.
     pub fn controller(&self) -> Option<u32> {
         self.flight.control().lives_as()
     }

@@ -3,10 +3,9 @@
 //! [`Group`], [`Status`](crate::Status), the structs of the groups, the lengths, encoding, decoding, the limits and the
 //! names all follow from the tables of this file. A row that is changed here changes them all.
 
-use crate::field::{Layout, Limits, Steps, U7, U14, field_spec, is_within, record};
-use crate::frame::{Reader, Writer};
+use crate::frame::{Layout, Limits, Reader, Steps, U7, U14, Writer, field_spec, is_within, record};
 
-pub use crate::field::FieldSpec;
+pub use crate::frame::FieldSpec;
 
 // The limits of section 9: those of the helicopter and its sensors, not of the wire.
 
@@ -278,7 +277,7 @@ macro_rules! groups {
         /// How each group is laid out, by the group's name.
         pub(crate) mod layout {
             use super::*;
-            use crate::field::WireType;
+            use crate::frame::WireType;
 
             $(layout_of!($group, $field, $type $(, $wire, $unit, $limits)?);)+
         }

@@ -8,7 +8,6 @@
 //! * [`profile`]: what stands around a message on the wire, in the *classic* and the *extended* profile.
 //! * [`group`]: the sixteen groups of a status message, their fields and limits; [`mask`]: sets of them.
 //! * [`header`]: the first byte of each message; [`port`]: the DSP's virtual ports; [`error_code`]: its errors.
-//! * [`plausibility`]: which decoded values are implausible.
 //!
 //! `vectors/` holds frames and whole dialogues that were computed by hand from the contract, for implementers of either end.
 //!
@@ -49,13 +48,11 @@ mod decode_error;
 pub mod decoder;
 pub mod downlink;
 pub mod error_code;
-mod field;
 mod frame;
 pub mod group;
 pub mod header;
 pub mod mask;
 mod message;
-pub mod plausibility;
 pub mod port;
 pub mod profile;
 mod status;

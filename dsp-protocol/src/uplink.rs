@@ -2,8 +2,7 @@
 
 use crate::decode_error::DecodeError;
 use crate::decoder::Direction;
-use crate::field::{Layout, Steps, record};
-use crate::frame::{Frame, Reader, Writer};
+use crate::frame::{Frame, Layout, Reader, Steps, Writer, record};
 use crate::group::{ALTITUDE, LATITUDE, LONGITUDE};
 use crate::header;
 use crate::message::{FrameLen, Message};

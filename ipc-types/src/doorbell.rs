@@ -73,10 +73,10 @@ pub(crate) enum ServiceEvent {
     Responses,
 }
 
-/// Which events wake a sleeper, or are rung.
+/// Which events wake a sleeper, or are signalled.
 pub type Bits = NonZeroU32;
 
-/// Rung when a service has another generation. Every sleeper sleeps for it.
+/// Signalled when a service has another generation. Every sleeper sleeps for it.
 const GENERATION: Bits = Bits::new(1 << 31).unwrap();
 
 /// The slot of the service `key` in the page: the robot's own have one each, modules' share the rest.
@@ -109,9 +109,9 @@ impl DoorbellSlot {
 /// How a sleep ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Slept {
-    /// One of the bits was rung.
-    Rung,
-    /// Something was rung before the sleep began: look at the data.
+    /// One of the bits was signalled.
+    Signalled,
+    /// Something was signalled before the sleep began: look at the data.
     Passed,
     /// The time has come.
     TimedOut,
@@ -199,7 +199,7 @@ impl Doorbell {
         SeenRings(seen)
     }
 
-    /// Sleeps until one of `bits` is rung, or a service has another generation, unless that was since `seen`.
+    /// Sleeps until one of `bits` is signalled, or a service has another generation, unless that was since `seen`.
     ///
     /// # Errors
     ///
@@ -213,7 +213,7 @@ impl Doorbell {
         let rings = &self.page().rings;
         let (until, bits) = (until.timespec(), bits | GENERATION);
         match futex::wait_bitset(rings, futex::Flags::empty(), seen.0, Some(&until), bits) {
-            Ok(()) => Ok(Slept::Rung),
+            Ok(()) => Ok(Slept::Signalled),
             Err(Errno::AGAIN) => Ok(Slept::Passed),
             Err(Errno::TIMEDOUT) => Ok(Slept::TimedOut),
             Err(Errno::INTR) => Ok(Slept::Interrupted),
@@ -221,7 +221,7 @@ impl Doorbell {
         }
     }
 
-    /// Whether a process still waits for all of `bits`: then nobody has rung since it listened.
+    /// Whether a process still waits for all of `bits`: then none of them was signalled since it listened.
     pub(crate) fn is_awaited(&self, bits: Bits) -> bool {
         !self.page().sleepers.load(Ordering::SeqCst) & bits.get() == 0
     }

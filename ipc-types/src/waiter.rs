@@ -313,7 +313,7 @@ impl<'a> Sleep<'a> {
             let until = deadline.min(now + bound);
             match doorbell.sleep(seen, bits, until)? {
                 // Draining looks by itself, and looking twice takes microseconds when the caches are cold.
-                Slept::Rung => return Ok(Ended::Ready(self.all())),
+                Slept::Signalled => return Ok(Ended::Ready(self.all())),
                 Slept::Passed => ready = self.look(Look::Quick),
                 Slept::Interrupted => return Ok(Ended::Interrupted),
                 Slept::TimedOut => {
@@ -462,7 +462,7 @@ impl<'a> Sleep<'a> {
                 drain(source);
             }
         }
-        Ok(Slept::Rung)
+        Ok(Slept::Signalled)
     }
 }
 

@@ -47,7 +47,7 @@ pub(crate) struct Event {
     service: EventService,
     limits: (usize, usize),
     kind: ServiceEvent,
-    /// What the doorbell is rung by.
+    /// The events that the doorbell signals.
     bits: Bits,
 }
 

@@ -28,12 +28,12 @@ fn child() {
     io::stderr().write_all(b"!").unwrap();
     let termination = Termination::install().unwrap();
     let mut sources = [PollFd::new(&termination, PollFlags::IN)];
-    let patience = rustix::time::Timespec {
+    let timeout = rustix::time::Timespec {
         tv_sec: FORGOTTEN_S,
         tv_nsec: 0,
     };
     while !termination.requested() {
-        if poll(&mut sources, Some(&patience)) == Ok(0) {
+        if poll(&mut sources, Some(&timeout)) == Ok(0) {
             std::process::exit(7);
         }
     }

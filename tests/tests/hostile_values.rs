@@ -8,7 +8,6 @@ use dsp_protocol::downlink::{
     Acceleration, AngularRate, Attitude, Geographic, GpsVelocity, PanTilt, References, ServoPulses,
     Supply, Xy,
 };
-use dsp_protocol::plausibility::implausible_groups;
 use ipc_types::payload::{DspErrorCounters, DspTelemetry, HeroTelemetry};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 use ril_tests::Garbage;
@@ -218,7 +217,7 @@ fn status_believes_exactly_what_the_bridge_publishes() {
         };
         let mut dsp = DspTelemetry::default();
         dsp_telemetry(&sample, 1, &DspErrorCounters::default(), &mut dsp);
-        let refused = implausible_groups(&message).0;
+        let refused = message.implausible_groups().0;
         let (_, left_out) = plausible(&dsp);
         assert_eq!(left_out.0, refused, "seed {seed}: {message:#?}");
         for group in TelemetryGroup::ALL {

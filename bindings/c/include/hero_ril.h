@@ -31,7 +31,7 @@ typedef enum hero_ril_result {
     HERO_RIL_STARTED = 4,     /* The module was started. */
     HERO_RIL_STOPPED = 5,     /* The module was stopped. */
     HERO_RIL_ENDING = 6,      /* SIGINT, SIGTERM or SIGHUP asks the process to end. */
-    HERO_RIL_INVALID = -1,    /* An argument makes no sense. */
+    HERO_RIL_INVALID = -1,    /* An argument is invalid. */
     HERO_RIL_LAYOUT = -2,     /* The service carries another struct than this program was built with. */
     HERO_RIL_NOT_THERE = -3,  /* No process serves the request, or no schema of the service is there. */
     HERO_RIL_TAKEN = -4,      /* Another process publishes the topic, or serves the request, already. */

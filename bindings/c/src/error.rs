@@ -61,7 +61,7 @@ pub enum Error {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(i32)]
 pub enum ErrorKind {
-    /// An argument makes no sense.
+    /// An argument is invalid.
     Invalid = -1,
     /// The service carries another struct than the caller was built with.
     Layout = -2,

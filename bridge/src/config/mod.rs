@@ -9,6 +9,7 @@ use runtime::config::Fault;
 use serde::{Deserialize, Serialize};
 
 use crate::errors::ErrorTable;
+use crate::safety::SafetyConfig;
 use crate::safety::fence::Fence;
 
 /// Implements `Deserialize` and `Serialize` for types that derive them as `#[serde(remote = "Self")]`: fields that are right each by
@@ -41,8 +42,7 @@ pub(crate) mod parameters;
 pub use control::ControlConfig;
 pub use link::{ATTEMPTS, CoherenceRule, LinkConfig, SerialConfig, StatusConfig};
 pub use movement::{
-    ArrivalConfig, BreachAction, MovementLimits, STOP_WITHIN, SafetyConfig, SupplyLimits,
-    Tolerance, TrajectoryConfig, TrajectoryKind,
+    ArrivalConfig, MovementLimits, STOP_WITHIN, Tolerance, TrajectoryConfig, TrajectoryKind,
 };
 pub use parameters::ParametersConfig;
 

@@ -1,17 +1,15 @@
-//! Movements: when they have arrived, their limits, what goes to the DSP for a path, and the rules of flight safety but the geofence,
-//! which [`Fence`](crate::safety::fence::Fence) reads itself.
+//! Movements: when they have arrived, their limits, and what goes to the DSP for a path.
 
 use std::time::Duration;
 
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
-use ipc_types::code::SafetyAction;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::geodesy::longitude_difference_deg;
 
-checked!(MovementLimits, SupplyLimits);
+checked!(MovementLimits);
 
 runtime::ranged! {
     fn milliseconds(u64) in 1..=600_000;
@@ -195,99 +193,5 @@ impl Tolerance {
             && longitude_difference_deg(target.longitude_deg, position.longitude_deg).abs()
                 <= self.longitude_deg
             && (target.altitude_m - position.altitude_m).abs() <= self.altitude_m
-    }
-}
-
-/// `[safety]`: the rules that the bridge enforces in flight (`docs/safety.md`).
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SafetyConfig {
-    /// Whether the pilot's switch on manual refuses movements and ends the one under way.
-    pub pilot_switch: bool,
-    /// Whether a waypoint may lie below the ground of the take-off.
-    pub below_take_off: bool,
-    /// What happens when the helicopter itself is outside the geofence.
-    pub fence_breach: BreachAction,
-    /// What happens when the link comes back after it was lost in flight.
-    pub link_loss: BreachAction,
-    /// How long a supply must be below a limit before the rule acts.
-    #[serde(deserialize_with = "seconds")]
-    pub supply_for_s: f64,
-    /// Battery limits, V.
-    pub battery_v: SupplyLimits,
-    /// Fuel limits, %.
-    pub fuel_percent: SupplyLimits,
-}
-
-impl Default for SafetyConfig {
-    fn default() -> Self {
-        SafetyConfig {
-            pilot_switch: true,
-            below_take_off: false,
-            fence_breach: BreachAction::Hold,
-            link_loss: BreachAction::Hold,
-            supply_for_s: 2.0,
-            battery_v: SupplyLimits::default(),
-            fuel_percent: SupplyLimits::default(),
-        }
-    }
-}
-
-/// What is done about a breach in flight.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum BreachAction {
-    /// It is shown and logged.
-    Warn,
-    /// A path is ended; the helicopter hovers.
-    Hold,
-    /// A path is ended, and the bridge orders a landing.
-    Land,
-}
-
-/// Limits of a supply; one that is not given is not watched.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
-#[serde(remote = "Self", deny_unknown_fields, default)]
-pub struct SupplyLimits {
-    /// Below this it is shown and logged.
-    pub warn: Option<f64>,
-    /// Below this no movement begins but landing.
-    pub refuse: Option<f64>,
-    /// Below this a path is ended; the helicopter hovers.
-    pub hold: Option<f64>,
-    /// Below this a path is ended, and the bridge orders a landing.
-    pub land: Option<f64>,
-}
-
-impl SupplyLimits {
-    /// The limits from mild to severe, those that are given.
-    pub fn steps(&self) -> impl Iterator<Item = (SafetyAction, f64)> {
-        [
-            (SafetyAction::Warn, self.warn),
-            (SafetyAction::Refuse, self.refuse),
-            (SafetyAction::Hold, self.hold),
-            (SafetyAction::Land, self.land),
-        ]
-        .into_iter()
-        .filter_map(|(action, limit)| limit.map(|limit| (action, limit)))
-    }
-
-    /// A milder action comes first, so its limit is the higher one.
-    fn check(&self) -> Result<(), String> {
-        if let Some((_, limit)) = self
-            .steps()
-            .find(|(_, limit)| !(0.0..=100.0).contains(limit))
-        {
-            return Err(format!("{limit} is out of range: 0 to 100"));
-        }
-        let falls = self
-            .steps()
-            .zip(self.steps().skip(1))
-            .all(|((_, mild), (_, severe))| mild >= severe);
-        if falls {
-            Ok(())
-        } else {
-            Err("the limits must fall in the order warn, refuse, hold, land".to_owned())
-        }
     }
 }

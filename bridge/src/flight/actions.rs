@@ -11,7 +11,6 @@ use ipc_types::payload::MovementState;
 use super::dsp_order::{Doubt, DspOrder};
 use super::motion::{Action, Event, Motion, MovementOrder, PathStep, Rest};
 use super::report::{Detail, Verdict};
-use super::safety::Intervention;
 use super::verification::Counted;
 use super::{Context, Flight, FlightTimer};
 use crate::geodesy::{distance_m, here};
@@ -19,7 +18,7 @@ use crate::link::FlightCommand;
 use crate::link::commands::ALWAYS;
 use crate::link::session::DspPath;
 use crate::outputs::Notice;
-use crate::safety::AreaName;
+use crate::safety::{AreaName, Intervention};
 
 /// Pause between two looks at the port of a take-off or landing, while the order is not confirmed or the rotor runs down.
 const LOOK_PERIOD: Duration = Duration::from_millis(250);
@@ -48,7 +47,8 @@ impl Flight {
                     Motion::Following { .. } => self.movement.waypoints_reached as usize + 1,
                     _ => 0,
                 };
-                let area = self.safety.present_area(&self.observation, cx.now);
+                let facts = self.observation.safety_facts(cx.now);
+                let area = self.safety.present_area(&facts);
                 let intervention = self.safety.intervene(violation, leg, area);
                 self.intervene(intervention, cx);
             }
@@ -507,13 +507,14 @@ impl Flight {
         let flying = self.observation.flying(cx.now) == Some(true);
         // Take-off and landing pass every altitude; they are vertical, and the fence was asked before.
         let is_flown = flying && !self.motion.unable_to_abort();
-        let is_new = self.safety.look(&self.observation, cx.now, is_flown);
+        let facts = self.observation.safety_facts(cx.now);
+        let is_new = self.safety.look(&facts, cx.now, is_flown);
         let present = self.safety.present;
         if is_new {
             self.is_changed = true;
             cx.out.notice(&Notice::Safety {
                 violation: present,
-                area: self.safety.present_area(&self.observation, cx.now),
+                area: self.safety.present_area(&facts),
             });
         }
         // The start-up has emptied the DSP's path buffer, so the helicopter hovers.

@@ -15,7 +15,6 @@ pub mod parameters;
 pub mod report;
 pub mod request;
 pub mod route;
-pub mod safety;
 pub mod trajectory;
 pub mod verification;
 
@@ -33,6 +32,7 @@ use crate::geodesy::{ground_distance_m, here};
 use crate::link::session::DspPath;
 use crate::link::{FlightCommand, Link, LinkEvent};
 use crate::outputs::{Notice, Outputs};
+use crate::safety::Safety;
 use crate::safety::fence::Fence;
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
@@ -43,7 +43,6 @@ use parameters::ParameterRequests;
 use report::{Answers, Detail, Verdict, in_time};
 use request::{Movement, Request, RequestHeader, RequestKey, Segment};
 use route::{NotASnapshot, Route};
-use safety::Safety;
 use trajectory::Trajectory;
 
 timers! {
@@ -111,7 +110,7 @@ impl Flight {
             route: Route::new(&config.arrival, trajectory),
             answers: Answers::default(),
             observation: Observation::default(),
-            safety: Safety::new(config),
+            safety: Safety::new(&config.safety, &config.fence),
             parameters: ParameterRequests::default(),
             control: Control::new(&config.control),
             movement: MovementState::default(),
@@ -136,7 +135,7 @@ impl Flight {
         fence: Fence,
     ) -> Result<(), NotASnapshot> {
         self.route.configure(&config.arrival, trajectory)?;
-        self.safety.configure(config, fence);
+        self.safety.configure(&config.safety, fence);
         self.answers.configure();
         self.control.configure(&config.control);
         self.config = config.clone();
@@ -385,8 +384,9 @@ impl Flight {
                 in_time(header, cx.now)?;
             }
         }
-        self.safety
-            .check_movement(movement, &self.observation, cx.now)?;
+        let is_hold_or_landing = matches!(movement, Movement::Land | Movement::Hold);
+        let facts = self.observation.safety_facts(cx.now);
+        self.safety.check_movement(is_hold_or_landing, &facts)?;
         let asked = match movement {
             Movement::TakeOff { .. } => Asked::TakeOff,
             Movement::Land => Asked::Land,
@@ -748,7 +748,7 @@ impl Flight {
 
     /// The safety rules as they stand.
     pub fn safety_state(&self, now: MonotonicNs) -> SafetyState {
-        self.safety.published(&self.observation, now)
+        self.safety.published(&self.observation.safety_facts(now))
     }
 
     /// Horizontal distance from the last known position to the last waypoint of the path being flown, m.

@@ -8,6 +8,7 @@ use ipc_types::MonotonicNs;
 use serde::{Deserialize, Serialize};
 
 use crate::link::StatusSample;
+use crate::safety::SafetyFacts;
 
 /// NMEA fix quality without a fix (`docs/protocol.md` section 4.1).
 const GPS_NO_FIX: u8 = 0;
@@ -83,6 +84,14 @@ impl Observation {
     /// Battery, fuel and the pilot's switch, if they are known.
     pub fn supply(&self, now: MonotonicNs) -> Option<Supply> {
         self.fresh(self.supply, now)
+    }
+
+    /// What the safety rules ask for.
+    pub fn safety_facts(&self, now: MonotonicNs) -> SafetyFacts {
+        SafetyFacts {
+            position: self.position(now),
+            supply: self.supply(now),
+        }
     }
 
     fn fresh<T>(&self, value: Option<(T, MonotonicNs)>, now: MonotonicNs) -> Option<T> {

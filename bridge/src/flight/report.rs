@@ -10,8 +10,7 @@ use module_kit::rules::Refused;
 use serde::{Deserialize, Serialize};
 
 use super::request::{IssueMark, RequestHeader};
-use super::safety::Intervention;
-use crate::safety::{AreaName, Violation};
+use crate::safety::{AreaName, Intervention, Violation};
 
 /// Final reports that are remembered: of two whole paths of 1024 waypoints, 280 KiB.
 const REMEMBERED: usize = 2048;

@@ -1,7 +1,7 @@
 //! Bytes from the DSP: decoded, judged, and turned into events.
 
 use dsp_protocol::{
-    DecodeError, Decoded, Downlink, FlowControl, Group, Received, Status, StatusMask, plausibility,
+    DecodeError, Decoded, Downlink, FlowControl, Group, Received, Status, StatusMask,
 };
 use ipc_types::MonotonicNs;
 
@@ -97,7 +97,7 @@ impl Link {
     }
 
     fn withdraw_implausible(&mut self, status: &mut Status) {
-        let implausible = plausibility::implausible_groups(status);
+        let implausible = status.implausible_groups();
         if implausible != StatusMask::NONE {
             let groups = &mut self.rejected.implausible_groups;
             *groups = groups.saturating_add(implausible.0.count_ones());

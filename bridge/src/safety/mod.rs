@@ -1,12 +1,26 @@
-//! The safety rules that the bridge enforces itself, whatever a module asks for (`docs/safety.md`).
+//! The rules of flight safety that the bridge enforces itself, whatever a module asks for (requirement H7; `docs/safety.md`): the pilot's
+//! switch, the geofence, battery and fuel, and the reaction to a lost link.
 //!
-//! [`fence`] is a pure value: it is made from its table of `bridge.toml`, is asked about a leg, and answers with the rule that is broken
-//! and by how much. What follows from a [`Violation`] is decided by the [flight](crate::flight::safety).
+//! A pure judge: it is given positions, supplies and requests, and says which rule is broken and what is to be done.
+//! [`Flight`](crate::flight::Flight) does it. `config` has the limits; [`fence`] judges points and legs. Nothing is enforced against a landing
+//! but the pilot's switch: the ground is where a helicopter in trouble belongs.
 
+mod config;
 pub mod fence;
 
-use ipc_types::code::{Reason, SafetyAction, SafetyRule};
+use std::time::Duration;
+
+use dsp_protocol::Waypoint;
+use dsp_protocol::downlink::{Geographic, Supply};
+use ipc_types::MonotonicNs;
+use ipc_types::code::{PilotSwitch, Reason, SafetyAction, SafetyRule};
+use ipc_types::payload::{PortInfo, SafetyState};
 use serde::{Deserialize, Serialize};
+
+pub use config::{BreachAction, SafetyConfig, SupplyLimits};
+
+use crate::geodesy::here;
+use fence::{Breach, Fence, FenceRule};
 
 /// The name of an area of the geofence as it lies in a report: what does not fit is cut off.
 pub type AreaName = [u8; 32];
@@ -35,5 +49,362 @@ impl Violation {
             SafetyRule::Battery | SafetyRule::Fuel => Reason::SupplyLow,
             SafetyRule::LinkLoss => Reason::LinkLost,
         }
+    }
+}
+
+/// What is known of the helicopter now; what is too old is `None`.
+#[derive(Clone, Copy, Debug)]
+pub struct SafetyFacts {
+    /// Where it is.
+    pub position: Option<Geographic>,
+    /// Battery, fuel and the pilot's switch.
+    pub supply: Option<Supply>,
+}
+
+/// A movement that a broken rule refuses or ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Intervention {
+    /// The rule.
+    pub violation: Violation,
+    /// The leg that breaks it, by the number of the waypoint at its end, counted from 1; 0 for none.
+    pub leg: u32,
+    /// The area of the geofence, as a report names it; empty for another rule.
+    pub area: AreaName,
+}
+
+/// The judge of the rules.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Safety {
+    #[serde(skip)]
+    config: SafetyConfig,
+    /// That of the configuration, or the one that was read since. A snapshot has it beside.
+    #[serde(skip)]
+    pub(crate) fence: Fence,
+    battery: SupplyWatch,
+    fuel: SupplyWatch,
+    /// When a path was lost with the link; `None` once the reaction has begun.
+    path_lost: Option<MonotonicNs>,
+    /// The most severe rule that is broken now.
+    pub(crate) present: Option<Violation>,
+    interventions: u32,
+}
+
+impl Safety {
+    /// Nothing has been seen.
+    pub fn new(config: &SafetyConfig, fence: &Fence) -> Self {
+        Safety {
+            config: config.clone(),
+            fence: fence.clone(),
+            battery: SupplyWatch::new(SafetyRule::Battery, config.battery_v),
+            fuel: SupplyWatch::new(SafetyRule::Fuel, config.fuel_percent),
+            path_lost: None,
+            present: None,
+            interventions: 0,
+        }
+    }
+
+    /// After a snapshot: takes over what the configuration says, and the geofence in force.
+    pub(crate) fn configure(&mut self, config: &SafetyConfig, fence: Fence) {
+        self.config = config.clone();
+        self.battery.limits = config.battery_v;
+        self.fuel.limits = config.fuel_percent;
+        self.fence = fence;
+    }
+
+    /// The first leg of `path`, flown from `from`, that the geofence forbids.
+    pub(crate) fn check_path(
+        &self,
+        from: &Geographic,
+        path: &[Waypoint],
+    ) -> Option<(usize, Breach)> {
+        self.fence.check_path(&here(from), path)
+    }
+
+    /// A path ended because the link or the DSP was lost.
+    pub fn movement_lost(&mut self, reason: Reason, now: MonotonicNs) {
+        if reason == Reason::CommunicationFatalError {
+            self.path_lost = Some(now);
+        }
+    }
+
+    /// The DSP can be reached. When a path was lost with the link: the rule about that, with what the configuration says.
+    pub(crate) fn link_back(&mut self, now: MonotonicNs) -> Option<Violation> {
+        let lost = self.path_lost.take()?;
+        Some(Violation {
+            rule: SafetyRule::LinkLoss,
+            action: action_of(self.config.link_loss),
+            amount: now.since(lost).as_secs_f64(),
+        })
+    }
+
+    /// Whether the rules allow this kind of movement now. Legs are checked by themselves.
+    ///
+    /// # Errors
+    /// The refusal, with the rule.
+    pub fn check_movement(
+        &mut self,
+        is_hold_or_landing: bool,
+        facts: &SafetyFacts,
+    ) -> Result<(), Intervention> {
+        if let Some(violation) = self.pilot(facts) {
+            return Err(self.intervene(violation, 0, AreaName::default()));
+        }
+        match self.present {
+            Some(violation) if !is_hold_or_landing && is_about_supply(violation) => {
+                Err(self.intervene(violation, 0, AreaName::default()))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether the geofence allows to hover where the take-off ends.
+    ///
+    /// # Errors
+    /// The refusal, with the rule and by how much it would be broken.
+    pub fn check_take_off(&mut self, from: &Geographic, height_m: f32) -> Result<(), Intervention> {
+        let top = Waypoint {
+            altitude_m: from.altitude_m + f64::from(height_m),
+            ..here(from)
+        };
+        match self.fence.check_point(&top) {
+            Some(breach) => Err(self.breach(breach, 0)),
+            None => Ok(()),
+        }
+    }
+
+    /// Whether the geofence, and the ground of the take-off, allow the leg, which leads to the waypoint `leg`, counted from 1.
+    ///
+    /// # Errors
+    /// The refusal, with the rule, the leg and by how much the rule would be broken.
+    pub fn check_leg(
+        &mut self,
+        from: &Waypoint,
+        to: &Waypoint,
+        leg: usize,
+        ground_m: Option<f64>,
+    ) -> Result<(), Intervention> {
+        let ground_m = ground_m.filter(|_| !self.config.below_take_off);
+        let into_ground = ground_m.and_then(|ground_m| Breach::of_ground(to, ground_m));
+        match into_ground.or_else(|| self.fence.check_leg(from, to)) {
+            Some(breach) => Err(self.breach(breach, leg)),
+            None => Ok(()),
+        }
+    }
+
+    /// The geofence refuses or ends a movement.
+    pub(crate) fn breach(&mut self, breach: Breach, leg: usize) -> Intervention {
+        let area = self.name_of(&breach);
+        self.intervene(refuse(breach), leg, area)
+    }
+
+    /// A rule refuses or ends a movement; `area` is that of the geofence that is broken.
+    pub(crate) fn intervene(
+        &mut self,
+        violation: Violation,
+        leg: usize,
+        area: AreaName,
+    ) -> Intervention {
+        self.count_intervention();
+        let leg = leg as u32;
+        Intervention {
+            violation,
+            leg,
+            area,
+        }
+    }
+
+    /// The area of the geofence, if that is the rule that is broken now: the one that the helicopter is in, or the one that it left.
+    pub(crate) fn present_area(&self, facts: &SafetyFacts) -> AreaName {
+        let is_fence = |violation: &Violation| violation.reason() == Reason::FenceBreach;
+        let breach = self.present.filter(is_fence).zip(facts.position);
+        let breach = breach.and_then(|(_, position)| self.fence.check_point(&here(&position)));
+        breach.map_or(AreaName::default(), |breach| self.name_of(&breach))
+    }
+
+    fn name_of(&self, breach: &Breach) -> AreaName {
+        let name = breach.area.and_then(|area| self.fence.area_name(area));
+        name.map_or(AreaName::default(), PortInfo::name_bytes)
+    }
+
+    /// One more movement was refused or ended.
+    pub(crate) fn count_intervention(&mut self) {
+        self.interventions = self.interventions.saturating_add(1);
+    }
+
+    /// Looks at the helicopter for the most severe rule that is broken, and returns whether that is another one. Amounts change all the
+    /// time.
+    pub(crate) fn look(&mut self, facts: &SafetyFacts, now: MonotonicNs, is_flown: bool) -> bool {
+        let key = |violation: Violation| (violation.rule, violation.action);
+        let before = self.present.map(key);
+        let supply = facts.supply;
+        let hold_for = Duration::from_secs_f64(self.config.supply_for_s);
+        let battery_v = supply.map(|supply| f64::from(supply.battery_mv) / 1000.0);
+        let fuel_percent = supply.map(|supply| f64::from(supply.fuel_percent));
+        let violations = [
+            self.pilot(facts),
+            self.battery.look(battery_v, now, hold_for),
+            self.fuel.look(fuel_percent, now, hold_for),
+            self.position(facts).filter(|_| is_flown),
+        ];
+        self.present = violations
+            .into_iter()
+            .flatten()
+            .max_by_key(|violation| violation.action.code());
+        before != self.present.map(key)
+    }
+
+    fn pilot(&self, facts: &SafetyFacts) -> Option<Violation> {
+        (self.config.pilot_switch && switch(facts) == PilotSwitch::Manual).then_some(Violation {
+            rule: SafetyRule::PilotSwitch,
+            action: SafetyAction::Hold,
+            amount: 0.0,
+        })
+    }
+
+    fn position(&self, facts: &SafetyFacts) -> Option<Violation> {
+        let position = facts.position?;
+        let breach = self.fence.check_point(&here(&position))?;
+        Some(Violation {
+            action: action_of(self.config.fence_breach),
+            ..refuse(breach)
+        })
+    }
+
+    /// As published.
+    pub fn published(&self, facts: &SafetyFacts) -> SafetyState {
+        SafetyState {
+            amount: self.present.map_or(0.0, |violation| violation.amount),
+            rule: self.present.map_or(0, |violation| violation.rule.code()),
+            action: self.present.map_or(0, |violation| violation.action.code()),
+            pilot_switch: switch(facts).code(),
+            fence_areas: self.fence.areas() as u32,
+            interventions: self.interventions,
+            reserved: 0,
+        }
+    }
+}
+
+/// Battery or fuel against its limits.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct SupplyWatch {
+    rule: SafetyRule,
+    #[serde(skip)]
+    limits: SupplyLimits,
+    /// Since when the supply is below each limit, in the order of their severity.
+    below_since: [Option<MonotonicNs>; 4],
+}
+
+impl SupplyWatch {
+    fn new(rule: SafetyRule, limits: SupplyLimits) -> Self {
+        SupplyWatch {
+            rule,
+            limits,
+            below_since: [None; 4],
+        }
+    }
+
+    /// The most severe limit that `value` has been below for `hold_for`. Without a value nothing changes: a group that is
+    /// missing for a while neither saves nor condemns.
+    fn look(
+        &mut self,
+        value: Option<f64>,
+        now: MonotonicNs,
+        hold_for: Duration,
+    ) -> Option<Violation> {
+        let value = value?;
+        let mut worst = None;
+        for ((action, limit), since) in self.limits.steps().zip(&mut self.below_since) {
+            if value >= limit {
+                *since = None;
+                continue;
+            }
+            if now.since(*since.get_or_insert(now)) >= hold_for {
+                worst = Some(Violation {
+                    rule: self.rule,
+                    action,
+                    amount: limit - value,
+                });
+            }
+        }
+        worst
+    }
+}
+
+fn is_about_supply(violation: Violation) -> bool {
+    matches!(violation.rule, SafetyRule::Battery | SafetyRule::Fuel)
+        && violation.action != SafetyAction::Warn
+}
+
+fn switch(facts: &SafetyFacts) -> PilotSwitch {
+    match facts.supply.map(|supply| supply.auto_switch) {
+        Some(0) => PilotSwitch::Manual,
+        Some(_) => PilotSwitch::Auto,
+        None => PilotSwitch::Unknown,
+    }
+}
+
+/// The action that the configuration names.
+fn action_of(action: BreachAction) -> SafetyAction {
+    match action {
+        BreachAction::Warn => SafetyAction::Warn,
+        BreachAction::Hold => SafetyAction::Hold,
+        BreachAction::Land => SafetyAction::Land,
+    }
+}
+
+/// The violation that a breach of the geofence is, when it refuses something.
+fn refuse(breach: Breach) -> Violation {
+    let rule = match breach.rule {
+        FenceRule::Inclusion => SafetyRule::FenceInclusion,
+        FenceRule::Exclusion => SafetyRule::FenceExclusion,
+        FenceRule::Floor => SafetyRule::FenceFloor,
+        FenceRule::Ceiling => SafetyRule::FenceCeiling,
+        FenceRule::Unjudgeable => SafetyRule::FenceUnjudgeable,
+    };
+    Violation {
+        rule,
+        action: SafetyAction::Refuse,
+        amount: breach.amount_m,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: SupplyLimits = SupplyLimits {
+        warn: Some(24.0),
+        refuse: Some(23.0),
+        hold: None,
+        land: Some(22.0),
+    };
+
+    fn at(second: u64) -> MonotonicNs {
+        MonotonicNs(second * 1_000_000_000)
+    }
+
+    #[test]
+    fn a_supply_must_be_below_its_limit_for_a_time() {
+        let mut watch = SupplyWatch::new(SafetyRule::Battery, LIMITS);
+        let hold_for = Duration::from_secs(2);
+        // Second, volts, action, by how much.
+        let table = [
+            (0, 24.5, None),
+            (1, 22.5, None),
+            (2, 24.5, None),
+            (3, 22.5, None),
+            (4, 22.5, None),
+            (5, 22.5, Some((SafetyAction::Refuse, 0.5))),
+            (6, 21.5, Some((SafetyAction::Refuse, 1.5))),
+            (8, 21.5, Some((SafetyAction::Land, 0.5))),
+            (9, 23.5, Some((SafetyAction::Warn, 0.5))),
+            (10, 24.0, None),
+        ];
+        for (second, volts, expected) in table {
+            let violation = watch.look(Some(volts), at(second), hold_for);
+            let found = violation.map(|violation| (violation.action, violation.amount));
+            assert_eq!(found, expected, "second {second}");
+        }
+        assert_eq!(watch.look(None, at(11), hold_for), None);
     }
 }

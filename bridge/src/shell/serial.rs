@@ -21,7 +21,7 @@ use rustix::io::Errno;
 use rustix::termios::{OptionalActions, QueueSelector, Termios, tcflush, tcgetattr, tcsetattr};
 use serialport::TTYPort;
 
-use self::holders::{Hold, Holder, Holders, Occupant, TerminalDevice};
+use self::holders::{Hold, Holder, Holders, PortHolder, TerminalDevice};
 use crate::config::SerialConfig;
 
 /// How long the kernel's worker may take to bring the next bytes of a backlog to the terminal's queue.
@@ -50,7 +50,7 @@ pub enum OpenError {
         /// The port.
         port: PathBuf,
         /// Who.
-        by: Occupant,
+        by: PortHolder,
     },
     /// It is no terminal device.
     #[error("{} is not a serial port: `serial.port` must name a terminal device, such as /dev/ttyUSB0", .0.display())]
@@ -245,7 +245,7 @@ fn check_free(port: &Path, metadata: &Metadata) -> Result<(), OpenError> {
     let terminal = TerminalDevice::new(port, metadata)
         .ok_or_else(|| OpenError::NotATerminal(port.to_owned()))?;
     let holders = Holders::find(&terminal).map_err(|error| cannot_open(port, error))?;
-    match holders.occupant(std::process::id()) {
+    match holders.holder(std::process::id()) {
         Some(by) => Err(OpenError::InUse {
             port: port.to_owned(),
             by,
@@ -260,15 +260,15 @@ fn refused_by_its_holder(port: &Path) -> OpenError {
         .ok()
         .and_then(|metadata| TerminalDevice::new(port, &metadata));
     let holders = terminal.and_then(|terminal| Holders::find(&terminal).ok());
-    let occupant = holders.and_then(|holders| holders.occupant(std::process::id()));
+    let holder = holders.and_then(|holders| holders.holder(std::process::id()));
     OpenError::InUse {
         port: port.to_owned(),
-        by: occupant.unwrap_or(Occupant::Unseen),
+        by: holder.unwrap_or(PortHolder::Unseen),
     }
 }
 
 /// Whose a port is, and what to do.
-fn in_use(port: &Path, by: &Occupant) -> String {
+fn in_use(port: &Path, by: &PortHolder) -> String {
     let device = std::fs::canonicalize(port).unwrap_or_else(|_| port.to_owned());
     let name = match device == port {
         true => port.display().to_string(),
@@ -276,10 +276,10 @@ fn in_use(port: &Path, by: &Occupant) -> String {
     };
     let device = device.display();
     match by {
-        Occupant::Kernel => format!(
+        PortHolder::Kernel => format!(
             "{name} is a console of the kernel: take its `console=` off the kernel's command line, or name another port in `serial.port`"
         ),
-        Occupant::Process(Holder {
+        PortHolder::Process(Holder {
             pid,
             program,
             hold: Hold::Controlling,
@@ -287,10 +287,10 @@ fn in_use(port: &Path, by: &Occupant) -> String {
         }) => format!(
             "{name} is the terminal of `{program}` (process {pid}), and nothing is written into it: if the simulator is gone, start it again; if a login waits on the port, stop its service; else name another port in `serial.port`"
         ),
-        Occupant::Process(Holder { pid, program, .. }) => format!(
+        PortHolder::Process(Holder { pid, program, .. }) => format!(
             "{name} is in use by `{program}` (process {pid}): end it, or name another port in `serial.port`"
         ),
-        Occupant::Unseen => format!(
+        PortHolder::Unseen => format!(
             "{name} is in use by a process that this user cannot see: `sudo fuser {device}` names it"
         ),
     }

@@ -1,6 +1,5 @@
 //! The sixteen groups of a status: their layout (section 4.1), and values that can be (section 9).
 
-use dsp_protocol::plausibility::implausible_groups;
 use dsp_protocol::{Group, Status, StatusMask};
 
 use crate::bench::Bench;
@@ -106,7 +105,7 @@ async fn with_group(bench: &Bench, group: Group) -> Judged<Vec<Status>> {
 
 async fn plausible(bench: Bench, group: Group) -> Judged {
     for status in with_group(&bench, group).await? {
-        ensure(!implausible_groups(&status).contains(group), || {
+        ensure(!status.implausible_groups().contains(group), || {
             format!("the PC rejects the group: {}", values(&status, group))
         })?;
     }

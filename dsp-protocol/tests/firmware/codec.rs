@@ -6,7 +6,6 @@ use std::fs;
 use std::path::Path;
 use std::process;
 
-use dsp_protocol::plausibility::implausible_groups;
 use dsp_protocol::port::{PORTS_16, PORTS_32};
 use dsp_protocol::{
     Command, DecodeError, Decoded, Direction, Downlink, DspErrorCode, FieldSpec, Group, Profile,
@@ -125,7 +124,7 @@ impl Described for Downlink {
                         write!(text, "{}={value},", c_place(group, field)).unwrap();
                     }
                 }
-                write!(text, "implausible={},", implausible_groups(status).0).unwrap();
+                write!(text, "implausible={},", status.implausible_groups().0).unwrap();
             }
             Downlink::FlowControl(_) => write!(text, "send={},", payload[0]).unwrap(),
             Downlink::Error(DspErrorCode(code)) => write!(text, "error={code},").unwrap(),

@@ -94,7 +94,7 @@ impl Guard {
     }
 }
 
-/// Follows a flight to its end and tells what `guard` finds. Sleeps while nothing comes, and tells that every `patience`.
+/// Follows a flight to its end and reports what `guard` finds. Sleeps while nothing comes, and reports that every `timeout`.
 ///
 /// # Errors
 ///
@@ -102,11 +102,11 @@ impl Guard {
 pub fn watch(
     telemetry: &mut Subscriber<HeroTelemetry>,
     guard: &mut Guard,
-    patience: Duration,
+    timeout: Duration,
     mut tell: impl FnMut(Notice),
 ) -> Result<(), Box<dyn Error>> {
     while !guard.has_landed() {
-        if telemetry.wait(patience)? == Wake::TimedOut {
+        if telemetry.wait(timeout)? == Wake::TimedOut {
             tell(Notice::Silent);
         }
         // Whatever woke it: everything that is there is taken.

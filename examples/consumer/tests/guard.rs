@@ -9,7 +9,7 @@ use ipc_types::payload::HeroTelemetry;
 use ril_tests::{Process, Recording, Sandbox, Script, StandInStatus, TestDomain, sandbox};
 
 /// Longer than any flight here, so that nothing counts as silence.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// What the guard of 20 m tells of a flight that is published all at once.
 fn notices(flight: &[HeroTelemetry]) -> Vec<Notice> {
@@ -20,7 +20,7 @@ fn notices(flight: &[HeroTelemetry]) -> Vec<Notice> {
         status.publish(sample);
     }
     let mut notices = Vec::new();
-    watch(&mut telemetry, &mut Guard::new(20.0), PATIENCE, |notice| {
+    watch(&mut telemetry, &mut Guard::new(20.0), TIMEOUT, |notice| {
         notices.push(notice)
     })
     .unwrap();

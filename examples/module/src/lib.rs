@@ -52,7 +52,7 @@ const LIMITS_V: RangeInclusive<f64> = 2.5..=4.2;
 
 ranged! {
     fn limit_v(f64) in LIMITS_V;
-    fn patience_s(f64) in 0.0..=60.0;
+    fn below_for_s(f64) in 0.0..=60.0;
     fn cells(u32) in 1..=24;
 }
 
@@ -63,8 +63,8 @@ pub struct Config {
     #[serde(deserialize_with = "limit_v")]
     limit_v: f64,
     /// For how long the cells are below the limit before a landing is commanded.
-    #[serde(deserialize_with = "patience_s")]
-    patience_s: f64,
+    #[serde(deserialize_with = "below_for_s")]
+    below_for_s: f64,
     #[serde(deserialize_with = "cells")]
     cells: u32,
 }
@@ -73,7 +73,7 @@ impl Default for Config {
     fn default() -> Config {
         Config {
             limit_v: 3.5,
-            patience_s: 3.0,
+            below_for_s: 3.0,
             cells: 6,
         }
     }
@@ -99,7 +99,7 @@ impl Watch {
         let below_s = self
             .below_since
             .map_or(0.0, |since| now.since(since).as_secs_f64());
-        self.is_low = is_below && below_s >= self.config.patience_s;
+        self.is_low = is_below && below_s >= self.config.below_for_s;
         Some(Cells {
             received_ns: sample.received_ns,
             mean_v,

@@ -388,7 +388,7 @@ attempted("a recording without a sample is a page that says so", { skip, timeout
     await page.goto(pathToFileURL(file).href);
     await page.locator("body[data-ready]").waitFor({ timeout: WAIT_MS });
     assert.match(await text(page, "#summary"), /The recording has no sample\./);
-    assert.match(await text(page, "#events"), /The recording tells of none\./);
+    assert.match(await text(page, "#events"), /The recording has none\./);
     assert.equal(await page.locator("#track").isVisible(), false);
     assert.deepEqual(problems, []);
   } finally {

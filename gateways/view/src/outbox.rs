@@ -70,7 +70,7 @@ pub(crate) struct Outbox {
 impl Outbox {
     /// Sets how many `now` there are a second at most.
     pub fn set_rate(&mut self, rate_hz: f64) {
-        // What is no number is no wish.
+        // NaN stands for the highest rate.
         let rate_hz = if rate_hz.is_nan() { RATE_HZ.1 } else { rate_hz };
         let rate_hz = rate_hz.clamp(RATE_HZ.0, RATE_HZ.1);
         self.period = Duration::from_secs_f64(PERIOD_PART / rate_hz);

@@ -190,7 +190,7 @@ impl Shapes<'_> {
         })
     }
 
-    /// What the property says rules over what the format says.
+    /// The property takes precedence over the format.
     fn altitude(&self, vertex: &Vertex) -> Altitude {
         let metres = match vertex.altitude {
             Altitude::AboveTakeOff(metres)

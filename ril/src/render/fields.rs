@@ -14,4 +14,4 @@ mod tree;
 pub(crate) use selection::field_names;
 pub use selection::{Selection, UnknownField};
 pub use tables::{Meaning, Shown};
-pub use tree::{JsonLine, Plainly, Tree};
+pub use tree::{JsonLine, Plain, Tree};

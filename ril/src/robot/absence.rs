@@ -42,7 +42,7 @@ fn link(session: &Session, key: &str) -> Result<Option<LinkReport>, Failure> {
 /// The same for `robot`, whose `link` is known. Other robots that are alive are named.
 fn not_provided(key: &str, robot: RobotId, link: Option<&LinkReport>) -> Failure {
     if let Some((trouble, next_step)) = link.and_then(LinkReport::trouble) {
-        let text = format!("nothing of {key} of robot {robot} is there: {trouble}");
+        let text = format!("{key} of robot {robot} is not there: {trouble}");
         return Failure::new(ExitCode::LinkDown, text).with_next_step(next_step);
     }
     let (here, there) = match link {

@@ -55,7 +55,7 @@ impl Senders<'_> {
         let Some(holder) = state.holder() else {
             return match control.exclusive {
                 0 => "free".to_owned(),
-                _ => "free; it is exclusive to who orders first".to_owned(),
+                _ => "free; the first sender that orders gets it".to_owned(),
             };
         };
         let mut text = self.name(&holder);
@@ -144,7 +144,7 @@ mod tests {
         let senders = Senders::default();
         assert_eq!(senders.in_words(&state, now), "free");
         state.control.exclusive = 1;
-        let free = "free; it is exclusive to who orders first";
+        let free = "free; the first sender that orders gets it";
         assert_eq!(senders.in_words(&state, now), free);
         state.control = ControlState {
             since_ns: 5_000_000_000,

@@ -58,7 +58,7 @@ impl LinkReport {
         let is_heard = link.last_heard().is_some();
         let what = match link.state() {
             _ if self.is_stale() => {
-                let text = "the relay runs and says nothing of its link to the robot";
+                let text = "the relay runs and does not report its link to the robot";
                 let next_step =
                     "is it stopped, or is the machine overloaded? If it stays so, restart it";
                 return Some((text.to_owned(), next_step.to_owned()));

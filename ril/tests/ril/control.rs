@@ -14,7 +14,7 @@ fn the_one_at_another_terminal_asks_for_control_and_has_it_when_the_first_is_gon
     rig.write("bridge.toml", &config);
     let robot = rig.start_robot(1, 1);
     rig.run("control show", 0)
-        .out_says("control of robot 1: free; it is exclusive to who orders first");
+        .out_says("control of robot 1: free; the first sender that orders gets it");
     let mut first = Process::spawn(&rig.domain, rig.shell(TERMINAL));
     first.wait_for_text("this terminal, for");
 

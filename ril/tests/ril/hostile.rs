@@ -12,7 +12,7 @@ use ipc_types::service::{MAX_OUTSTANDING, Request};
 use ipc_types::{
     Client, Losses, MonotonicNs, RobotId, Schema, SendError, Topic, Wake, fresh_request_id,
 };
-use ril::render::fields::{JsonLine, Plainly, Selection, Shown, Tree};
+use ril::render::fields::{JsonLine, Plain, Selection, Shown, Tree};
 use ril::render::messages::object::ReportObject;
 use ril::render::messages::{self, FinalReport, Verb};
 use ril::render::stamps::StampReader;
@@ -49,7 +49,7 @@ fn show<T: Shown>(seed: u64, sample: &T) {
     let text = serde_json::to_string(&line).unwrap();
     serde_json::from_str::<Value>(&text).unwrap_or_else(|error| panic!("seed {seed}: {error}"));
     for (name, value) in tree.plain_fields() {
-        check_text(seed, &format!("{name}: {}", Plainly(value)));
+        check_text(seed, &format!("{name}: {}", Plain(value)));
     }
 }
 

@@ -126,7 +126,7 @@ pub struct Holders {
 
 /// Who keeps a port from being opened.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Occupant {
+pub enum PortHolder {
     /// The kernel, whose console it is.
     Kernel,
     /// A process.
@@ -196,23 +196,23 @@ impl Holders {
     }
 
     /// Who keeps the process `own` from using the terminal; `None` if it may. A session's leader comes before its other
-    /// processes, and low process numbers before high ones: the same occupant is named each time, so that it is logged once.
-    pub fn occupant(&self, own: u32) -> Option<Occupant> {
+    /// processes, and low process numbers before high ones: the same holder is named each time, so that it is logged once.
+    pub fn holder(&self, own: u32) -> Option<PortHolder> {
         let controlling = self
             .processes
             .iter()
             .filter(|holder| holder.hold == Hold::Controlling)
             .min_by_key(|holder| (!holder.leads_session, holder.pid));
         if let Some(holder) = controlling {
-            return Some(Occupant::Process(holder.clone()));
+            return Some(PortHolder::Process(holder.clone()));
         }
         if self.is_console {
-            return Some(Occupant::Kernel);
+            return Some(PortHolder::Kernel);
         }
         self.processes
             .iter()
             .find(|holder| holder.pid != own && holder.hold != Hold::OtherEnd)
-            .map(|holder| Occupant::Process(holder.clone()))
+            .map(|holder| PortHolder::Process(holder.clone()))
     }
 }
 
@@ -433,8 +433,8 @@ netcon0              -W- (E   p  )\n";
     fn a_person_comes_before_the_console_and_programs_and_the_other_end_is_no_occupant() {
         use Hold::{Controlling, Locked, Open, OtherEnd};
         const OWN: u32 = 5;
-        let kernel = Some(Occupant::Kernel);
-        let process = |holder: &Holder| Some(Occupant::Process(holder.clone()));
+        let kernel = Some(PortHolder::Kernel);
+        let process = |holder: &Holder| Some(PortHolder::Process(holder.clone()));
         let shell = holder(9, Controlling, true);
         let editor = holder(8, Controlling, false);
         let program = holder(7, Open, false);
@@ -457,7 +457,7 @@ netcon0              -W- (E   p  )\n";
                 is_console,
                 hidden: 0,
             };
-            assert_eq!(holders.occupant(OWN), expected, "{holders:?}");
+            assert_eq!(holders.holder(OWN), expected, "{holders:?}");
         }
     }
 }

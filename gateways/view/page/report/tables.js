@@ -71,7 +71,7 @@ function values(flight) {
 /** @param {any} flight @param {Jump} jump */
 function events(flight, jump) {
   const box = byId("events");
-  if (flight.events.length === 0) box.append(make("p", {}, "The recording tells of none."));
+  if (flight.events.length === 0) box.append(make("p", {}, "The recording has none."));
   else {
     box.append(make("p", {}, "A time leads to the plots, where the playhead stands at it."));
     const hasClock = flight.start_unix_ms !== null;
@@ -99,7 +99,7 @@ function requests(flight) {
 /** What the recording says of itself. @param {any} flight */
 function recording(flight) {
   const box = byId("recording");
-  if (flight.metadata.length === 0) box.append(make("p", {}, "It says nothing of itself."));
+  if (flight.metadata.length === 0) box.append(make("p", {}, "The recording has no metadata."));
   for (const { title, rows } of flight.metadata) {
     box.append(make("table", { class: "meta" }, make("caption", {}, title),
       make("tbody", {}, ...rows.map(([name, value]) => make("tr", {}, make("th", { scope: "row" }, name), make("td", {}, value))))));

@@ -128,7 +128,7 @@ impl Playback {
             let position_s = seek_ns.saturating_sub(start_ns) as f64 / 1e9;
             want(ReplayAction::Seek, Some(position_s), None);
         }
-        // A client that has no wish says 0.
+        // 0 leaves the speed as it is.
         if wanted.speed > 0.0 {
             want(ReplayAction::Speed, None, Some(f64::from(wanted.speed)));
         }

@@ -225,6 +225,6 @@ fn people_see_a_dash_for_nothing_and_text_without_quotes() {
         (Value::from(0.5), "0.5"),
         (Value::from(vec![0, 3]), "[0,3]"),
     ] {
-        assert_eq!(Plainly(&value).to_string(), expected);
+        assert_eq!(Plain(&value).to_string(), expected);
     }
 }

@@ -288,9 +288,9 @@ impl Serialize for JsonLine<'_> {
 }
 
 /// A plain value for people: without quotes, and a dash for nothing.
-pub struct Plainly<'a>(pub &'a Value);
+pub struct Plain<'a>(pub &'a Value);
 
-impl fmt::Display for Plainly<'_> {
+impl fmt::Display for Plain<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             Value::Null => f.write_str("-"),

@@ -18,7 +18,7 @@ const MAX_UNCERTAINTY_S: f64 = 0.05;
 pub(super) fn diagnose(facts: &LinkFacts, robot: u32) -> Vec<Finding> {
     let link = match &facts.link {
         Ok(Some(link)) => link,
-        Ok(None) => return vec![silent(robot, "says nothing of its link".to_owned())],
+        Ok(None) => return vec![silent(robot, "does not report its link".to_owned())],
         Err(trouble) => {
             let text = format!("looking at the link of the relay of robot {robot} {trouble}");
             let next_step = "look again; if it stays so, restart the relay";
@@ -27,7 +27,7 @@ pub(super) fn diagnose(facts: &LinkFacts, robot: u32) -> Vec<Finding> {
     };
     let report = LinkReport::new(link, facts.now);
     if report.is_stale() {
-        let text = "has said nothing of its link for more than three seconds".to_owned();
+        let text = "has not reported its link for more than three seconds".to_owned();
         return vec![silent(robot, text)];
     }
     let troubles: Vec<Finding> = [

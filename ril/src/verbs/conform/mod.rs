@@ -70,7 +70,7 @@ pub struct ConformArgs {
     #[arg(long, value_name = "DURATION", default_value = "25ms", value_parser = duration)]
     pub slack: Duration,
 
-    /// The line damages bytes: repeat a check that fails, and blame nobody for a damaged frame
+    /// The line damages bytes: repeat a check that fails, and count no damaged frame as a fault
     #[arg(long)]
     pub lossy: bool,
 

@@ -38,7 +38,7 @@ pub enum HolderCommand {
     Take(RequestArgs),
     /// Give control back, or do not ask for it any more
     Release(RequestArgs),
-    /// Hand control over to who asks for it
+    /// Hand control over to the sender that asks for it
     Pass(RequestArgs),
 }
 

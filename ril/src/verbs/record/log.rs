@@ -15,7 +15,7 @@ use crate::robot::changes;
 #[derive(Debug)]
 pub struct LogTopic {
     offset: UnixOffset,
-    outlet: RecorderTopic,
+    output: RecorderTopic,
     last: Option<ModuleState>,
     status: JournalReader,
 }
@@ -25,7 +25,7 @@ impl LogTopic {
     pub fn new(robot: RobotId, anchor: Anchor) -> LogTopic {
         LogTopic {
             offset: offset_of(anchor),
-            outlet: RecorderTopic::new(topic(robot, "log"), Log::TYPE_NAME, Qos::STATE),
+            output: RecorderTopic::new(topic(robot, "log"), Log::TYPE_NAME, Qos::STATE),
             last: None,
             status: JournalReader::new(),
         }
@@ -98,7 +98,7 @@ impl LogTopic {
             text,
             module,
         };
-        self.outlet.add(recorder, now, at, &line.write());
+        self.output.add(recorder, now, at, &line.write());
     }
 
     /// Adds what has changed with a state of the bridge.

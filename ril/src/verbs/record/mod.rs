@@ -144,10 +144,10 @@ fn end(shell: &RecorderShell) -> Result<(), Failure> {
 /// What the disk did not take; `None` if it took everything, whatever else was in the way.
 fn not_taken(totals: &Totals) -> Option<String> {
     // Of a file that failed, it is not known whether the disk has what was written and not yet forced onto it.
-    let unsure = totals.written - totals.synced;
+    let unsynced = totals.written - totals.synced;
     let missing = totals.added - totals.written;
-    let (dropped, lost) = (count(missing, "message"), count(unsure, "message"));
-    (missing > 0 || unsure > 0).then(|| {
+    let (dropped, lost) = (count(missing, "message"), count(unsynced, "message"));
+    (missing > 0 || unsynced > 0).then(|| {
         format!("the disk did not take everything: {dropped} dropped, {lost} perhaps lost")
     })
 }

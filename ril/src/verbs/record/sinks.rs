@@ -173,12 +173,12 @@ struct Viewers {
 
 impl Viewers {
     fn new(robot: RobotId, offset: UnixOffset) -> Viewers {
-        let outlet =
+        let topic =
             |one: ViewerMessage| RecorderTopic::new(one.topic(robot), one.type_name(), one.qos());
         Viewers {
             robot,
             offset,
-            topics: ViewerMessage::ALL.map(|one| (one, outlet(one))),
+            topics: ViewerMessage::ALL.map(|one| (one, topic(one))),
             battery: None,
         }
     }
@@ -186,13 +186,13 @@ impl Viewers {
     /// Makes of a sample what its valid groups allow.
     fn take(&mut self, recorder: &mut Recorder, sample: &HeroTelemetry, now: MonotonicNs) {
         let at = sample.received();
-        for (message, outlet) in &mut self.topics {
+        for (message, topic) in &mut self.topics {
             let is_battery = *message == ViewerMessage::Standard(StandardMessage::BatteryState);
             if is_battery && self.battery.is_some_and(|last| at < last + BATTERY_PERIOD) {
                 continue;
             }
             if let Some(bytes) = message.write(sample, self.robot, self.offset) {
-                outlet.add(recorder, now, at, &bytes);
+                topic.add(recorder, now, at, &bytes);
                 if is_battery {
                     self.battery = Some(at);
                 }

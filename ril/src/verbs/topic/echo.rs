@@ -10,7 +10,7 @@ use runtime::exit::Failure;
 
 use super::stream::{Stream, StreamArgs, Watcher};
 use crate::options::EXIT_CODES;
-use crate::render::fields::{JsonLine, Meaning, Plainly, Selection, Tree};
+use crate::render::fields::{JsonLine, Meaning, Plain, Selection, Tree};
 use crate::render::json_line;
 use crate::render::stamps::StampReader;
 use crate::render::words::count as plural;
@@ -138,7 +138,7 @@ fn block(tree: &Tree) -> String {
     let mut text = String::new();
     for (name, value) in tree.plain_fields() {
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "{name}: {}", Plainly(value));
+        let _ = writeln!(text, "{name}: {}", Plain(value));
     }
     text + "---\n"
 }
@@ -147,7 +147,7 @@ fn block(tree: &Tree) -> String {
 fn line(tree: &Tree) -> String {
     let fields = tree.plain_fields().into_iter();
     let fields: Vec<String> = fields
-        .map(|(name, value)| format!("{name}={}", Plainly(value)))
+        .map(|(name, value)| format!("{name}={}", Plain(value)))
         .collect();
     fields.join("  ") + "\n"
 }

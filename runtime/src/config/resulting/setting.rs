@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use toml::Value;
 use toml::de::{DeTable, DeValue};
 
-/// Where a value comes from. Each rules over those before it.
+/// Where a value comes from, in ascending precedence.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {
     /// The process's default.

@@ -6,7 +6,6 @@ use dsp_protocol::downlink::{
     Acceleration, AngularRate, Attitude, Geographic, GpsVelocity, PanTilt, References, ServoPulses,
     Supply, Xy,
 };
-use dsp_protocol::plausibility::implausible_groups;
 use dsp_protocol::{
     Command, Direction, Downlink, DspErrorCode, FlowControl, Frame, Profile, Sequence, Status,
     StatusMask, Uplink, Waypoint,
@@ -52,7 +51,7 @@ impl Traffic for Downlink {
 
     fn is_implausible(&self) -> bool {
         match self {
-            Downlink::Status(status) => implausible_groups(status) != StatusMask::NONE,
+            Downlink::Status(status) => status.implausible_groups() != StatusMask::NONE,
             _ => false,
         }
     }
@@ -106,7 +105,7 @@ impl Traffic for Uplink {
                     }),
                     ..Status::default()
                 };
-                implausible_groups(&status) != StatusMask::NONE
+                status.implausible_groups() != StatusMask::NONE
             }
         }
     }

@@ -141,7 +141,7 @@ impl Collector {
         let view = with_fix(PilotView::from(dsp));
         self.flying.get_or_insert(dsp.is_flying());
         if let Some(before) = self.before {
-            self.continuity(&before, at_s, dsp);
+            self.note_gaps(&before, at_s, dsp);
             self.dsp(&before, at_s, dsp, &view);
         }
         if dsp.valid(TelemetryGroup::Time) {
@@ -199,7 +199,7 @@ impl Collector {
     }
 
     /// Losses, gaps and restarts.
-    fn continuity(&mut self, before: &Before, at_s: f64, dsp: &DspTelemetry) {
+    fn note_gaps(&mut self, before: &Before, at_s: f64, dsp: &DspTelemetry) {
         let place = before.view.place;
         let interval_s = at_s - before.at_s;
         self.curves.interval(at_s, interval_s * 1000.0);
