@@ -139,48 +139,24 @@ fn what_is_refused_when() {
         rig.waypoint(9, 1, 1, north(90));
         rig
     };
+    #[rustfmt::skip]
     let table: [Case; 17] = [
         ("start without a DSP", closed, start, Reason::LinkDown),
-        (
-            "take-off before start",
-            not_started,
-            take_off,
-            Reason::NotStarted,
-        ),
+        ("take-off before start", not_started, take_off, Reason::NotStarted),
         ("go-to before start", not_started, go, Reason::NotStarted),
         ("land before start", not_started, land, Reason::NotStarted),
         ("land on the ground", Rig::started, land, Reason::NotFlying),
         ("go-to on the ground", Rig::started, go, Reason::NotFlying),
-        (
-            "take-off in the air",
-            Rig::flying,
-            take_off,
-            Reason::AlreadyFlying,
-        ),
+        ("take-off in the air", Rig::flying, take_off, Reason::AlreadyFlying),
         ("go-to without a position", blind, go, Reason::NoPosition),
-        (
-            "take-off without a GPS fix",
-            without_fix,
-            take_off,
-            Reason::NoPosition,
-        ),
-        (
-            "land on the ground without a port",
-            gone_on_ground,
-            land,
-            Reason::LinkDown,
-        ),
+        ("take-off without a GPS fix", without_fix, take_off, Reason::NoPosition),
+        ("land on the ground without a port", gone_on_ground, land, Reason::LinkDown),
         ("go-to without a port", gone, go, Reason::LinkDown),
         ("take-off twice", taking_off, take_off, Reason::Busy),
         ("go-to during take-off", taking_off, go, Reason::Busy),
         ("go-to on the way", following, go, Reason::Busy),
         ("land on the way", following, land, Reason::Busy),
-        (
-            "a far-away waypoint",
-            Rig::flying,
-            |rig| rig.waypoint(1, 1, 1, north(10_000)),
-            Reason::TooFar,
-        ),
+        ("a far-away waypoint", Rig::flying, |rig| rig.waypoint(1, 1, 1, north(10_000)), Reason::TooFar),
         (
             "a waypoint that is none",
             Rig::flying,

@@ -58,32 +58,18 @@ fn all_ports_are_listed_with_kind_range_and_access() {
 #[test]
 fn what_is_refused_and_why() {
     let write = ParameterRequest::write;
+    #[rustfmt::skip]
     let table = [
         (write(0, 9, 1.0), Reason::NoSuchPort),
-        (
-            ParameterRequest {
-                port: 70_000,
-                ..write(0, 0, 1.0)
-            },
-            Reason::NoSuchPort,
-        ),
+        (ParameterRequest { port: 70_000, ..write(0, 0, 1.0) }, Reason::NoSuchPort),
         (write(0, port::TAKE_OFF, 1.0), Reason::NoSuchPort),
         (write(0, port::STATUS_MASK, 1.0), Reason::NoSuchPort),
         (write(0, port::CRUISE_SPEED_MPS, 50.0), Reason::OutOfRange),
-        (
-            write(0, port::CRUISE_SPEED_MPS, f64::NAN),
-            Reason::NotFinite,
-        ),
+        (write(0, port::CRUISE_SPEED_MPS, f64::NAN), Reason::NotFinite),
         (write(0, port::STATUS_PERIOD_MS, 20.5), Reason::OutOfRange),
         (write(0, port::STATUS_PERIOD_MS, 1e300), Reason::OutOfRange),
         (write(0, port::TRIM_ROLL_US, -501.0), Reason::OutOfRange),
-        (
-            ParameterRequest {
-                operation: 9,
-                ..write(0, port::CRUISE_SPEED_MPS, 1.0)
-            },
-            Reason::InvalidRequest,
-        ),
+        (ParameterRequest { operation: 9, ..write(0, port::CRUISE_SPEED_MPS, 1.0) }, Reason::InvalidRequest),
     ];
     let mut rig = Rig::started();
     let sent = rig.dsp.commands.len();

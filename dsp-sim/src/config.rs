@@ -366,32 +366,22 @@ mod tests {
 
     #[test]
     fn what_cannot_be_is_refused_with_its_line() {
-        for (text, expected) in [
-            (
-                "[serial]\nbaud_rate = 5000000",
-                "x.toml:2: 5000000 is out of range",
-            ),
-            (
-                "[serial]\nprofile = \"Extended\"",
-                "x.toml:2: `Extended` is no profile; it is `classic` or `extended`",
-            ),
+        #[rustfmt::skip]
+        let cases = [
+            ("[serial]\nbaud_rate = 5000000", "x.toml:2: 5000000 is out of range"),
+            ("[serial]\nprofile = \"Extended\"", "x.toml:2: `Extended` is no profile; it is `classic` or `extended`"),
             ("[serial]\nbaud = 9600", "x.toml:2: unknown field `baud`"),
-            (
-                "[home]\n\nlatitude_deg = 90.0",
-                "x.toml:3: 90 is out of range",
-            ),
+            ("[home]\n\nlatitude_deg = 90.0", "x.toml:3: 90 is out of range"),
             ("[wind]\nspeed_mps = nan", "x.toml:2: NaN is out of range"),
             ("[noise]\nseed = -1", "x.toml:2: "),
             ("[boot]\nerrors = [70000]", "x.toml:2: "),
-            (
-                "[boot]\nerrors = [1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]",
-                "at most 16 errors",
-            ),
+            ("[boot]\nerrors = [1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", "at most 16 errors"),
             ("[energy]\nfuel_percent = 101.0", "x.toml:2: 101 is"),
             ("[dsp]\ntake_off_delay_ms = 10001", "x.toml:2: 10001 is"),
             ("[dsp]\nextra_groups = 65536", "x.toml:2: "),
             ("[engine]", "x.toml:1: unknown field `engine`"),
-        ] {
+        ];
+        for (text, expected) in cases {
             let error = runtime::config::parse::<Config>(text, "x.toml").unwrap_err();
             let message = error.to_string();
             assert!(message.contains(expected), "{text}: {message}");

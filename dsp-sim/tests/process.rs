@@ -202,28 +202,18 @@ fn what_is_wrong_is_reported_with_its_exit_code() {
     let faults = folder.path().join("faults.toml");
     fs::write(&faults, "[[fault]]\nkind = 'drop_bytes'\nrate = 2\n").unwrap();
     let [precious, wrong, faults] = [&precious, &wrong, &faults].map(|path| path.to_str().unwrap());
-    for (arguments, code, reported) in [
+    #[rustfmt::skip]
+    let cases = [
         (vec!["--link", precious], 2, "not a symbolic link"),
         (vec!["--link", "/nowhere/port"], 2, "--link"),
-        (
-            vec!["--config", wrong],
-            78,
-            "wrong.toml:2: 99 is out of range",
-        ),
+        (vec!["--config", wrong], 78, "wrong.toml:2: 99 is out of range"),
         (vec!["--config", "/nowhere.toml"], 78, "/nowhere.toml"),
-        (
-            vec!["--faults", faults],
-            78,
-            "faults.toml:3: 2 is out of range",
-        ),
-        (
-            vec!["--check-config", "--faults", "/nowhere.toml"],
-            78,
-            "/nowhere.toml",
-        ),
+        (vec!["--faults", faults], 78, "faults.toml:3: 2 is out of range"),
+        (vec!["--check-config", "--faults", "/nowhere.toml"], 78, "/nowhere.toml"),
         (vec!["--robot", "0"], 2, "robot"),
         (vec!["--speed", "0"], 2, "0.01 to 100"),
-    ] {
+    ];
+    for (arguments, code, reported) in cases {
         let output = process(&arguments).output().unwrap();
         let error = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");

@@ -272,24 +272,13 @@ mod tests {
             }
             row
         };
+        #[rustfmt::skip]
         let table: [(&str, Event, Row); 5] = [
             ("begin", Executor::begin, but(&[(0, Under, 0)])),
             ("step_done", Executor::step_done, but(&[(2, Under, 1)])),
-            (
-                "pause",
-                Executor::pause,
-                but(&[(1, Paused, 0), (2, Paused, 0)]),
-            ),
-            (
-                "fail",
-                |executor| executor.fail("stuck"),
-                but(&[(1, failed(), 0), (2, failed(), 0)]),
-            ),
-            (
-                "advance",
-                |executor| executor.advance(MonotonicNs(u64::MAX)),
-                but(&[]),
-            ),
+            ("pause", Executor::pause, but(&[(1, Paused, 0), (2, Paused, 0)])),
+            ("fail", |executor| executor.fail("stuck"), but(&[(1, failed(), 0), (2, failed(), 0)])),
+            ("advance", |executor| executor.advance(MonotonicNs(u64::MAX)), but(&[])),
         ];
         for (event, happens, expected) in table {
             for ((state, executor), expected) in states.iter().zip(expected) {

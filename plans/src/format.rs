@@ -108,30 +108,20 @@ mod tests {
 
     #[test]
     fn the_content_counts_before_the_extension() {
-        for (text, name, expected) in [
-            (
-                "{\"fileType\": \"Plan\"}",
-                "a.geojson",
-                Some(PlanFormat::QgcPlan),
-            ),
-            (
-                "\u{feff} {\"type\": \"Feature\"}",
-                "a.plan",
-                Some(PlanFormat::GeoJson),
-            ),
+        #[rustfmt::skip]
+        let cases = [
+            ("{\"fileType\": \"Plan\"}", "a.geojson", Some(PlanFormat::QgcPlan)),
+            ("\u{feff} {\"type\": \"Feature\"}", "a.plan", Some(PlanFormat::GeoJson)),
             ("QGC WPL 110\n", "a", Some(PlanFormat::WaypointList)),
-            (
-                "<?xml version='1.0'?>\n<!-- <gpx> -->\n<kml xmlns='x'>",
-                "a.xml",
-                Some(PlanFormat::Kml),
-            ),
+            ("<?xml version='1.0'?>\n<!-- <gpx> -->\n<kml xmlns='x'>", "a.xml", Some(PlanFormat::Kml)),
             ("<gpx:gpx version='1.1'>", "a.kml", Some(PlanFormat::Gpx)),
             ("<html>", "a.kml", Some(PlanFormat::Kml)),
             ("{}", "a.JSON", Some(PlanFormat::GeoJson)),
             ("0\t1\t0\t16", "a.waypoints", Some(PlanFormat::WaypointList)),
             ("hello", "a.md", None),
             ("", "plan", None),
-        ] {
+        ];
+        for (text, name, expected) in cases {
             assert_eq!(
                 PlanFormat::of(text, Path::new(name)),
                 expected,

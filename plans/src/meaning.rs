@@ -257,28 +257,14 @@ mod tests {
             duration_s,
         };
         let above = Some(Altitude::AboveTakeOff(9.0));
-        for (command, params, expected) in [
-            (
-                17,
-                [0.0, 0.0, 0.0, NAN, 37.0, -6.0, 9.0],
-                hold(Some(HERE), above, None),
-            ),
-            (
-                19,
-                [5.0, 0.0, 0.0, NAN, 0.0, 0.0, 9.0],
-                hold(None, above, Some(5.0)),
-            ),
-            (
-                19,
-                [5.0, 0.0, 0.0, NAN, NAN, NAN, 0.0],
-                hold(None, None, Some(5.0)),
-            ),
-            (
-                93,
-                [7.0, 0.0, 0.0, NAN, NAN, NAN, 0.0],
-                hold(None, None, Some(7.0)),
-            ),
-        ] {
+        #[rustfmt::skip]
+        let cases = [
+            (17, [0.0, 0.0, 0.0, NAN, 37.0, -6.0, 9.0], hold(Some(HERE), above, None)),
+            (19, [5.0, 0.0, 0.0, NAN, 0.0, 0.0, 9.0], hold(None, above, Some(5.0))),
+            (19, [5.0, 0.0, 0.0, NAN, NAN, NAN, 0.0], hold(None, None, Some(5.0))),
+            (93, [7.0, 0.0, 0.0, NAN, NAN, NAN, 0.0], hold(None, None, Some(7.0))),
+        ];
+        for (command, params, expected) in cases {
             assert_eq!(action(command, 3, params), expected);
         }
         let until = action(93, 2, [-1.0, 12.0, 0.0, 0.0, 0.0, 0.0, 0.0]);

@@ -256,33 +256,20 @@ mod tests {
 
     #[test]
     fn mistakes_are_reported_with_line_and_reason() {
-        for (text, expected) in [
+        #[rustfmt::skip]
+        let cases = [
             ("[requets]", "ril.toml:1: unknown field `requets`"),
             ("[request]\ntimeout = 1", "did you mean `timeout_s`?"),
-            (
-                "[request]\n\ntimeout_s = 0",
-                "ril.toml:3: 0 is out of range",
-            ),
+            ("[request]\n\ntimeout_s = 0", "ril.toml:3: 0 is out of range"),
             ("[request]\ndeadline_ms = -1", "ril.toml:2: "),
             ("[observe]\ntimeout_s = 'long'", "invalid type: string"),
-            (
-                "[preflight]\nbattery_v = { warn = 22.0, fail = 23.0 }",
-                "ril.toml:2: fail must not be greater than warn",
-            ),
-            (
-                "[preflight]\nlink_loss_percent = { warn = 2.0, fail = 1.0 }",
-                "ril.toml:2: fail must not be less than warn",
-            ),
-            (
-                "[preflight]\nfuel_percent = { warn = 101, fail = 1 }",
-                "101 is out of range: 0 to 100",
-            ),
-            (
-                "[preflight]\ngps_quality_pass = [4, 9]",
-                "9 is no quality of a GPS fix",
-            ),
+            ("[preflight]\nbattery_v = { warn = 22.0, fail = 23.0 }", "ril.toml:2: fail must not be greater than warn"),
+            ("[preflight]\nlink_loss_percent = { warn = 2.0, fail = 1.0 }", "ril.toml:2: fail must not be less than warn"),
+            ("[preflight]\nfuel_percent = { warn = 101, fail = 1 }", "101 is out of range: 0 to 100"),
+            ("[preflight]\ngps_quality_pass = [4, 9]", "9 is no quality of a GPS fix"),
             ("[preflight]\nbattery = 1", "did you mean `battery_v`?"),
-        ] {
+        ];
+        for (text, expected) in cases {
             let error = parse::<Config>(text, "ril.toml").unwrap_err().to_string();
             assert!(error.contains(expected), "{text:?}: {error}");
         }

@@ -341,36 +341,17 @@ fn pure_sources_mention_no_locks_sleeps_clocks_or_files() {
 #[test]
 fn an_arrow_that_is_not_drawn_is_named() {
     let dependency = |name: &str, kind: Option<&str>| json!({ "name": name, "kind": kind });
+    #[rustfmt::skip]
     let cases = [
-        (
-            "status",
-            dependency("bridge", None),
-            Some("`status` → `bridge`"),
-        ),
-        (
-            "status",
-            dependency("bridge", Some("build")),
-            Some("`status` → `bridge`"),
-        ),
+        ("status", dependency("bridge", None), Some("`status` → `bridge`")),
+        ("status", dependency("bridge", Some("build")), Some("`status` → `bridge`")),
         ("status", dependency("dsp-sim", Some("dev")), None),
         ("status", dependency("csv", None), None),
-        (
-            "bridge",
-            dependency("iceoryx2-cal", Some("dev")),
-            Some("knows the transport"),
-        ),
-        (
-            "dsp-protocol",
-            dependency("thiserror", None),
-            Some("no dependencies"),
-        ),
+        ("bridge", dependency("iceoryx2-cal", Some("dev")), Some("knows the transport")),
+        ("dsp-protocol", dependency("thiserror", None), Some("no dependencies")),
         ("dsp-protocol", dependency("crc", None), None),
         ("dsp-protocol", dependency("proptest", Some("dev")), None),
-        (
-            "newcomer",
-            dependency("serde", None),
-            Some("table does not have"),
-        ),
+        ("newcomer", dependency("serde", None), Some("table does not have")),
     ];
     for (from, dependency, expected) in cases {
         let mut packages: Vec<_> = ARROWS

@@ -4,7 +4,6 @@
 //! The program `figures` flies them for longer: `cargo run --release -p ril-tests --example figures -- fleet --robots 100 --hours 24`.
 
 use std::collections::BTreeMap;
-use std::ops::AddAssign;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
@@ -20,6 +19,7 @@ use ipc_types::payload::{
 use ipc_types::{MonotonicNs, TelemetryGroup};
 
 use crate::bytes::heap::Heap;
+use crate::missions::seeds::sums;
 
 /// The host's clock when the world begins.
 const HOST_EPOCH: MonotonicNs = MonotonicNs(86_400_000_000_000);
@@ -39,28 +39,19 @@ const WARM: Duration = Duration::from_secs(2 * 3600);
 /// A request takes no longer than this.
 const LONGEST: Duration = Duration::from_secs(300);
 
-/// What became of the robots.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Figures {
-    /// How many flew.
-    pub robots: u64,
-    /// Landings.
-    pub missions: u64,
-    /// Requests that ended as done; every other end fails.
-    pub requests: u64,
-    /// Samples of telemetry.
-    pub samples: u64,
-    /// Bytes of memory at the end that were not there after [`WARM`].
-    pub growth_bytes: i64,
-}
-
-impl AddAssign for Figures {
-    fn add_assign(&mut self, other: Figures) {
-        self.robots += other.robots;
-        self.missions += other.missions;
-        self.requests += other.requests;
-        self.samples += other.samples;
-        self.growth_bytes += other.growth_bytes;
+sums! {
+    /// What became of the robots.
+    pub struct Figures {
+        /// How many flew.
+        pub robots: u64,
+        /// Landings.
+        pub missions: u64,
+        /// Requests that ended as done; every other end fails.
+        pub requests: u64,
+        /// Samples of telemetry.
+        pub samples: u64,
+        /// Bytes of memory at the end that were not there after [`WARM`].
+        pub growth_bytes: i64,
     }
 }
 

@@ -316,99 +316,21 @@ mod tests {
         // What A does, in each state of the exclusive control: the answer and the next state.
         type Cell = (Result<(), Reason>, State);
         let states = [free, mine, asked, theirs, i_ask, another_asks];
+        #[rustfmt::skip]
         let table: [(Event, [Cell; 6]); 7] = [
-            (
-                Request(Order),
-                [
-                    (yes, mine),
-                    (yes, mine),
-                    (yes, asked),
-                    (no, theirs),
-                    (no, i_ask),
-                    (no, another_asks),
-                ],
-            ),
-            (
-                Request(Take),
-                [
-                    (yes, mine),
-                    (yes, mine),
-                    (yes, asked),
-                    (no, i_ask),
-                    (no, i_ask),
-                    (no, i_ask),
-                ],
-            ),
-            (
-                Request(Release),
-                [
-                    (yes, free),
-                    (yes, free),
-                    (yes, free),
-                    (yes, theirs),
-                    (yes, theirs),
-                    (yes, another_asks),
-                ],
-            ),
-            (
-                Request(Pass),
-                [
-                    (no, free),
-                    (yes, free),
-                    (yes, Some((C, None))),
-                    (no, theirs),
-                    (no, i_ask),
-                    (no, another_asks),
-                ],
-            ),
-            (
-                Request(Everyones),
-                [
-                    (yes, free),
-                    (yes, mine),
-                    (yes, asked),
-                    (yes, theirs),
-                    (yes, i_ask),
-                    (yes, another_asks),
-                ],
-            ),
-            (
-                Gone,
-                [
-                    (yes, free),
-                    (yes, free),
-                    (yes, free),
-                    (yes, theirs),
-                    (yes, theirs),
-                    (yes, another_asks),
-                ],
-            ),
+            (Request(Order), [(yes, mine), (yes, mine), (yes, asked), (no, theirs), (no, i_ask), (no, another_asks)]),
+            (Request(Take), [(yes, mine), (yes, mine), (yes, asked), (no, i_ask), (no, i_ask), (no, i_ask)]),
+            (Request(Release), [(yes, free), (yes, free), (yes, free), (yes, theirs), (yes, theirs), (yes, another_asks)]),
+            (Request(Pass), [(no, free), (yes, free), (yes, Some((C, None))), (no, theirs), (no, i_ask), (no, another_asks)]),
+            (Request(Everyones), [(yes, free), (yes, mine), (yes, asked), (yes, theirs), (yes, i_ask), (yes, another_asks)]),
+            (Gone, [(yes, free), (yes, free), (yes, free), (yes, theirs), (yes, theirs), (yes, another_asks)]),
             (Silence, [(yes, free); 6]),
         ];
         // Without exclusive control: an order and a take make A the holder, and nothing else is different.
+        #[rustfmt::skip]
         let courtesy: [(Event, [Cell; 6]); 2] = [
-            (
-                Request(Order),
-                [
-                    (yes, mine),
-                    (yes, mine),
-                    (yes, asked),
-                    (yes, mine),
-                    (yes, mine),
-                    (yes, mine),
-                ],
-            ),
-            (
-                Request(Take),
-                [
-                    (yes, mine),
-                    (yes, mine),
-                    (yes, asked),
-                    (yes, mine),
-                    (yes, mine),
-                    (yes, mine),
-                ],
-            ),
+            (Request(Order), [(yes, mine), (yes, mine), (yes, asked), (yes, mine), (yes, mine), (yes, mine)]),
+            (Request(Take), [(yes, mine), (yes, mine), (yes, asked), (yes, mine), (yes, mine), (yes, mine)]),
         ];
         let courteous = |(event, cells): &(Event, [Cell; 6])| {
             let changed =

@@ -900,62 +900,32 @@ mod tests {
         let cleared = E::Delivered(FlightCommand::ClearErrors, AckData::None);
         let lost = E::Vanished(ERROR, Reason::DspRebooted);
         // Idle, taking off (being prepared), landing (under way), following, holding, deferred, stopping.
+        #[rustfmt::skip]
         let table = [
             (status, ["-", "-", "order", "path", "-", "-", "-"]),
             (E::Grant, ["-", "-", "order", "path", "-", "-", "-"]),
             (E::StepDue, ["-", "-", "order", "path", "-", "-", "-"]),
-            (
-                E::DspError(DspErrorCode::INVALID_COMMAND),
-                ["-", "-", "-", "path", "-", "-", "-"],
-            ),
-            (
-                E::DspError(DspErrorCode::PC_CHECKSUM),
-                ["-", "-", "-", "path", "-", "-", "-"],
-            ),
+            (E::DspError(DspErrorCode::INVALID_COMMAND), ["-", "-", "-", "path", "-", "-", "-"]),
+            (E::DspError(DspErrorCode::PC_CHECKSUM), ["-", "-", "-", "path", "-", "-", "-"]),
             (E::DspError(DspErrorCode(77)), ["-"; 7]),
             (count, ["-", "-", "-", "path", "-", "-", "-"]),
             (write, ["-", "prepare", "-", "-", "-", "-", "-"]),
             (cleared, ["-", "-", "-", "-", "-", "-", "done"]),
             // The errors of the one that is stopping are not cleared.
             (E::PathEmptied, ["-", "-", "-", "-", "done", "-", "-"]),
-            (
-                E::PathNotEmptied,
-                ["-", "-", "-", "fatal", "unknown", "-", "unknown"],
-            ),
+            (E::PathNotEmptied, ["-", "-", "-", "fatal", "unknown", "-", "unknown"]),
             (E::PathDropped, ["-", "-", "-", "fatal", "-", "-", "-"]),
             (E::Undelivered(FlightCommand::Land), ["fatal"; 7]),
-            (
-                E::Undelivered(FlightCommand::ClearErrors),
-                ["-", "-", "-", "-", "-", "-", "unknown"],
-            ),
-            (
-                lost,
-                ["-", "fatal", "fatal", "fatal", "fatal", "-", "aborted"],
-            ),
+            (E::Undelivered(FlightCommand::ClearErrors), ["-", "-", "-", "-", "-", "-", "unknown"]),
+            (lost, ["-", "fatal", "fatal", "fatal", "fatal", "-", "aborted"]),
             (E::Reachable, ["-", "-", "-", "-", "-", "land", "-"]),
-            (
-                E::BeginByPassed,
-                [
-                    "-", "aborted", "withdraw", "-", "unknown", "aborted", "unknown",
-                ],
-            ),
+            (E::BeginByPassed, ["-", "aborted", "withdraw", "-", "unknown", "aborted", "unknown"]),
             (E::TimeLimit, ["fatal"; 7]),
-            (
-                violation(SafetyRule::Fuel),
-                ["-", "-", "-", "intervene", "-", "-", "-"],
-            ),
-            (
-                violation(SafetyRule::PilotSwitch),
-                ["-", "intervene", "intervene", "intervene", "-", "-", "-"],
-            ),
+            (violation(SafetyRule::Fuel), ["-", "-", "-", "intervene", "-", "-", "-"]),
+            (violation(SafetyRule::PilotSwitch), ["-", "intervene", "intervene", "intervene", "-", "-", "-"]),
             (E::SafetyLand, ["land", "-", "-", "-", "land", "-", "-"]),
             (E::WindDown, ["-", "-", "-", "empty", "-", "-", "-"]),
-            (
-                E::Close,
-                [
-                    "-", "unknown", "unknown", "unknown", "unknown", "aborted", "unknown",
-                ],
-            ),
+            (E::Close, ["-", "unknown", "unknown", "unknown", "unknown", "aborted", "unknown"]),
         ];
         let idle = Motion::Idle(Rest::Ready);
         let motions = [

@@ -203,21 +203,10 @@ mod tests {
         let may_send = |count| VerificationPhase::MaySend { count, sendings: 0 };
         let checking = |count| VerificationPhase::Checking { count, sendings: 1 };
         // Phase, what a grant does, value read, what it says, phase afterwards.
+        #[rustfmt::skip]
         let table = [
-            (
-                VerificationPhase::Asking,
-                OnGrant::Wait,
-                0x8005,
-                Counted::Ready,
-                may_send(5),
-            ),
-            (
-                VerificationPhase::Asking,
-                OnGrant::Wait,
-                0,
-                Counted::Unverified,
-                VerificationPhase::Unverified { awaited: STATUSES },
-            ),
+            (VerificationPhase::Asking, OnGrant::Wait, 0x8005, Counted::Ready, may_send(5)),
+            (VerificationPhase::Asking, OnGrant::Wait, 0, Counted::Unverified, VerificationPhase::Unverified { awaited: STATUSES }),
             (
                 VerificationPhase::Unverified { awaited: 1 },
                 OnGrant::Wait,
@@ -225,40 +214,13 @@ mod tests {
                 FAILED,
                 VerificationPhase::Unverified { awaited: 1 },
             ),
-            (
-                checking(5),
-                OnGrant::Wait,
-                0x8006,
-                Counted::Arrived,
-                may_send(6),
-            ),
-            (
-                checking(0x7FFF),
-                OnGrant::Wait,
-                0x8000,
-                Counted::Arrived,
-                may_send(0),
-            ),
-            (
-                checking(5),
-                OnGrant::Wait,
-                0x8005,
-                Counted::Lost,
-                VerificationPhase::MaySend {
-                    count: 5,
-                    sendings: 1,
-                },
-            ),
+            (checking(5), OnGrant::Wait, 0x8006, Counted::Arrived, may_send(6)),
+            (checking(0x7FFF), OnGrant::Wait, 0x8000, Counted::Arrived, may_send(0)),
+            (checking(5), OnGrant::Wait, 0x8005, Counted::Lost, VerificationPhase::MaySend { count: 5, sendings: 1 }),
             (checking(5), OnGrant::Wait, 0x8007, FAILED, checking(5)),
             (checking(5), OnGrant::Wait, 0x8000, FAILED, checking(5)),
             (checking(5), OnGrant::Wait, 6, FAILED, checking(5)),
-            (
-                may_send(5),
-                OnGrant::SendAndCount,
-                0x8005,
-                FAILED,
-                may_send(5),
-            ),
+            (may_send(5), OnGrant::SendAndCount, 0x8005, FAILED, may_send(5)),
             (
                 VerificationPhase::Unverified { awaited: 0 },
                 OnGrant::Send,

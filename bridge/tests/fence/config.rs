@@ -42,64 +42,32 @@ fn mistakes_are_named_with_line_area_and_reason() {
         format!("floor_m = 0\n\n[[area]]\nname = \"tower\"\nkind = \"exclusion\"\n{rest}")
     };
     let shape = |outline: &str| area(&format!("polygon = {outline}"));
+    #[rustfmt::skip]
     let table = [
         (area(""), "either `polygon`, or `centre` and `radius_m`"),
         (area("centre = [0, 0]"), "either `polygon`"),
         (area("radius_m = 5"), "either `polygon`"),
-        (
-            area("centre = [0, 0]\nradius_m = 5\npolygon = [[0, 0], [0, 1], [1, 1]]"),
-            "either `polygon`",
-        ),
-        (
-            area("centre = [86, 0]\nradius_m = 5"),
-            "[86, 0] is no [latitude, longitude]",
-        ),
+        (area("centre = [0, 0]\nradius_m = 5\npolygon = [[0, 0], [0, 1], [1, 1]]"), "either `polygon`"),
+        (area("centre = [86, 0]\nradius_m = 5"), "[86, 0] is no [latitude, longitude]"),
         (area("centre = [0, 181]\nradius_m = 5"), "±85 and ±180"),
         (area("centre = [nan, 0]\nradius_m = 5"), "NaN"),
         (area("centre = [0, 0]\nradius_m = 0.5"), "from 1 to 50000"),
         (area("centre = [0, 0]\nradius_m = inf"), "out of range"),
         (area("centre = [0, 0]\nradius_m = nan"), "out of range"),
-        (
-            area("centre = [0, 0]\nradius_m = 5\nfloor_m = 9\nceiling_m = 9"),
-            "its floor_m = 9 is not below",
-        ),
-        (
-            shape("[[0, 0], [0, 0.1]]"),
-            "3 to 256 vertices, and this one has 2",
-        ),
+        (area("centre = [0, 0]\nradius_m = 5\nfloor_m = 9\nceiling_m = 9"), "its floor_m = 9 is not below"),
+        (shape("[[0, 0], [0, 0.1]]"), "3 to 256 vertices, and this one has 2"),
         (shape("[[0, 0], [0, 0.1], [0, 0]]"), "this one has 2"),
         (shape("[]"), "this one has 0"),
         (shape("[[0, 0], [0, 0.1], [inf, 0.1]]"), "is no [latitude"),
-        (
-            shape("[[0, 0], [0, 0.1], [0.1, 0.1], [0.1, 0.1]]"),
-            "vertex 4 of the polygon repeats",
-        ),
+        (shape("[[0, 0], [0, 0.1], [0.1, 0.1], [0.1, 0.1]]"), "vertex 4 of the polygon repeats"),
         // A bow tie, a spike, a line, an outline that passes through a vertex twice, one that touches an edge.
-        (
-            shape("[[0, 0], [0.1, 0.1], [0.1, 0], [0, 0.1]]"),
-            "vertex 1 meets the one that begins at vertex 3",
-        ),
-        (
-            shape("[[0, 0], [0, 0.1], [0.1, 0.1], [0, 0.1]]"),
-            "crosses or touches itself",
-        ),
-        (
-            shape("[[0, 0], [0, 0.1], [0, 0.2]]"),
-            "crosses or touches itself",
-        ),
-        (
-            shape("[[0, 0], [0.1, 0.1], [0.2, 0], [0.2, 0.2], [0.1, 0.1], [0, 0.2]]"),
-            "crosses or touches itself",
-        ),
-        (
-            shape("[[0, 0], [0, 0.2], [0.1, 0.2], [0, 0.1], [0.1, 0]]"),
-            "crosses or touches itself",
-        ),
+        (shape("[[0, 0], [0.1, 0.1], [0.1, 0], [0, 0.1]]"), "vertex 1 meets the one that begins at vertex 3"),
+        (shape("[[0, 0], [0, 0.1], [0.1, 0.1], [0, 0.1]]"), "crosses or touches itself"),
+        (shape("[[0, 0], [0, 0.1], [0, 0.2]]"), "crosses or touches itself"),
+        (shape("[[0, 0], [0.1, 0.1], [0.2, 0], [0.2, 0.2], [0.1, 0.1], [0, 0.2]]"), "crosses or touches itself"),
+        (shape("[[0, 0], [0, 0.2], [0.1, 0.2], [0, 0.1], [0.1, 0]]"), "crosses or touches itself"),
         (shape("[[0, 0], [0, 1], [0.1, 0.1]]"), "111319 m wide"),
-        (
-            shape("[[0, 0], [0, 179], [0.1, -179]]"),
-            "m wide; at most 100000 m",
-        ),
+        (shape("[[0, 0], [0, 179], [0.1, -179]]"), "m wide; at most 100000 m"),
     ];
     for (text, reason) in table {
         let error = parse(&text).unwrap_err();
@@ -111,38 +79,18 @@ fn mistakes_are_named_with_line_area_and_reason() {
 
 #[test]
 fn mistakes_outside_a_shape_are_named_with_their_line() {
+    #[rustfmt::skip]
     let table = [
-        (
-            "floor_m = 50\nceiling_m = 40".to_owned(),
-            "the fence's floor_m = 50 is not below its ceiling_m = 40",
-        ),
+        ("floor_m = 50\nceiling_m = 40".to_owned(), "the fence's floor_m = 50 is not below its ceiling_m = 40"),
         ("ceiling_m = nan".to_owned(), "out of range"),
         ("ceiling_m = 1e6".to_owned(), "-1000.0 to 20000.0"),
         ("ceiling = 50".to_owned(), "unknown field `ceiling`"),
-        (
-            CIRCLE.to_owned() + "width_m = 3",
-            "fence.toml:6: unknown field `width_m`",
-        ),
-        (
-            CIRCLE.to_owned() + "floor_m = -2000",
-            "fence.toml:6: -2000 is out of range",
-        ),
-        (
-            CIRCLE.replace("exclusion", "keep out"),
-            "fence.toml:3: unknown variant `keep out`",
-        ),
-        (
-            CIRCLE.replace("name = \"circle\"\n", ""),
-            "missing field `name`",
-        ),
-        (
-            CIRCLE.replace("\"circle\"", "\"\""),
-            "1 to 64 printable characters",
-        ),
-        (
-            CIRCLE.replace("\"circle\"", "\"a\\nb\""),
-            "1 to 64 printable characters",
-        ),
+        (CIRCLE.to_owned() + "width_m = 3", "fence.toml:6: unknown field `width_m`"),
+        (CIRCLE.to_owned() + "floor_m = -2000", "fence.toml:6: -2000 is out of range"),
+        (CIRCLE.replace("exclusion", "keep out"), "fence.toml:3: unknown variant `keep out`"),
+        (CIRCLE.replace("name = \"circle\"\n", ""), "missing field `name`"),
+        (CIRCLE.replace("\"circle\"", "\"\""), "1 to 64 printable characters"),
+        (CIRCLE.replace("\"circle\"", "\"a\\nb\""), "1 to 64 printable characters"),
         (CIRCLE.to_owned() + CIRCLE, "two areas are called `circle`"),
     ];
     for (text, reason) in table {

@@ -139,6 +139,27 @@ fn on_the_ground() -> Vec<Check> {
     ]
 }
 
+/// Makes the checks that judge one movement, which the first of them that runs observes.
+fn observing<T: Clone + 'static>(
+    place: StartPlace,
+    sends: &'static str,
+    observe: impl AsyncFn(&Bench, RotorDisconnected) -> Judged<T> + Copy + 'static,
+) -> impl Fn(&str, &str, &str, fn(&T) -> Judged) -> Check {
+    let observed = Observed::<T>::default();
+    move |id, sentence, expects, judge| {
+        let section = match id.starts_with("8.4") {
+            true => "8.4",
+            false => "8.5",
+        };
+        let observed = observed.clone();
+        let run = move |bench, proof| {
+            let observed = observed.clone();
+            async move { judge(&observed.or(&bench, observe(&bench, proof)).await?) }
+        };
+        Check::moving(place, id, section, sentence, sends, expects, run)
+    }
+}
+
 /// What one take-off has shown.
 #[derive(Clone, Debug, Default)]
 struct TakeOff {
@@ -163,29 +184,21 @@ struct TakeOff {
 }
 
 fn of_a_take_off() -> Vec<Check> {
-    let observed = Observed::<TakeOff>::default();
-    let check = |id: &str, sentence: &str, expects: &str, judge: fn(&TakeOff) -> Judged| {
-        let observed = observed.clone();
-        let sends = "following on, a height of 3 m, 0.5 m/s, a flow control period of 0.85 s, 1 to 10121; during the take-off 10121 and 10122 again, a waypoint and invalidate path, and reads of 10121 until flow control 1";
-        Check::moving(
-            StartPlace::Ground,
-            id,
-            "8.5",
-            sentence,
-            sends,
-            expects,
-            move |bench, proof| {
-                let observed = observed.clone();
-                async move { judge(&observed.or(&bench, observe_take_off(&bench, proof)).await?) }
-            },
-        )
-    };
+    let check = observing(
+        StartPlace::Ground,
+        "following on, a height of 3 m, 0.5 m/s, a flow control period of 0.85 s, 1 to 10121; during the take-off 10121 and 10122 again, a waypoint and invalidate path, and reads of 10121 until flow control 1",
+        observe_take_off,
+    );
     vec![
         check(
             "8.5-take-off-begins",
             "10121 reads 1 from before the acknowledgement of the write that starts the take-off is sent",
             "1 in the read behind the acknowledgement",
-            |facts| ensure(facts.first_read == 1, || format!("10121 reads {}", facts.first_read)),
+            |facts| {
+                ensure(facts.first_read == 1, || {
+                    format!("10121 reads {}", facts.first_read)
+                })
+            },
         ),
         check(
             "8.5-take-off-again",
@@ -193,7 +206,9 @@ fn of_a_take_off() -> Vec<Check> {
             "no error of the second write of 10121",
             |facts| {
                 facts.must_last()?;
-                ensure(facts.again.is_empty(), || format!("errors {:?} came", facts.again))
+                ensure(facts.again.is_empty(), || {
+                    format!("errors {:?} came", facts.again)
+                })
             },
         ),
         check(
@@ -202,7 +217,9 @@ fn of_a_take_off() -> Vec<Check> {
             "error 30 of the write of 10122",
             |facts| {
                 facts.must_last()?;
-                ensure(facts.land == [INVALID], || format!("errors {:?} came where [30] should have", facts.land))
+                ensure(facts.land == [INVALID], || {
+                    format!("errors {:?} came where [30] should have", facts.land)
+                })
             },
         ),
         check(
@@ -211,14 +228,20 @@ fn of_a_take_off() -> Vec<Check> {
             "error 30 of the waypoint",
             |facts| {
                 facts.must_last()?;
-                ensure(facts.waypoint == [INVALID], || format!("errors {:?} came where [30] should have", facts.waypoint))
+                ensure(facts.waypoint == [INVALID], || {
+                    format!("errors {:?} came where [30] should have", facts.waypoint)
+                })
             },
         ),
         check(
             "8.5-flag",
             "The flag is 1 from the moment the helicopter leaves the ground until it touches it again.",
             "the flag 1 before the first flow control 1",
-            |facts| ensure(facts.flag_at_first, || "flow control 1 came while the flag was 0".to_owned()),
+            |facts| {
+                ensure(facts.flag_at_first, || {
+                    "flow control 1 came while the flag was 0".to_owned()
+                })
+            },
         ),
         check(
             "8.5-take-off-ends",
@@ -228,7 +251,9 @@ fn of_a_take_off() -> Vec<Check> {
                 ensure(!facts.read_zero_early, || {
                     "10121 read 0, and no flow control 1 came right behind it".to_owned()
                 })?;
-                ensure(facts.last_read == 0, || format!("10121 reads {}", facts.last_read))
+                ensure(facts.last_read == 0, || {
+                    format!("10121 reads {}", facts.last_read)
+                })
             },
         ),
         check(
@@ -237,24 +262,22 @@ fn of_a_take_off() -> Vec<Check> {
             "a climb of 2 … 4 m by the geographic position",
             |facts| match facts.climb_m {
                 None => not_judged("the DSP sends no geographic position"),
-                Some(climb) => ensure((2.0..=4.0).contains(&climb), || format!("the helicopter has climbed {climb:.1} m")),
+                Some(climb) => ensure((2.0..=4.0).contains(&climb), || {
+                    format!("the helicopter has climbed {climb:.1} m")
+                }),
             },
         ),
         check(
             "8.4-invalidate-during-take-off",
             "*Invalidate path* and *following off* are then acknowledged, change nothing in the movement, and it goes on.",
             "an acknowledgement of invalidate path, no error, and a take-off that ends",
-            |facts| ensure(facts.invalidate.is_empty(), || format!("errors {:?} came", facts.invalidate)),
+            |facts| {
+                ensure(facts.invalidate.is_empty(), || {
+                    format!("errors {:?} came", facts.invalidate)
+                })
+            },
         ),
     ]
-    .into_iter()
-    .map(|mut check| {
-        if check.id.starts_with("8.4") {
-            check.section = "8.4";
-        }
-        check
-    })
-    .collect()
 }
 
 async fn observe_take_off(bench: &Bench, proof: RotorDisconnected) -> Judged<TakeOff> {
@@ -336,23 +359,11 @@ struct Landing {
 }
 
 fn of_a_landing() -> Vec<Check> {
-    let observed = Observed::<Landing>::default();
-    let check = |id: &str, sentence: &str, expects: &str, judge: fn(&Landing) -> Judged| {
-        let observed = observed.clone();
-        let sends = "3 waypoints, a climb speed of 0.5 m/s, 1 to 10122; during the landing 10122 and 10121 again and a waypoint";
-        Check::moving(
-            StartPlace::Hover,
-            id,
-            "8.5",
-            sentence,
-            sends,
-            expects,
-            move |bench, proof| {
-                let observed = observed.clone();
-                async move { judge(&observed.or(&bench, observe_landing(&bench, proof)).await?) }
-            },
-        )
-    };
+    let check = observing(
+        StartPlace::Hover,
+        "3 waypoints, a climb speed of 0.5 m/s, 1 to 10122; during the landing 10122 and 10121 again and a waypoint",
+        observe_landing,
+    );
     vec![
         check(
             "8.5-landing-begins",

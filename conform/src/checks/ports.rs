@@ -7,7 +7,7 @@ use crate::arrival::{Arrival, describe_downlink};
 use crate::bench::Bench;
 use crate::check::{Check, StartPlace};
 use crate::outcome::{Judged, broken, ensure, not_judged};
-use crate::permitted::{Harmless, Permitted, QuietPort16, QuietPort32, moves};
+use crate::permitted::{Harmless, Permitted, QuietPort16, QuietPort32, RotorDisconnected, moves};
 
 const INVALID: u16 = 30;
 
@@ -43,119 +43,116 @@ pub fn checks() -> Vec<Check> {
 }
 
 fn of_port_16(port: &'static Port16) -> Vec<Check> {
-    let row = format!("{} | `{}`", port.number, port.name);
-    let id = format!("6-port-{}", port.number);
-    let read_id = format!("6-read-{}", port.number);
+    let named = Named(port.number, port.name);
     let quiet = QUIET_16.iter().find(|(_, number)| *number == port.number);
     if let Some((quiet, _)) = quiet {
         let quiet = *quiet;
         let write = move |value| Permitted::from(Harmless::write_16(quiet, value));
-        return vec![Check::harmless(
-            &id,
-            "6",
-            &row,
-            RANGE_SENDS,
-            RANGE_EXPECTS,
-            move |bench| range_16(bench, port, write),
-        )];
+        return vec![named.range_harmless(move |bench| range_16(bench, port, write))];
     }
     let is_movement = matches!(port.number, port::TAKE_OFF | port::LAND);
-    let read = Check::harmless(
-        &read_id,
-        "6",
-        &row,
-        "a read",
-        match is_movement {
-            true => "0: the helicopter stands",
-            false => "a value within the range",
-        },
-        move |bench| async move {
-            let mark = bench.mark();
-            let bits = bench.read_16(port.number).await?;
-            judge_known(&bench, mark, port.number).await?;
-            let is_right = if is_movement {
-                bits == 0
-            } else {
-                port.accepts(bits)
-            };
-            ensure(is_right, || {
-                format!("port {} reads {}", port.number, port.value_of(bits))
-            })
-        },
-    );
+    let expects = match is_movement {
+        true => "0: the helicopter stands",
+        false => "a value within the range",
+    };
+    let read = named.read(expects, move |bench| async move {
+        let mark = bench.mark();
+        let bits = bench.read_16(port.number).await?;
+        judge_known(&bench, mark, port.number).await?;
+        let is_right = if is_movement {
+            bits == 0
+        } else {
+            port.accepts(bits)
+        };
+        ensure(is_right, || {
+            format!("port {} reads {}", port.number, port.value_of(bits))
+        })
+    });
     if is_movement {
         return vec![read];
     }
-    let range = Check::moving(
-        StartPlace::Ground,
-        &id,
-        "6",
-        &row,
-        RANGE_SENDS,
-        RANGE_EXPECTS,
-        move |bench, proof| {
-            let write = move |value| {
-                proof.permit(Command::Write16 {
-                    port: port.number,
-                    value,
-                })
-            };
-            range_16(bench, port, write)
-        },
-    );
+    let range = named.range_moving(move |bench, proof| {
+        let write = move |value| {
+            proof.permit(Command::Write16 {
+                port: port.number,
+                value,
+            })
+        };
+        range_16(bench, port, write)
+    });
     vec![read, range]
 }
 
 fn of_port_32(port: &'static Port32) -> Vec<Check> {
-    let row = format!("{} | `{}`", port.number, port.name);
-    let id = format!("6-port-{}", port.number);
+    let named = Named(port.number, port.name);
     let quiet = QUIET_32.iter().find(|(_, number)| *number == port.number);
     if let Some((quiet, _)) = quiet {
         let quiet = *quiet;
         let write = move |value| Permitted::from(Harmless::write_32(quiet, value));
-        return vec![Check::harmless(
+        return vec![named.range_harmless(move |bench| range_32(bench, port, write))];
+    }
+    debug_assert!(moves(port.number));
+    let read = named.read("a value within the range", move |bench| async move {
+        let mark = bench.mark();
+        let value = bench.read_32(port.number).await?;
+        judge_known(&bench, mark, port.number).await?;
+        ensure(port.accepts(value), || {
+            format!("port {} reads {value}", port.number)
+        })
+    });
+    let range = named.range_moving(move |bench, proof| {
+        let write = move |value| {
+            proof.permit(Command::Write32 {
+                port: port.number,
+                value,
+            })
+        };
+        range_32(bench, port, write)
+    });
+    vec![read, range]
+}
+
+/// Number and name of a port, as its row in section 6 has them.
+struct Named(u16, &'static str);
+
+impl Named {
+    fn row(&self) -> String {
+        format!("{} | `{}`", self.0, self.1)
+    }
+
+    fn read<F: Future<Output = Judged> + 'static>(
+        &self,
+        expects: &str,
+        run: impl Fn(Bench) -> F + 'static,
+    ) -> Check {
+        let id = format!("6-read-{}", self.0);
+        Check::harmless(&id, "6", &self.row(), "a read", expects, run)
+    }
+
+    fn range_harmless<F: Future<Output = Judged> + 'static>(
+        &self,
+        run: impl Fn(Bench) -> F + 'static,
+    ) -> Check {
+        let id = format!("6-port-{}", self.0);
+        Check::harmless(&id, "6", &self.row(), RANGE_SENDS, RANGE_EXPECTS, run)
+    }
+
+    /// Of a port that can move a rotor.
+    fn range_moving<F: Future<Output = Judged> + 'static>(
+        &self,
+        run: impl Fn(Bench, RotorDisconnected) -> F + 'static,
+    ) -> Check {
+        let (id, row) = (format!("6-port-{}", self.0), self.row());
+        Check::moving(
+            StartPlace::Ground,
             &id,
             "6",
             &row,
             RANGE_SENDS,
             RANGE_EXPECTS,
-            move |bench| range_32(bench, port, write),
-        )];
+            run,
+        )
     }
-    debug_assert!(moves(port.number));
-    let read = Check::harmless(
-        &format!("6-read-{}", port.number),
-        "6",
-        &row,
-        "a read",
-        "a value within the range",
-        move |bench| async move {
-            let mark = bench.mark();
-            let value = bench.read_32(port.number).await?;
-            judge_known(&bench, mark, port.number).await?;
-            ensure(port.accepts(value), || {
-                format!("port {} reads {value}", port.number)
-            })
-        },
-    );
-    let range = Check::moving(
-        StartPlace::Ground,
-        &id,
-        "6",
-        &row,
-        RANGE_SENDS,
-        RANGE_EXPECTS,
-        move |bench, proof| {
-            let write = move |value| {
-                proof.permit(Command::Write32 {
-                    port: port.number,
-                    value,
-                })
-            };
-            range_32(bench, port, write)
-        },
-    );
-    vec![read, range]
 }
 
 /// Judges that no error 30 came since `mark`: the DSP has the port.

@@ -128,11 +128,6 @@ impl JournalReader {
         }
     }
 
-    /// Whether records can be read; not before the first snapshot, and not between a loss and the next one.
-    pub fn is_reading(&self) -> bool {
-        self.unread.is_some()
-    }
-
     /// Pieces that are missing so far.
     pub fn lost(&self) -> u64 {
         self.lost

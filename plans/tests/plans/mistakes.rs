@@ -23,19 +23,11 @@ const RIGHT: &str = r#"{"type":"SimpleItem","command":16,"frame":3,"autoContinue
 #[test]
 fn of_qgroundcontrol_plans() {
     let item = |item: &str| qgc(&format!("{RIGHT},{item}"), "");
-    for (text, expected) in [
-        (
-            "{\n\"fileType\":\"Plan\",\n\"version\" 1}".to_owned(),
-            "line 3: expected `:`",
-        ),
-        (
-            "{\"fileType\":\"Plan\",\"version\":2,\"mission\":{}}".to_owned(),
-            "the file: its version is 2; read are [1]",
-        ),
-        (
-            "{\"fileType\":\"Plan\",\"version\":1}".to_owned(),
-            "the file: there is no `mission`",
-        ),
+    #[rustfmt::skip]
+    let cases = [
+        ("{\n\"fileType\":\"Plan\",\n\"version\" 1}".to_owned(), "line 3: expected `:`"),
+        ("{\"fileType\":\"Plan\",\"version\":2,\"mission\":{}}".to_owned(), "the file: its version is 2; read are [1]"),
+        ("{\"fileType\":\"Plan\",\"version\":1}".to_owned(), "the file: there is no `mission`"),
         (
             "{\"fileType\":\"Plan\",\"version\":1,\"mission\":{\"version\":3,\"items\":[]}}"
                 .to_owned(),
@@ -43,64 +35,26 @@ fn of_qgroundcontrol_plans() {
         ),
         (item("7"), "item 2: it is no JSON object"),
         (item("{}"), "item 2: there is no `type`"),
-        (
-            item(r#"{"type":"ComplexItem"}"#),
-            "item 2: there is no `complexItemType`",
-        ),
-        (
-            item(&RIGHT.replace("37", "97")),
-            "item 2: the latitude 97 is not from -90 to 90 degrees",
-        ),
-        (
-            item(&RIGHT.replace("-6", "-186")),
-            "item 2: the longitude -186 is not from -180 to 180 degrees",
-        ),
-        (
-            item(&RIGHT.replace("-6", "null")),
-            "item 2: the longitude NaN",
-        ),
-        (
-            item(&RIGHT.replace(",9]", "]")),
-            "item 2: 6 parameters; an item has 7",
-        ),
-        (
-            item(&RIGHT.replace(",9]", ",\"9\"]")),
-            "item 2: number 7 is not a number",
-        ),
-        (
-            item(&RIGHT.replace(":16", ":-16")),
-            "item 2: `command` is no whole number up to 65535",
-        ),
-        (
-            item(&RIGHT.replace("\"frame\":3,", "")),
-            "item 2: `frame` is no whole number",
-        ),
-        (
-            item(&RIGHT.replace("true", "1")),
-            "item 2: `autoContinue` is not true or false",
-        ),
+        (item(r#"{"type":"ComplexItem"}"#), "item 2: there is no `complexItemType`"),
+        (item(&RIGHT.replace("37", "97")), "item 2: the latitude 97 is not from -90 to 90 degrees"),
+        (item(&RIGHT.replace("-6", "-186")), "item 2: the longitude -186 is not from -180 to 180 degrees"),
+        (item(&RIGHT.replace("-6", "null")), "item 2: the longitude NaN"),
+        (item(&RIGHT.replace(",9]", "]")), "item 2: 6 parameters; an item has 7"),
+        (item(&RIGHT.replace(",9]", ",\"9\"]")), "item 2: number 7 is not a number"),
+        (item(&RIGHT.replace(":16", ":-16")), "item 2: `command` is no whole number up to 65535"),
+        (item(&RIGHT.replace("\"frame\":3,", "")), "item 2: `frame` is no whole number"),
+        (item(&RIGHT.replace("true", "1")), "item 2: `autoContinue` is not true or false"),
         (
             item(&format!(
                 r#"{{"type":"ComplexItem","complexItemType":"survey","TransectStyleComplexItem":{{"Items":[{RIGHT},{{}}]}}}}"#
             )),
             "item 2 (survey), part 2: there is no `params` and no `param1`",
         ),
-        (
-            qgc("", r#""polygons":[{"polygon":[[37,-6]]}]"#),
-            "fence polygon 1: `inclusion` is not true or false",
-        ),
-        (
-            qgc("", r#""polygons":[{"polygon":[[37]],"inclusion":true}]"#),
-            "fence polygon 1: a point needs",
-        ),
-        (
-            qgc(
-                "",
-                r#""circles":[{"circle":{"center":[37,-6]},"inclusion":true}]"#,
-            ),
-            "fence circle 1: there is no `radius`",
-        ),
-    ] {
+        (qgc("", r#""polygons":[{"polygon":[[37,-6]]}]"#), "fence polygon 1: `inclusion` is not true or false"),
+        (qgc("", r#""polygons":[{"polygon":[[37]],"inclusion":true}]"#), "fence polygon 1: a point needs"),
+        (qgc("", r#""circles":[{"circle":{"center":[37,-6]},"inclusion":true}]"#), "fence circle 1: there is no `radius`"),
+    ];
+    for (text, expected) in cases {
         let found = error("a.plan", text.as_bytes());
         assert!(
             found.starts_with(expected),
@@ -113,45 +67,19 @@ fn of_qgroundcontrol_plans() {
 fn of_waypoint_lists() {
     const HOME: &str = "0\t1\t0\t16\t0\t0\t0\t0\t37\t-6\t10\t1";
     const NEXT: &str = "1\t0\t3\t16\t0\t0\t0\t0\t37\t-6\t10\t1";
-    for (header, line, expected) in [
+    #[rustfmt::skip]
+    let cases = [
         ("QGC WPL 120", NEXT, "line 1: QGC WPL 120 keeps its home"),
-        (
-            "QGC WPL 100",
-            NEXT,
-            "line 1: version `100` of QGC WPL; 110 is read",
-        ),
+        ("QGC WPL 100", NEXT, "line 1: version `100` of QGC WPL; 110 is read"),
         ("QGC WPL", NEXT, "line 1: version `` of QGC WPL"),
-        (
-            "QGC WPL 110",
-            "1\t0\t3",
-            "line 4: 3 columns; an item has 12",
-        ),
-        (
-            "QGC WPL 110",
-            "2\t0\t3\t16\t0\t0\t0\t0\t37\t-6\t10\t1",
-            "line 4: index 2, but 1 follows 0",
-        ),
-        (
-            "QGC WPL 110",
-            "1\t0\t3\t16\tx\t0\t0\t0\t37\t-6\t10\t1",
-            "line 4: a parameter `x` is no such number",
-        ),
-        (
-            "QGC WPL 110",
-            "1\t0\t-3\t16\t0\t0\t0\t0\t37\t-6\t10\t1",
-            "line 4: the frame `-3` is no such number",
-        ),
-        (
-            "QGC WPL 110",
-            "1\t0\t3\t16\t0\t0\t0\t0\t370\t-6\t10\t1",
-            "line 4: the latitude 370",
-        ),
-        (
-            "QGC WPL 110",
-            "1\t0\t3\t16\t0\t0\t0\t0\t37\t-6\t10\t\u{1b}[2J",
-            "line 4: autocontinue `[2J` is no such number",
-        ),
-    ] {
+        ("QGC WPL 110", "1\t0\t3", "line 4: 3 columns; an item has 12"),
+        ("QGC WPL 110", "2\t0\t3\t16\t0\t0\t0\t0\t37\t-6\t10\t1", "line 4: index 2, but 1 follows 0"),
+        ("QGC WPL 110", "1\t0\t3\t16\tx\t0\t0\t0\t37\t-6\t10\t1", "line 4: a parameter `x` is no such number"),
+        ("QGC WPL 110", "1\t0\t-3\t16\t0\t0\t0\t0\t37\t-6\t10\t1", "line 4: the frame `-3` is no such number"),
+        ("QGC WPL 110", "1\t0\t3\t16\t0\t0\t0\t0\t370\t-6\t10\t1", "line 4: the latitude 370"),
+        ("QGC WPL 110", "1\t0\t3\t16\t0\t0\t0\t0\t37\t-6\t10\t\u{1b}[2J", "line 4: autocontinue `[2J` is no such number"),
+    ];
+    for (header, line, expected) in cases {
         let text = format!("{header}\n{HOME}\n\n{line}\n");
         let found = error("a.waypoints", text.as_bytes());
         assert!(found.starts_with(expected), "{found}\n  {expected}");
@@ -169,36 +97,16 @@ fn of_geojson() {
         format!(r#"{{"type":"Feature","properties":{properties},"geometry":{geometry}}}"#)
     };
     const POINT: &str = r#"{"type":"Point","coordinates":[-6,37,9]}"#;
-    for (text, expected) in [
+    #[rustfmt::skip]
+    let cases = [
         ("\n".to_owned(), "line 2: the file is empty"),
-        (
-            "{\"type\":\"Feature\",\n".to_owned(),
-            "line 2: the file ends in the middle of a list or object: it is cut off",
-        ),
-        (
-            feature(r#"{"action":"jump"}"#, POINT),
-            "feature 1: `action` is `jump`; it can be waypoint",
-        ),
-        (
-            feature(r#"{"kind":"forest"}"#, POINT),
-            "feature 1: `kind` is `forest`; it can be inclusion or exclusion",
-        ),
-        (
-            feature(r#"{"kind":"exclusion"}"#, POINT),
-            "feature 1: a point with a `kind` needs a `radius_m`",
-        ),
-        (
-            feature(r#"{"hold_s":-1}"#, POINT),
-            "feature 1: `hold_s` is `-1`, which is no number from 0 up",
-        ),
-        (
-            feature(r#"{"altitude_reference":"moon"}"#, POINT),
-            "feature 1: `altitude_reference` is `moon`; it can be take-off",
-        ),
-        (
-            feature("null", r#"{"type":"Point","coordinates":[-6,97,9]}"#),
-            "feature 1: the latitude 97",
-        ),
+        ("{\"type\":\"Feature\",\n".to_owned(), "line 2: the file ends in the middle of a list or object: it is cut off"),
+        (feature(r#"{"action":"jump"}"#, POINT), "feature 1: `action` is `jump`; it can be waypoint"),
+        (feature(r#"{"kind":"forest"}"#, POINT), "feature 1: `kind` is `forest`; it can be inclusion or exclusion"),
+        (feature(r#"{"kind":"exclusion"}"#, POINT), "feature 1: a point with a `kind` needs a `radius_m`"),
+        (feature(r#"{"hold_s":-1}"#, POINT), "feature 1: `hold_s` is `-1`, which is no number from 0 up"),
+        (feature(r#"{"altitude_reference":"moon"}"#, POINT), "feature 1: `altitude_reference` is `moon`; it can be take-off"),
+        (feature("null", r#"{"type":"Point","coordinates":[-6,97,9]}"#), "feature 1: the latitude 97"),
         (
             feature(
                 r#"{"action":"land"}"#,
@@ -206,7 +114,8 @@ fn of_geojson() {
             ),
             "feature 1: an `action` belongs to a point",
         ),
-    ] {
+    ];
+    for (text, expected) in cases {
         let found = error("a.geojson", text.as_bytes());
         assert!(
             found.starts_with(expected),
@@ -217,39 +126,21 @@ fn of_geojson() {
 
 #[test]
 fn of_xml() {
-    for (name, text, expected) in [
-        (
-            "a.kml",
-            "<kml>\n<Document>\n</Folder></kml>",
-            "line 3: not valid XML",
-        ),
-        (
-            "a.kml",
-            "<kml>\n<Document>",
-            "the file: not valid XML: it ends within an element",
-        ),
+    #[rustfmt::skip]
+    let cases = [
+        ("a.kml", "<kml>\n<Document>\n</Folder></kml>", "line 3: not valid XML"),
+        ("a.kml", "<kml>\n<Document>", "the file: not valid XML: it ends within an element"),
         ("a.kml", "", "the file: not valid XML: there is no element"),
         (
             "a.kml",
             "<kml><Placemark><Point><coordinates>-6,97,1</coordinates></Point></Placemark></kml>",
             "placemark 1: the latitude 97",
         ),
-        (
-            "a.kml",
-            "<kml><Placemark><Point><coordinates>x,37,1</coordinates></Point></Placemark></kml>",
-            "the file: not valid KML",
-        ),
-        (
-            "a.gpx",
-            "<!DOCTYPE gpx>\n<gpx/>",
-            "line 1: a document type is not read",
-        ),
-        (
-            "a.gpx",
-            "<gpx version='1.1' creator='x'><rte><rtept lat='37' lon='-186'/></rte></gpx>",
-            "the file: not valid GPX",
-        ),
-    ] {
+        ("a.kml", "<kml><Placemark><Point><coordinates>x,37,1</coordinates></Point></Placemark></kml>", "the file: not valid KML"),
+        ("a.gpx", "<!DOCTYPE gpx>\n<gpx/>", "line 1: a document type is not read"),
+        ("a.gpx", "<gpx version='1.1' creator='x'><rte><rtept lat='37' lon='-186'/></rte></gpx>", "the file: not valid GPX"),
+    ];
+    for (name, text, expected) in cases {
         let found = error(name, text.as_bytes());
         assert!(
             found.starts_with(expected),

@@ -171,62 +171,33 @@ fn parameters_are_named_or_numbered_and_take_negative_values() {
 
 #[test]
 fn a_usage_error_says_why() {
+    #[rustfmt::skip]
     let cases: [(&[&str], &str); 35] = [
-        (
-            &["goto", "37", "-6"],
-            "2 numbers, each waypoint needs three",
-        ),
+        (&["goto", "37", "-6"], "2 numbers, each waypoint needs three"),
         (&["goto", "37,-6,20", "-37"], "4 numbers"),
-        (
-            &["takeoff", "20m", "--altitude", "20"],
-            "cannot be used with",
-        ),
+        (&["takeoff", "20m", "--altitude", "20"], "cannot be used with"),
         (&["plan", "check"], "<FILE>"),
-        (
-            &["plan", "fly", "a.plan", "--home", "37"],
-            "home is LAT,LON or LAT,LON,ALT",
-        ),
+        (&["plan", "fly", "a.plan", "--home", "37"], "home is LAT,LON or LAT,LON,ALT"),
         (&["goto"], "LAT,LON,ALT"),
         (&["goto", "37,-6"], "2 numbers"),
         (&["goto", "37,-6,20,1"], "4 numbers"),
-        (
-            &["goto", "north,-6,20"],
-            "the latitude `north` is not a number",
-        ),
-        (
-            &["goto", "-90.1,-6,20"],
-            "the latitude -90.1 is out of range: it must be from -90 to 90",
-        ),
-        (
-            &["goto", "37,180.1,20"],
-            "the longitude 180.1 is out of range",
-        ),
+        (&["goto", "north,-6,20"], "the latitude `north` is not a number"),
+        (&["goto", "-90.1,-6,20"], "the latitude -90.1 is out of range: it must be from -90 to 90"),
+        (&["goto", "37,180.1,20"], "the longitude 180.1 is out of range"),
         (&["goto", "37,6,nan"], "the altitude `nan` is not finite"),
-        (
-            &["goto", "37,-inf,20"],
-            "the longitude `-inf` is not finite",
-        ),
+        (&["goto", "37,-inf,20"], "the longitude `-inf` is not finite"),
         (&["goto", "-nan,6,20"], "unexpected argument"),
         (&["goto", "37,6,20", "-37,6"], "5 numbers"),
-        (
-            &["goto", "37,6,20", "--file", "path"],
-            "cannot be used with",
-        ),
+        (&["goto", "37,6,20", "--file", "path"], "cannot be used with"),
         (&["takeoff"], "<ALTITUDE>"),
         (&["takeoff", "--altitude", "5", "--preempt"], "--preempt"),
         (&["param"], "Usage: ril param"),
         (&["param", "set", "yaw_gain"], "<VALUE>"),
-        (
-            &["param", "set", "yaw_gain", "nan"],
-            "the value `nan` is not finite",
-        ),
+        (&["param", "set", "yaw_gain", "nan"], "the value `nan` is not finite"),
         (&["param", "get", "70000"], "from 0 to 65535"),
         (&["fence", "relaod"], "reload"),
         (&["takeoff", "--altitude", "-5"], "greater than 0"),
-        (
-            &["takeoff", "--altitude", "high"],
-            "the altitude `high` is not a number",
-        ),
+        (&["takeoff", "--altitude", "high"], "the altitude `high` is not a number"),
         (&["start", "--timeout", "0"], "`0` has no unit"),
         (&["start", "--deadline=25h"], "it must be from 0s to 24h"),
         (&["echo", "../etc"], "a topic is called such as"),
@@ -235,10 +206,7 @@ fn a_usage_error_says_why() {
         (&["delay", ""], "a topic is called such as"),
         (&["hz", "hero", "--count", "1"], "1 is not in 2.."),
         (&["bw", "hero", "--duration", "0"], "`0` has no unit"),
-        (
-            &["bw", "hero", "--json"],
-            "not provided:\n  <--count <N>|--duration <DURATION>>",
-        ),
+        (&["bw", "hero", "--json"], "not provided:\n  <--count <N>|--duration <DURATION>>"),
         (&["strat"], "some similar subcommands exist:"),
     ];
     for (arguments, expected) in cases {
@@ -253,32 +221,18 @@ fn a_usage_error_says_why() {
 
 #[test]
 fn what_stands_before_the_verb_is_written_behind_it() {
-    for (before, after) in [
+    #[rustfmt::skip]
+    let cases = [
         ("ril status --robot 2", "ril status --robot 2"),
         ("ril --robot 2 status", "ril status --robot 2"),
-        (
-            "ril --robot=2 --json -vv param list",
-            "ril param list --robot=2 --json -vv",
-        ),
-        (
-            "ril --json goto 37,-6,20 -- -1,2,3",
-            "ril goto 37,-6,20 --json -- -1,2,3",
-        ),
-        (
-            "ril --timeout 5s --config x.toml echo dsp -q",
-            "ril echo dsp -q --timeout 5s --config x.toml",
-        ),
+        ("ril --robot=2 --json -vv param list", "ril param list --robot=2 --json -vv"),
+        ("ril --json goto 37,-6,20 -- -1,2,3", "ril goto 37,-6,20 --json -- -1,2,3"),
+        ("ril --timeout 5s --config x.toml echo dsp -q", "ril echo dsp -q --timeout 5s --config x.toml"),
         // Verbs of verbs.
         ("ril param list --robot=2", "ril param list --robot=2"),
         ("ril --robot 2 param list", "ril param list --robot 2"),
-        (
-            "ril -q --timeout=5s fence reload",
-            "ril fence reload -q --timeout=5s",
-        ),
-        (
-            "ril --json topic echo dsp --count 1",
-            "ril topic echo dsp --count 1 --json",
-        ),
+        ("ril -q --timeout=5s fence reload", "ril fence reload -q --timeout=5s"),
+        ("ril --json topic echo dsp --count 1", "ril topic echo dsp --count 1 --json"),
         // Without a verb, and what is none of these.
         ("ril --robot 2", "ril --robot 2"),
         ("ril --robot", "ril --robot"),
@@ -288,7 +242,8 @@ fn what_stands_before_the_verb_is_written_behind_it() {
         ("ril --nonsense status", "ril --nonsense status"),
         ("ril -vx status", "ril -vx status"),
         ("ril - status", "ril - status"),
-    ] {
+    ];
+    for (before, after) in cases {
         let args = before.split(' ').map(OsString::from).collect();
         let moved = behind_the_verb(args, &Cli::command());
         assert_eq!(moved.join(OsStr::new(" ")), after, "{before}");

@@ -75,32 +75,19 @@ mod tests {
     fn a_finding_is_a_line_and_what_to_do_another_one() {
         let battery =
             || Finding::error("battery", "22.0 V", "charge it").with_limit("at least 24 V");
-        for (finding, expected) in [
-            (
-                battery(),
-                "FAIL  battery  22.0 V; limit: at least 24 V\n               → charge it\n",
-            ),
-            (
-                Finding::note("link", "up").with_limit("up"),
-                "ok    link     up\n",
-            ),
-            (
-                Finding::note("battery", "25.0 V").with_limit("at least 24 V"),
-                "ok    battery  25.0 V; limit: at least 24 V\n",
-            ),
-            (
-                Finding::unchecked("fuel", "no sample").with_limit("full"),
-                "-     fuel     not checked: no sample; limit: full\n",
-            ),
+        #[rustfmt::skip]
+        let cases = [
+            (battery(), "FAIL  battery  22.0 V; limit: at least 24 V\n               → charge it\n"),
+            (Finding::note("link", "up").with_limit("up"), "ok    link     up\n"),
+            (Finding::note("battery", "25.0 V").with_limit("at least 24 V"), "ok    battery  25.0 V; limit: at least 24 V\n"),
+            (Finding::unchecked("fuel", "no sample").with_limit("full"), "-     fuel     not checked: no sample; limit: full\n"),
             (
                 Finding::unchecked("fuel", "no sample").may_be_unchecked(),
                 "warn  fuel     not checked: no sample\n               → look at it yourself\n",
             ),
-            (
-                battery().may_be_unchecked(),
-                &lines(&battery(), "battery", 9, 80),
-            ),
-        ] {
+            (battery().may_be_unchecked(), &lines(&battery(), "battery", 9, 80)),
+        ];
+        for (finding, expected) in cases {
             assert_eq!(lines(&finding, finding.id, 9, 80), expected);
         }
         assert_eq!(

@@ -36,59 +36,16 @@ fn every_request_refusal_phase_and_link_change_is_one_line_with_its_request() {
     let log = end(bridge, Signal::INT).stderr;
 
     // Each line, and how often it is there.
+    #[rustfmt::skip]
     let lines = [
-        (
-            vec!["request ".to_owned(), format!("request={refused} ")],
-            1,
-        ),
-        (
-            vec![
-                format!("request={refused} "),
-                r#"stage="refused""#.to_owned(),
-                r#"reason="not-started""#.to_owned(),
-            ],
-            1,
-        ),
-        (
-            vec![format!("request={start} "), r#"command="start""#.to_owned()],
-            1,
-        ),
-        (
-            vec![
-                format!("request={take_off} "),
-                "sender=".to_owned(),
-                r#"command="takeoff""#.to_owned(),
-                "height_m=10".to_owned(),
-            ],
-            1,
-        ),
-        (
-            vec![
-                format!("request={take_off} "),
-                r#"stage="done""#.to_owned(),
-                "value=".to_owned(),
-            ],
-            1,
-        ),
-        (
-            vec![
-                format!("request={far_away} "),
-                r#"reason="too-far""#.to_owned(),
-            ],
-            1,
-        ),
-        (
-            vec![
-                format!("request={parameter} "),
-                r#"command="write""#.to_owned(),
-                "port=20000".to_owned(),
-            ],
-            1,
-        ),
-        (
-            vec!["phase".to_owned(), r#"doing="taking-off""#.to_owned()],
-            1,
-        ),
+        (vec!["request ".to_owned(), format!("request={refused} ")], 1),
+        (vec![format!("request={refused} "), r#"stage="refused""#.to_owned(), r#"reason="not-started""#.to_owned()], 1),
+        (vec![format!("request={start} "), r#"command="start""#.to_owned()], 1),
+        (vec![format!("request={take_off} "), "sender=".to_owned(), r#"command="takeoff""#.to_owned(), "height_m=10".to_owned()], 1),
+        (vec![format!("request={take_off} "), r#"stage="done""#.to_owned(), "value=".to_owned()], 1),
+        (vec![format!("request={far_away} "), r#"reason="too-far""#.to_owned()], 1),
+        (vec![format!("request={parameter} "), r#"command="write""#.to_owned(), "port=20000".to_owned()], 1),
+        (vec!["phase".to_owned(), r#"doing="taking-off""#.to_owned()], 1),
         (vec!["link".to_owned(), r#"to="up""#.to_owned()], 1),
         (vec!["link".to_owned(), r#"to="gone""#.to_owned()], 1),
     ];

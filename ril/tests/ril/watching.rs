@@ -1,11 +1,11 @@
-//! `ril echo` and `ril status` against publishers that do as they are told.
+//! `ril echo` against publishers that do as they are told.
 
 use std::io::{BufRead, BufReader, Read};
 use std::process::Stdio;
 
-use crate::common::{end, json, sandbox, says, shown_state, state_of};
+use crate::common::{end, json, sandbox};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{MonotonicNs, TelemetryGroup, files};
+use ipc_types::{TelemetryGroup, files};
 use ril_tests::process::{Finished, Signal};
 use ril_tests::{StandInBridge, StandInStatus};
 
@@ -196,47 +196,4 @@ fn a_reader_that_has_gone_is_a_quiet_end() {
         .unwrap();
     assert_eq!(code, Some(0), "{errors}");
     assert!(errors.lines().all(is_of_age), "{errors}");
-}
-
-#[test]
-fn the_state_shows_names_ages_and_what_is_stale() {
-    let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
-    let mut state = StandInBridge::idle_state();
-    state.link.telemetry_published = 1;
-    state.dsp_errors.total = 2;
-    state.dsp_errors.known[7] = 2;
-    state.dsp_errors.last_code = 208;
-    bridge.publish_state(&state);
-    let old = MonotonicNs::now().0 - 5_000_000_000;
-    bridge.publish(&DspTelemetry {
-        received_ns: old,
-        ..position(1.0)
-    });
-    let shown = shown_state(&rig, 1);
-    assert_eq!(shown["schema"], "ril.State.v3");
-    assert_eq!(shown["robot"], 1);
-    assert_eq!(shown["module"]["status"], "running");
-    assert_eq!(shown["link"]["state"], "up");
-    assert_eq!(shown["dsp_errors"]["by_code"][0]["code"], 8);
-    assert_eq!(shown["dsp"]["stale"], true);
-    assert!(shown["dsp"]["age_ms"].as_u64().unwrap() >= 5000, "{shown}");
-    assert!(shown["hero"].is_null(), "there is no status");
-
-    let text = state_of(&rig, "status").stdout;
-    assert!(says(&text, "2 × 8: PWM output write error"), "{text:#?}");
-    assert!(says(&text, "ms old, STALE"), "{text:#?}");
-    assert!(says(&text, "last dsp-error-208 (unknown)"), "{text:#?}");
-    assert!(
-        says(&text, "link        up since an unknown time"),
-        "{text:#?}"
-    );
-    assert!(says(&text, "DSP path    empty; "), "{text:#?}");
-    assert!(says(&text, "safety      no rule violated"), "{text:#?}");
-    assert!(says(&text, "hero        no sample"), "{text:#?}");
-
-    let status = StandInStatus::start(&rig.domain);
-    status.publish(&HeroTelemetry::default());
-    let shown = shown_state(&rig, 1);
-    assert_eq!(shown["hero"]["sequence"], 1);
 }

@@ -27,7 +27,7 @@ mod missions;
 #[path = "../../tests/plausible.rs"]
 mod plausible;
 
-use std::ops::{AddAssign, Range};
+use std::ops::Range;
 use std::panic::catch_unwind;
 use std::process::ExitCode;
 use std::str::FromStr;
@@ -39,7 +39,8 @@ use bytes::measure::{self, Tally};
 use clap::Parser;
 use dsp_protocol::Profile;
 use missions::chance::{self, Seen};
-use missions::{delivery, seeds};
+use missions::delivery;
+use missions::seeds::{self, sums};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -169,17 +170,13 @@ const KINDS: [(&str, &str, Fly); 8] = [
     ("slow", "slow status", chance::fly_with_slow_status),
 ];
 
-/// What became of missions.
-#[derive(Clone, Copy, Default)]
-struct Flown {
-    good: Seen,
-    failed: u64,
-}
-
-impl AddAssign for Flown {
-    fn add_assign(&mut self, other: Flown) {
-        self.good += other.good;
-        self.failed += other.failed;
+sums! {
+    /// What became of missions.
+    pub struct Flown {
+        /// What those saw in which nothing failed.
+        pub good: Seen,
+        /// How many failed.
+        pub failed: u64,
     }
 }
 

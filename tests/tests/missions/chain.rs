@@ -95,179 +95,113 @@ impl Chain {
         };
         self.compared += 1;
         let mut differences = Vec::new();
-        let mut check =
-            |group: TelemetryGroup, what: &str, seen: f64, truth: f64, tolerance: f64| {
-                if hero.valid(group) && (seen.is_nan() || (seen - truth).abs() > tolerance) {
+        let mut check = |group, tolerance: f64, values: &[(&str, f64, f64)]| {
+            for (what, seen, truth) in values.iter().filter(|_| hero.valid(group)) {
+                if seen.is_nan() || (seen - truth).abs() > tolerance {
                     differences.push(format!("{what}: {seen} instead of {truth}"));
                 }
-            };
+            }
+        };
         use TelemetryGroup as G;
         let (body, position) = (helicopter.body(), helicopter.position());
+        let height_m = body.position_m.z;
         let east_of =
             wrap_degrees(hero.geodetic.longitude_rad.to_degrees() - position.longitude_deg);
-        check(
-            G::Geographic,
-            "latitude",
-            hero.geodetic.latitude_rad,
-            position.latitude_deg.to_radians(),
-            1e-9,
-        );
-        check(
-            G::Geographic,
-            "longitude off by",
-            east_of.to_radians(),
-            0.0,
-            1e-9,
-        );
-        check(
-            G::Geographic,
-            "altitude",
-            hero.geodetic.altitude_m,
-            position.altitude_m,
-            6e-4,
-        );
+        let latitude = position.latitude_deg.to_radians();
+        let angles = [
+            ("latitude", hero.geodetic.latitude_rad, latitude),
+            ("longitude off by", east_of.to_radians(), 0.0),
+        ];
+        check(G::Geographic, 1e-9, &angles);
+        let altitude = ("altitude", hero.geodetic.altitude_m, position.altitude_m);
+        check(G::Geographic, 6e-4, &[altitude]);
         // Its origin is the first fix, which without noise is the home.
-        check(G::Xy, "east", hero.local.east_m, body.position_m.x, 1e-3);
-        check(G::Xy, "north", hero.local.north_m, body.position_m.y, 1e-3);
+        let flat = [
+            ("east", hero.local.east_m, body.position_m.x),
+            ("north", hero.local.north_m, body.position_m.y),
+        ];
+        check(G::Xy, 1e-3, &flat);
 
         let (velocity, truth) = (&hero.velocity, body.velocity_mps);
-        check(G::GpsVelocity, "up", velocity.up_mps.into(), truth.z, 6e-3);
-        check(
-            G::GpsVelocity,
-            "ground speed",
-            velocity.ground_speed_mps.into(),
-            truth.horizontal_norm(),
-            6e-3,
-        );
-        if truth.horizontal_norm() > COURSE_SPEED_MPS {
+        let ground_speed = truth.horizontal_norm();
+        let speeds = [
+            ("up", velocity.up_mps.into(), truth.z),
+            (
+                "ground speed",
+                velocity.ground_speed_mps.into(),
+                ground_speed,
+            ),
+        ];
+        check(G::GpsVelocity, 6e-3, &speeds);
+        if ground_speed > COURSE_SPEED_MPS {
             let course = wrap_radians(f64::from(velocity.course_rad) - truth.x.atan2(truth.y));
-            check(G::GpsVelocity, "course off by", course, 0.0, 1e-4);
-            check(
-                G::GpsVelocity,
-                "velocity east",
-                velocity.east_mps.into(),
-                truth.x,
-                1e-2,
-            );
-            check(
-                G::GpsVelocity,
-                "velocity north",
-                velocity.north_mps.into(),
-                truth.y,
-                1e-2,
-            );
+            check(G::GpsVelocity, 1e-4, &[("course off by", course, 0.0)]);
+            let horizontal = [
+                ("velocity east", velocity.east_mps.into(), truth.x),
+                ("velocity north", velocity.north_mps.into(), truth.y),
+            ];
+            check(G::GpsVelocity, 1e-2, &horizontal);
         }
 
         let (attitude, truth) = (&hero.attitude, &body.angles);
         let yaw_off = wrap_radians(f64::from(attitude.yaw_rad) - truth.yaw);
-        check(
-            G::Attitude,
-            "roll",
-            attitude.roll_rad.into(),
-            truth.roll,
-            1e-4,
-        );
-        check(
-            G::Attitude,
-            "pitch",
-            attitude.pitch_rad.into(),
-            truth.pitch,
-            1e-4,
-        );
-        check(G::Attitude, "yaw off by", yaw_off, 0.0, 1e-4);
+        let angles = [
+            ("roll", attitude.roll_rad.into(), truth.roll),
+            ("pitch", attitude.pitch_rad.into(), truth.pitch),
+            ("yaw off by", yaw_off, 0.0),
+        ];
+        check(G::Attitude, 1e-4, &angles);
         let (rate, truth) = (&hero.angular_rate, &body.rates_radps);
-        check(
-            G::AngularRate,
-            "rolling",
-            rate.forward_radps.into(),
-            truth.forward,
-            6e-4,
-        );
-        check(
-            G::AngularRate,
-            "pitching",
-            rate.right_radps.into(),
-            truth.right,
-            6e-4,
-        );
-        check(
-            G::AngularRate,
-            "yawing",
-            rate.down_radps.into(),
-            truth.down,
-            6e-4,
-        );
+        let rates = [
+            ("rolling", rate.forward_radps.into(), truth.forward),
+            ("pitching", rate.right_radps.into(), truth.right),
+            ("yawing", rate.down_radps.into(), truth.down),
+        ];
+        check(G::AngularRate, 6e-4, &rates);
         let (force, truth) = (&hero.acceleration, body.specific_force_mps2());
-        check(
-            G::Acceleration,
-            "force forward",
-            force.forward_mps2.into(),
-            truth.forward,
-            6e-3,
-        );
-        check(
-            G::Acceleration,
-            "force right",
-            force.right_mps2.into(),
-            truth.right,
-            6e-3,
-        );
-        check(
-            G::Acceleration,
-            "force down",
-            force.down_mps2.into(),
-            truth.down,
-            6e-3,
-        );
+        let forces = [
+            ("force forward", force.forward_mps2.into(), truth.forward),
+            ("force right", force.right_mps2.into(), truth.right),
+            ("force down", force.down_mps2.into(), truth.down),
+        ];
+        check(G::Acceleration, 6e-3, &forces);
 
-        let height_m = body.position_m.z;
         if height_m < SONAR_RANGE_M {
-            check(
-                G::Sonar,
-                "sonar",
-                hero.sonar_height_m.into(),
-                height_m,
-                1.3e-3,
-            );
+            let sonar = ("sonar", hero.sonar_height_m.into(), height_m);
+            check(G::Sonar, 1.3e-3, &[sonar]);
         }
+        let altitude = hero.barometer_altitude_m.into();
         check(
             G::Barometer,
-            "barometer",
-            hero.barometer_altitude_m.into(),
-            position.altitude_m,
             0.126,
+            &[("barometer", altitude, position.altitude_m)],
         );
+        let speed_radps = body.rotor_rpm * std::f64::consts::TAU / 60.0;
         check(
             G::RotorSpeed,
-            "rotor",
-            hero.rotor_radps.into(),
-            body.rotor_rpm * std::f64::consts::TAU / 60.0,
             0.06,
+            &[("rotor", hero.rotor_radps.into(), speed_radps)],
         );
         // On the ground nothing is aimed at.
         if helicopter.is_flying() {
-            let reference = helicopter.reference();
+            let above = f64::from(hero.references.altitude_m) - position.altitude_m;
+            let reference = helicopter.reference().position_m.z - height_m;
             check(
                 G::References,
-                "reference altitude",
-                f64::from(hero.references.altitude_m) - position.altitude_m,
-                reference.position_m.z - height_m,
                 2e-3,
+                &[("reference altitude", above, reference)],
             );
         }
+        let supply = &hero.supply;
         check(
             G::Supply,
-            "switch",
-            hero.supply.auto_switch.into(),
-            1.0,
             0.0,
+            &[("switch", supply.auto_switch.into(), 1.0)],
         );
         check(
             G::Supply,
-            "fuel",
-            hero.supply.fuel_fraction.into(),
             0.5,
-            0.5,
+            &[("fuel", supply.fuel_fraction.into(), 0.5)],
         );
         let flying = u32::from(helicopter.is_flying());
         assert_eq!(hero.flying, flying);

@@ -1,7 +1,6 @@
 //! Missions of chance: paths, heights, wind, noise of the sensors and of the line, and faults of every kind, by seed.
 
 use std::fmt::{self, Display};
-use std::ops::AddAssign;
 use std::time::Duration;
 
 use bridge::config::TrajectoryKind;
@@ -13,32 +12,23 @@ use crate::missions::dice::{Dice, FAULTS_END};
 use crate::missions::operator::{
     Step, await_link, bring_home, carry_out, fly, fly_through_trouble, follow,
 };
+use crate::missions::seeds::sums;
 use crate::missions::truth::Line;
 use crate::missions::world::{Trouble, World};
 
-/// What missions have seen.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Seen {
-    pub missions: u64,
-    /// Movements that ended early, or bridges that were gone, while the DSP held waypoints.
-    pub held_at_an_early_end: u64,
-    pub stops_in_silence: u64,
-    /// Bridges that were killed or ended.
-    pub restarts: u64,
-    /// Requests that another movement replaced.
-    pub replaced: u64,
-    /// Waypoints that were sent.
-    pub waypoints: u64,
-}
-
-impl AddAssign for Seen {
-    fn add_assign(&mut self, other: Seen) {
-        self.missions += other.missions;
-        self.held_at_an_early_end += other.held_at_an_early_end;
-        self.stops_in_silence += other.stops_in_silence;
-        self.restarts += other.restarts;
-        self.replaced += other.replaced;
-        self.waypoints += other.waypoints;
+sums! {
+    /// What missions have seen.
+    pub struct Seen {
+        pub missions: u64,
+        /// Movements that ended early, or bridges that were gone, while the DSP held waypoints.
+        pub held_at_an_early_end: u64,
+        pub stops_in_silence: u64,
+        /// Bridges that were killed or ended.
+        pub restarts: u64,
+        /// Requests that another movement replaced.
+        pub replaced: u64,
+        /// Waypoints that were sent.
+        pub waypoints: u64,
     }
 }
 

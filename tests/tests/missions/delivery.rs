@@ -3,7 +3,6 @@
 //! is what the helicopter did.
 
 use std::fmt::{self, Display};
-use std::ops::AddAssign;
 use std::time::Duration;
 
 use dsp_sim::faults::{
@@ -15,6 +14,7 @@ use dsp_sim::random::Random;
 
 use crate::missions::config::WorldConfig;
 use crate::missions::operator::{Step, await_link, bring_home, carry_out, point};
+use crate::missions::seeds::sums;
 use crate::missions::world::{Trouble, World};
 
 /// The stream of a seed that makes these missions.
@@ -29,33 +29,19 @@ const BEGIN: Duration = Duration::from_secs(8);
 /// A mission's troubles end here, long after most missions.
 const END: Duration = Duration::from_secs(1200);
 
-/// What a run of seeds has seen.
-#[derive(Debug, Default)]
-pub struct Figures {
-    pub missions: u64,
-    pub paths: u64,
-    pub delivered: u64,
-    pub failed: u64,
-    pub waypoints: u64,
-    pub sent_again: u64,
-    pub requests: u64,
-    pub reboots: u64,
-    pub hang_ups: u64,
-    pub deaths: u64,
-}
-
-impl AddAssign for Figures {
-    fn add_assign(&mut self, other: Figures) {
-        self.missions += other.missions;
-        self.paths += other.paths;
-        self.delivered += other.delivered;
-        self.failed += other.failed;
-        self.waypoints += other.waypoints;
-        self.sent_again += other.sent_again;
-        self.requests += other.requests;
-        self.reboots += other.reboots;
-        self.hang_ups += other.hang_ups;
-        self.deaths += other.deaths;
+sums! {
+    /// What a run of seeds has seen.
+    pub struct Figures {
+        pub missions: u64,
+        pub paths: u64,
+        pub delivered: u64,
+        pub failed: u64,
+        pub waypoints: u64,
+        pub sent_again: u64,
+        pub requests: u64,
+        pub reboots: u64,
+        pub hang_ups: u64,
+        pub deaths: u64,
     }
 }
 

@@ -7,6 +7,24 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// more.
 const VARIABLE: &str = "RIL_SEED";
 
+/// A struct of figures that are added up, each by itself.
+macro_rules! sums {
+    ($(#[$meta:meta])* pub struct $name:ident { $($(#[$about:meta])* pub $field:ident: $kind:ty,)+ }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, Default)]
+        pub struct $name {
+            $($(#[$about])* pub $field: $kind,)+
+        }
+
+        impl std::ops::AddAssign for $name {
+            fn add_assign(&mut self, other: $name) {
+                $(self.$field += other.$field;)+
+            }
+        }
+    };
+}
+pub(crate) use sums;
+
 /// Flies each seed, or those in `RIL_SEED`, on all cores, and adds up what they saw.
 pub fn fly_each<T: Default + AddAssign + Send>(
     seeds: Range<u64>,

@@ -65,15 +65,6 @@ fn any_valid_message_restarts_the_time_of_the_pc_and_noise_does_not() {
 }
 
 #[test]
-fn the_pc_timeout_forgets_the_number_of_the_last_waypoint() {
-    let mut harness = watched(Profile::Extended);
-    harness.wait(ms(1_000));
-    harness.numbered_waypoint(Sequence::FIRST, FAR);
-    assert_eq!(harness.dsp.counters().waypoints, 2);
-    assert_eq!(harness.dsp.counters().waypoint_copies, 0);
-}
-
-#[test]
 fn a_faster_simulated_clock_gives_the_pc_the_time_of_its_own_clock() {
     let mut harness = watched(Profile::Classic);
     harness.dsp.set_speed(10.0);

@@ -93,7 +93,8 @@ fn each_table_becomes_what_it_says() {
         window,
         damage,
     };
-    for (table, expected) in [
+    #[rustfmt::skip]
+    let cases = [
         (
             "kind = 'flip_bits'\ndirection = 'to_pc'\nfrom_s = 1\nbit_error_rate = 1e-3",
             bytes(
@@ -104,10 +105,7 @@ fn each_table_becomes_what_it_says() {
                 },
             ),
         ),
-        (
-            "kind = 'outage'",
-            bytes(Directions::Both, Window::ALWAYS, Damage::Outage),
-        ),
+        ("kind = 'outage'", bytes(Directions::Both, Window::ALWAYS, Damage::Outage)),
         (
             "kind = 'stall'\ndirection = 'to_dsp'\nfrom_s = 1\nuntil_s = 1.5\nevery_s = 2\nthen = 'drop'",
             bytes(
@@ -154,13 +152,7 @@ fn each_table_becomes_what_it_says() {
                 event: DspEvent::RaiseError(DspErrorCode(300)),
             },
         ),
-        (
-            "kind = 'clock_jump'\nat_s = 2\njump_ms = -7",
-            Fault::Dsp {
-                times: Times::once(s(2)),
-                event: DspEvent::ClockJump(-7),
-            },
-        ),
+        ("kind = 'clock_jump'\nat_s = 2\njump_ms = -7", Fault::Dsp { times: Times::once(s(2)), event: DspEvent::ClockJump(-7) }),
         (
             "kind = 'change_mask'\nat_s = 2\nmask = 0x0401",
             Fault::Dsp {
@@ -185,15 +177,9 @@ fn each_table_becomes_what_it_says() {
                 },
             },
         ),
-        (
-            "kind = 'hang_up'\nat_s = 2\nfor_s = 0.25",
-            Fault::HangUp {
-                times: Times::once(s(2)),
-                length: ms(250),
-                elsewhere: false,
-            },
-        ),
-    ] {
+        ("kind = 'hang_up'\nat_s = 2\nfor_s = 0.25", Fault::HangUp { times: Times::once(s(2)), length: ms(250), elsewhere: false }),
+    ];
+    for (table, expected) in cases {
         let script = parse(&format!("seed = 9\n[[fault]]\n{table}")).unwrap();
         assert_eq!(script.seed, 9);
         assert_eq!(script.faults, [expected], "{table}");

@@ -122,27 +122,17 @@ fn all_fields_are_shown_when_none_is_chosen() {
 #[test]
 fn an_unknown_field_is_refused_with_what_may_have_been_meant() {
     let schema = Schema::of::<DspTelemetry>();
-    for (name, expected) in [
-        (
-            "altitude_m",
-            "did you mean `geographic.altitude_m` or `references.altitude_m`?",
-        ),
-        (
-            "altitud",
-            "did you mean `geographic.altitude_m` or `references.altitude_m`?",
-        ),
+    #[rustfmt::skip]
+    let cases = [
+        ("altitude_m", "did you mean `geographic.altitude_m` or `references.altitude_m`?"),
+        ("altitud", "did you mean `geographic.altitude_m` or `references.altitude_m`?"),
         ("geografic", "did you mean `geographic`?"),
         ("geographic.", "did you mean `geographic`?"),
-        (
-            "geographic.latitud_deg",
-            "did you mean `geographic.latitude_deg`?",
-        ),
-        (
-            "zzz",
-            "has no field `zzz`; the fields are sequence, epoch_ns, ",
-        ),
+        ("geographic.latitud_deg", "did you mean `geographic.latitude_deg`?"),
+        ("zzz", "has no field `zzz`; the fields are sequence, epoch_ns, "),
         ("", "has no field ``; the fields are"),
-    ] {
+    ];
+    for (name, expected) in cases {
         let error = Selection::of(&schema, &["xy".to_owned(), name.to_owned()]);
         let error = error.unwrap_err().to_string();
         assert!(error.contains(expected), "{name}: {error}");

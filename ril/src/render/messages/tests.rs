@@ -137,6 +137,9 @@ fn an_ending_names_rule_place_amount_and_dsp_error() {
     let text = end(Verb::GoTo, refused);
     let expected = "goto was begun and ended early (refused-by-dsp: waypoint 2, dsp-error-30 (invalid command)): ";
     assert!(text.starts_with(expected), "{text}");
+    let json = serde_json::to_value(ReportObject::new(Verb::GoTo, &refused)).unwrap();
+    let numbers = (&json["waypoint"], &json["dsp_error_code"]);
+    assert_eq!(numbers, (&2.into(), &30.into()));
 }
 
 #[test]
@@ -251,20 +254,11 @@ fn people_read_what_goes_on() {
         ..RequestReport::new(stage, Reason::None)
     };
     let refused = RequestReport::new(Stage::Refused, Reason::TooFar);
-    for (verb, index, report, expected) in [
+    #[rustfmt::skip]
+    let cases = [
         (Verb::Start, 0, counted(Stage::Done), Some("start: done")),
-        (
-            Verb::TakeOff,
-            0,
-            counted(Stage::Accepted),
-            Some("takeoff: accepted"),
-        ),
-        (
-            Verb::TakeOff,
-            0,
-            counted(Stage::Progress),
-            Some("takeoff: begun on the DSP"),
-        ),
+        (Verb::TakeOff, 0, counted(Stage::Accepted), Some("takeoff: accepted")),
+        (Verb::TakeOff, 0, counted(Stage::Progress), Some("takeoff: begun on the DSP")),
         (Verb::GoTo, 0, counted(Stage::Accepted), None),
         (
             Verb::Land,
@@ -273,26 +267,12 @@ fn people_read_what_goes_on() {
             Some("land: accepted, and carried out as soon as the DSP is heard"),
         ),
         (Verb::GoTo, 0, counted(Stage::Done), None),
-        (
-            Verb::GoTo,
-            2,
-            counted(Stage::Accepted),
-            Some("goto: 3 waypoints accepted, the path is complete"),
-        ),
-        (
-            Verb::GoTo,
-            2,
-            counted(Stage::Progress),
-            Some("goto: progress, 2 of 3 waypoints sent, 1 reached"),
-        ),
-        (
-            Verb::GoTo,
-            2,
-            counted(Stage::Done),
-            Some("goto: done, 2 of 3 waypoints sent, 1 reached"),
-        ),
+        (Verb::GoTo, 2, counted(Stage::Accepted), Some("goto: 3 waypoints accepted, the path is complete")),
+        (Verb::GoTo, 2, counted(Stage::Progress), Some("goto: progress, 2 of 3 waypoints sent, 1 reached")),
+        (Verb::GoTo, 2, counted(Stage::Done), Some("goto: done, 2 of 3 waypoints sent, 1 reached")),
         (Verb::GoTo, 1, refused, Some("goto: refused (too-far)")),
-    ] {
+    ];
+    for (verb, index, report, expected) in cases {
         let total = if verb == Verb::GoTo { 3 } else { 1 };
         assert_eq!(line(verb, index, total, &report).as_deref(), expected);
     }

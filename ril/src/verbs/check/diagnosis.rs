@@ -453,29 +453,19 @@ mod tests {
     fn bytes_and_inodes_are_enough_or_low_or_as_good_as_gone() {
         let right = (Note, "memory-right");
         let many = Some(ROBOT_INODES);
-        for (bytes, inodes, expected) in [
+        #[rustfmt::skip]
+        let cases = [
             (ROBOT_BYTES, many, &[right][..]),
             (ROBOT_BYTES, None, &[right]),
             (ROBOT_BYTES - 1, many, &[(Warning, "memory-low")]),
             (FULL_BYTES, None, &[(Warning, "memory-low")]),
             (FULL_BYTES - 1, None, &[(Error, "memory-short")]),
-            (
-                ROBOT_BYTES,
-                Some(ROBOT_INODES - 1),
-                &[(Warning, "inodes-low")],
-            ),
+            (ROBOT_BYTES, Some(ROBOT_INODES - 1), &[(Warning, "inodes-low")]),
             (ROBOT_BYTES, Some(FULL_INODES), &[(Warning, "inodes-low")]),
-            (
-                ROBOT_BYTES,
-                Some(FULL_INODES - 1),
-                &[(Error, "inodes-short")],
-            ),
-            (
-                0,
-                Some(0),
-                &[(Error, "memory-short"), (Error, "inodes-short")],
-            ),
-        ] {
+            (ROBOT_BYTES, Some(FULL_INODES - 1), &[(Error, "inodes-short")]),
+            (0, Some(0), &[(Error, "memory-short"), (Error, "inodes-short")]),
+        ];
+        for (bytes, inodes, expected) in cases {
             let free = Ok(FreeMemory { bytes, inodes });
             assert_eq!(said(&free), expected, "{free:?}");
         }
@@ -508,24 +498,13 @@ mod tests {
             })
         };
         type Case = (Look<Repair>, &'static [(Severity, &'static str)]);
+        #[rustfmt::skip]
         let cases: [Case; 5] = [
             (repair(0, 0, 0), &[(Note, "there was nothing to repair")]),
             (repair(1, 0, 0), &[(Note, "removed: 1 robot in which")]),
-            (
-                repair(0, 1, 3),
-                &[
-                    (Note, "removed: 1 generation of"),
-                    (Note, "removed: 3 things"),
-                ],
-            ),
-            (
-                Err(Trouble::Failed("it is not ours".to_owned())),
-                &[(Error, "the repair failed: it is not ours")],
-            ),
-            (
-                Err(Trouble::TookTooLong(Duration::from_secs(15))),
-                &[(Error, "given up after 15s")],
-            ),
+            (repair(0, 1, 3), &[(Note, "removed: 1 generation of"), (Note, "removed: 3 things")]),
+            (Err(Trouble::Failed("it is not ours".to_owned())), &[(Error, "the repair failed: it is not ours")]),
+            (Err(Trouble::TookTooLong(Duration::from_secs(15))), &[(Error, "given up after 15s")]),
         ];
         for (repair, expected) in cases {
             let findings = super::repair(&repair);

@@ -220,65 +220,27 @@ mod tests {
             holders: Err(Trouble::Failed("no /proc".to_owned())),
             ..port(FREE, &[])
         };
-        for (facts, id, text, next_step) in [
-            (
-                port(Device::Missing, &[]),
-                "port-missing",
-                "does not exist",
-                "plugged in",
-            ),
-            (
-                port(Device::Other("a folder"), &[]),
-                "port-not-a-terminal",
-                "is a folder",
-                "/dev/ttyUSB0",
-            ),
-            (
-                port(forbidden, &[]),
-                "port-forbidden",
-                "may not be opened",
-                "`dialout`",
-            ),
+        #[rustfmt::skip]
+        let cases = [
+            (port(Device::Missing, &[]), "port-missing", "does not exist", "plugged in"),
+            (port(Device::Other("a folder"), &[]), "port-not-a-terminal", "is a folder", "/dev/ttyUSB0"),
+            (port(forbidden, &[]), "port-forbidden", "may not be opened", "`dialout`"),
             (port(FREE, &[]), "port-right", "may open", ""),
-            (
-                port(FREE, std::slice::from_ref(&bridge)),
-                "port-right",
-                "the bridge (process 7) has it open",
-                "",
-            ),
-            (
-                port(FREE, &[holder(8, "dsp-sim")]),
-                "port-right",
-                "other end is in `dsp-sim`",
-                "",
-            ),
-            (
-                port(FREE, &[bridge, holder(9, "minicom")]),
-                "port-in-use",
-                "is open in `minicom` (process 9)",
-                "end what uses it",
-            ),
+            (port(FREE, std::slice::from_ref(&bridge)), "port-right", "the bridge (process 7) has it open", ""),
+            (port(FREE, &[holder(8, "dsp-sim")]), "port-right", "other end is in `dsp-sim`", ""),
+            (port(FREE, &[bridge, holder(9, "minicom")]), "port-in-use", "is open in `minicom` (process 9)", "end what uses it"),
             (
                 port(FREE, &[holder(8, "dsp-sim"), holder(9, "bash")]),
                 "port-in-use",
                 "is the terminal of `bash` (process 9)",
                 "another port",
             ),
-            (
-                port(FREE, &[holder(9, "other user's")]),
-                "port-in-use",
-                "is locked by",
-                "end what uses it",
-            ),
-            (
-                console,
-                "port-in-use",
-                "console of the kernel",
-                "another port",
-            ),
+            (port(FREE, &[holder(9, "other user's")]), "port-in-use", "is locked by", "end what uses it"),
+            (console, "port-in-use", "console of the kernel", "another port"),
             (hidden, "port-right", "cannot be known", ""),
             (unclear, "port-right", "failed: no /proc", ""),
-        ] {
+        ];
+        for (facts, id, text, next_step) in cases {
             let finding = diagnose(&facts, BRIDGE);
             assert_eq!(finding.id, id, "{finding:?}");
             assert!(finding.text.contains(text), "{finding:?}");

@@ -126,6 +126,27 @@ fn log() -> LogPlace {
     }
 }
 
+fn state_of(facts: &mut PreflightFacts) -> &mut ModuleState {
+    facts.live.state.as_mut().unwrap()
+}
+
+fn dsp_of(facts: &mut PreflightFacts) -> &mut DspTelemetry {
+    facts.live.dsp.as_mut().unwrap()
+}
+
+/// The only log of a robot that is ready.
+fn log_of(facts: &mut PreflightFacts) -> &mut LogPlace {
+    match &mut facts.logs {
+        Logs::Configured(logs) => &mut logs[0],
+        other => panic!("{other:?}"),
+    }
+}
+
+fn breaks(facts: &mut PreflightFacts, rule: SafetyRule, action: SafetyAction, amount: f64) {
+    let safety = &mut state_of(facts).safety;
+    (safety.rule, safety.action, safety.amount) = (rule.code(), action.code(), amount);
+}
+
 /// How severe a check is; `None` if it could not be made.
 fn made(check: &Finding) -> Option<Severity> {
     check.is_checked.then_some(check.severity)
@@ -168,293 +189,64 @@ fn a_robot_that_is_ready_passes_every_check_that_can_be_made() {
 fn each_trouble_is_found_by_its_own_check() {
     use Severity::{Error, Note, Warning};
     type Change = fn(&mut PreflightFacts);
+    #[rustfmt::skip]
     let cases: &[(&str, Change, Option<Severity>, &str)] = &[
-        (
-            "dsp-link",
-            |facts| facts.live.state.as_mut().unwrap().link.state = LinkState::Gone.code(),
-            Some(Error),
-            "gone for 100.0 s: ",
-        ),
+        ("dsp-link", |facts| state_of(facts).link.state = LinkState::Gone.code(), Some(Error), "gone for 100.0 s: "),
         // Gone since the bridge began: there is no moment to count from, and the machine's start is none.
-        (
-            "dsp-link",
-            |facts| {
-                let link = &mut facts.live.state.as_mut().unwrap().link;
-                (link.state, link.state_since_ns) = (LinkState::Gone.code(), 0);
-            },
-            Some(Error),
-            "gone: the bridge has no serial port",
-        ),
-        (
-            "dsp-link",
-            |facts| facts.live.state.as_mut().unwrap().link.state = LinkState::Silent.code(),
-            Some(Error),
-            "silent for 100.0 s: ",
-        ),
-        (
-            "dsp-link",
-            |facts| facts.live.state.as_mut().unwrap().link.state = LinkState::Connecting.code(),
-            Some(Error),
-            "connecting for 100.0 s: ",
-        ),
-        (
-            "dsp-errors",
-            |facts| {
-                let errors = &mut facts.live.state.as_mut().unwrap().dsp_errors;
-                (errors.total, errors.last_code) = (1, 30);
-            },
-            Some(Warning),
-            "1 error since the bridge began, last dsp-error-30",
-        ),
-        (
-            "link-losses",
-            |facts| facts.live.state.as_mut().unwrap().last_minute.rejected = 30,
-            Some(Warning),
-            "0.30 % of 10030 messages of the last 64 s rejected",
-        ),
-        (
-            "link-losses",
-            |facts| facts.live.state.as_mut().unwrap().last_minute.rejected = 300,
-            Some(Error),
-            "2.91 %",
-        ),
-        (
-            "link-losses",
-            |facts| {
-                facts
-                    .live
-                    .state
-                    .as_mut()
-                    .unwrap()
-                    .last_minute
-                    .commands_failed = 1
-            },
-            Some(Error),
-            "0 commands repeated and 1 failed",
-        ),
-        (
-            "link-losses",
-            |facts| {
-                let minute = &mut facts.live.state.as_mut().unwrap().last_minute;
-                (minute.messages, minute.rejected) = (20, 1);
-            },
-            Some(Note),
-            "0.10 %",
-        ),
-        (
-            // An outage that is over.
-            "link-losses",
-            |facts| {
-                let state = facts.live.state.as_mut().unwrap();
-                (state.link.commands_failed, state.refused.checksum) = (3, 5_000);
-            },
-            Some(Note),
-            "0.00 % of 10000 messages of the last 64 s rejected, 0 commands repeated and 0 failed",
-        ),
-        (
-            "telemetry",
-            |facts| facts.live.dsp.as_mut().unwrap().received_ns = NOW.0 - 1_500_000_000,
-            Some(Error),
-            "1.500 s old",
-        ),
-        (
-            "telemetry",
-            |facts| facts.live.dsp.as_mut().unwrap().received_ns = NOW.0 + 1,
-            Some(Error),
-            "dated in the future",
-        ),
-        (
-            "robot-telemetry",
-            |facts| facts.live.hero = None,
-            Some(Error),
-            "no sample came",
-        ),
-        (
-            "module",
-            |facts| {
-                let state = facts.live.state.as_mut().unwrap();
-                (state.status, state.imi_error) = (ModuleStatus::Aborted.code(), 102);
-            },
-            Some(Warning),
-            "aborted: movement-timeout",
-        ),
-        (
-            "dsp-timeout",
-            |facts| facts.live.state.as_mut().unwrap().link.pc_timeout_supported = 0,
-            Some(Warning),
-            "flies on",
-        ),
-        (
-            "ground",
-            |facts| facts.live.dsp.as_mut().unwrap().flying = 1,
-            Some(Warning),
-            "flying",
-        ),
-        (
-            "mode-switch",
-            |facts| {
-                facts.live.state.as_mut().unwrap().safety.pilot_switch = PilotSwitch::Manual.code()
-            },
-            Some(Error),
-            "manual",
-        ),
-        (
-            "mode-switch",
-            |facts| facts.live.state.as_mut().unwrap().safety.pilot_switch = 0,
-            None,
-            "does not send",
-        ),
-        (
-            "orders",
-            |facts| facts.live.answer = Some(Err("the bridge did not answer".to_owned())),
-            Some(Error),
-            "did not answer",
-        ),
-        (
-            "orders",
-            |facts| facts.live.answer = None,
-            None,
-            "no process",
-        ),
-        (
-            "supply-rules",
-            |facts| facts.bridge = None,
-            None,
-            "no bridge.toml",
-        ),
-        (
-            "gps-fix",
-            |facts| facts.live.dsp.as_mut().unwrap().gps_quality = 1,
-            Some(Warning),
-            "quality 1 (GPS)",
-        ),
-        (
-            "gps-fix",
-            |facts| facts.live.dsp.as_mut().unwrap().gps_quality = 0,
-            Some(Error),
-            "quality 0 (no fix)",
-        ),
-        (
-            "battery",
-            |facts| facts.live.dsp.as_mut().unwrap().supply.battery_mv = 23_900,
-            Some(Warning),
-            "23.9 V",
-        ),
-        (
-            "battery",
-            |facts| facts.live.dsp.as_mut().unwrap().supply.battery_mv = 22_900,
-            Some(Error),
-            "22.9 V",
-        ),
-        (
-            "fuel",
-            |facts| facts.live.dsp.as_mut().unwrap().supply.fuel_percent = 24,
-            Some(Error),
-            "24.0 %",
-        ),
-        (
-            "fence",
-            |facts| facts.live.state.as_mut().unwrap().safety.fence_areas = 0,
-            Some(Warning),
-            "0 areas in force, 1 area in bridge.toml",
-        ),
-        (
-            "safety-rules",
-            |facts| {
-                let safety = &mut facts.live.state.as_mut().unwrap().safety;
-                (safety.rule, safety.action, safety.amount) = (
-                    SafetyRule::FenceCeiling.code(),
-                    SafetyAction::Refuse.code(),
-                    4.2,
-                );
-            },
-            Some(Error),
-            "fence-ceiling broken by 4.2 m; the bridge's action: refuse",
-        ),
-        (
-            "safety-rules",
-            |facts| {
-                let safety = &mut facts.live.state.as_mut().unwrap().safety;
-                (safety.rule, safety.action, safety.amount) =
-                    (SafetyRule::Battery.code(), SafetyAction::Warn.code(), 0.2);
-            },
-            Some(Warning),
-            "battery broken by 0.2 V",
-        ),
-        (
-            "supply-rules",
-            |facts| facts.bridge.as_mut().unwrap().safety.battery_v = Default::default(),
-            Some(Warning),
-            "for battery_v",
-        ),
-        (
-            "clock",
-            |facts| facts.machine.clock.clock.unix_s = 0,
-            Some(Warning),
-            "the clock was never set: 1970-01-01T00:00:00Z is before",
-        ),
-        (
-            "log-room",
-            |facts| facts.logs = Logs::NoFile,
-            Some(Warning),
-            "no status.toml is here",
-        ),
-        (
-            "log-room",
-            |facts| facts.logs = Logs::Configured(Vec::new()),
-            Some(Warning),
-            "has no log",
-        ),
-        (
-            "log-room",
-            |facts| {
-                facts.logs = Logs::Configured(vec![LogPlace {
-                    free_bytes: Ok(319 * MIB),
-                    ..log()
-                }])
-            },
-            Some(Warning),
-            "319 MiB free",
-        ),
-        (
-            "log-room",
-            |facts| {
-                facts.logs = Logs::Configured(vec![LogPlace {
-                    free_bytes: Ok(255 * MIB),
-                    ..log()
-                }])
-            },
-            Some(Error),
-            "the log pauses",
-        ),
-        (
-            "log-room",
-            |facts| facts.logs = Logs::Configured(vec![log(), log()]),
-            Some(Warning),
-            "320 MiB free",
-        ),
-        (
-            "log-room",
-            |facts| {
-                facts.logs = Logs::Configured(vec![LogPlace {
-                    is_writable: false,
-                    ..log()
-                }])
-            },
-            Some(Error),
-            "may not be written",
-        ),
-        (
-            "shared-memory",
-            |facts| {
-                facts.machine.free_memory = Ok(FreeMemory {
-                    bytes: 5 * MIB,
-                    inodes: None,
-                });
-            },
-            Some(Warning),
-            "nearly full",
-        ),
+        ("dsp-link", |facts| {
+            let link = &mut state_of(facts).link;
+            (link.state, link.state_since_ns) = (LinkState::Gone.code(), 0);
+        }, Some(Error), "gone: the bridge has no serial port"),
+        ("dsp-link", |facts| state_of(facts).link.state = LinkState::Silent.code(), Some(Error), "silent for 100.0 s: "),
+        ("dsp-link", |facts| state_of(facts).link.state = LinkState::Connecting.code(), Some(Error), "connecting for 100.0 s: "),
+        ("dsp-errors", |facts| {
+            let errors = &mut state_of(facts).dsp_errors;
+            (errors.total, errors.last_code) = (1, 30);
+        }, Some(Warning), "1 error since the bridge began, last dsp-error-30"),
+        ("link-losses", |facts| state_of(facts).last_minute.rejected = 30, Some(Warning), "0.30 % of 10030 messages of the last 64 s rejected"),
+        ("link-losses", |facts| state_of(facts).last_minute.rejected = 300, Some(Error), "2.91 %"),
+        ("link-losses", |facts| state_of(facts).last_minute.commands_failed = 1, Some(Error), "0 commands repeated and 1 failed"),
+        ("link-losses", |facts| {
+            let minute = &mut state_of(facts).last_minute;
+            (minute.messages, minute.rejected) = (20, 1);
+        }, Some(Note), "0.10 %"),
+        // An outage that is over.
+        ("link-losses", |facts| {
+            let state = state_of(facts);
+            (state.link.commands_failed, state.refused.checksum) = (3, 5_000);
+        }, Some(Note), "0.00 % of 10000 messages of the last 64 s rejected, 0 commands repeated and 0 failed"),
+        ("telemetry", |facts| dsp_of(facts).received_ns = NOW.0 - 1_500_000_000, Some(Error), "1.500 s old"),
+        ("telemetry", |facts| dsp_of(facts).received_ns = NOW.0 + 1, Some(Error), "dated in the future"),
+        ("robot-telemetry", |facts| facts.live.hero = None, Some(Error), "no sample came"),
+        ("module", |facts| {
+            let state = state_of(facts);
+            (state.status, state.imi_error) = (ModuleStatus::Aborted.code(), 102);
+        }, Some(Warning), "aborted: movement-timeout"),
+        ("dsp-timeout", |facts| state_of(facts).link.pc_timeout_supported = 0, Some(Warning), "flies on"),
+        ("ground", |facts| dsp_of(facts).flying = 1, Some(Warning), "flying"),
+        ("mode-switch", |facts| state_of(facts).safety.pilot_switch = PilotSwitch::Manual.code(), Some(Error), "manual"),
+        ("mode-switch", |facts| state_of(facts).safety.pilot_switch = 0, None, "does not send"),
+        ("orders", |facts| facts.live.answer = Some(Err("the bridge did not answer".to_owned())), Some(Error), "did not answer"),
+        ("orders", |facts| facts.live.answer = None, None, "no process"),
+        ("supply-rules", |facts| facts.bridge = None, None, "no bridge.toml"),
+        ("gps-fix", |facts| dsp_of(facts).gps_quality = 1, Some(Warning), "quality 1 (GPS)"),
+        ("gps-fix", |facts| dsp_of(facts).gps_quality = 0, Some(Error), "quality 0 (no fix)"),
+        ("battery", |facts| dsp_of(facts).supply.battery_mv = 23_900, Some(Warning), "23.9 V"),
+        ("battery", |facts| dsp_of(facts).supply.battery_mv = 22_900, Some(Error), "22.9 V"),
+        ("fuel", |facts| dsp_of(facts).supply.fuel_percent = 24, Some(Error), "24.0 %"),
+        ("fence", |facts| state_of(facts).safety.fence_areas = 0, Some(Warning), "0 areas in force, 1 area in bridge.toml"),
+        ("safety-rules", |facts| breaks(facts, SafetyRule::FenceCeiling, SafetyAction::Refuse, 4.2),
+            Some(Error), "fence-ceiling broken by 4.2 m; the bridge's action: refuse"),
+        ("safety-rules", |facts| breaks(facts, SafetyRule::Battery, SafetyAction::Warn, 0.2), Some(Warning), "battery broken by 0.2 V"),
+        ("supply-rules", |facts| facts.bridge.as_mut().unwrap().safety.battery_v = Default::default(), Some(Warning), "for battery_v"),
+        ("clock", |facts| facts.machine.clock.clock.unix_s = 0, Some(Warning), "the clock was never set: 1970-01-01T00:00:00Z is before"),
+        ("log-room", |facts| facts.logs = Logs::NoFile, Some(Warning), "no status.toml is here"),
+        ("log-room", |facts| facts.logs = Logs::Configured(Vec::new()), Some(Warning), "has no log"),
+        ("log-room", |facts| log_of(facts).free_bytes = Ok(319 * MIB), Some(Warning), "319 MiB free"),
+        ("log-room", |facts| log_of(facts).free_bytes = Ok(255 * MIB), Some(Error), "the log pauses"),
+        ("log-room", |facts| facts.logs = Logs::Configured(vec![log(), log()]), Some(Warning), "320 MiB free"),
+        ("log-room", |facts| log_of(facts).is_writable = false, Some(Error), "may not be written"),
+        ("shared-memory", |facts| facts.machine.free_memory.as_mut().unwrap().bytes = 5 * MIB, Some(Warning), "nearly full"),
     ];
     for (id, change, severity, expected) in cases {
         // Values of telemetry that is not of the present are not judged.
@@ -473,7 +265,7 @@ fn each_trouble_is_found_by_its_own_check() {
 #[test]
 fn what_was_not_checked_is_not_ready_unless_the_operator_does_without_it() {
     let mut facts = ready();
-    facts.live.dsp.as_mut().unwrap().valid_groups = 0;
+    dsp_of(&mut facts).valid_groups = 0;
     let unmade = ["home", "gps-fix", "battery", "fuel"];
     let report = PreflightReport::new(1, judge(&facts, &PreflightLimits::default()));
     assert_eq!(report.worst(), Severity::Error);
@@ -505,7 +297,7 @@ fn what_was_not_checked_is_not_ready_unless_the_operator_does_without_it() {
     }
     // One that can be made is judged as ever.
     facts = ready();
-    facts.live.dsp.as_mut().unwrap().supply.battery_mv = 20_000;
+    dsp_of(&mut facts).supply.battery_mv = 20_000;
     assert_eq!(worst(&judge(&facts, &limits)), Severity::Error);
 }
 
@@ -619,8 +411,8 @@ fn limits_are_those_of_the_configuration() {
 #[test]
 fn the_report_is_a_line_for_each_check_and_fits_the_terminal() {
     let mut facts = ready();
-    facts.live.dsp.as_mut().unwrap().supply.battery_mv = 22_000;
-    facts.live.state.as_mut().unwrap().safety.pilot_switch = 0;
+    dsp_of(&mut facts).supply.battery_mv = 22_000;
+    state_of(&mut facts).safety.pilot_switch = 0;
     let report = PreflightReport::new(1, judge(&facts, &PreflightLimits::default()));
     assert_eq!(report.worst(), Severity::Error);
     let text = report.text(80);

@@ -326,37 +326,17 @@ mod tests {
     #[test]
     fn a_good_flight_passes_and_each_fault_fails_its_own_check() {
         type Change = fn(&mut Evidence<'_>);
+        #[rustfmt::skip]
         let cases: [(Change, &[&str]); 13] = [
             (|_| (), &[]),
             (|evidence| evidence.orders_done = 5, &["every order done"]),
-            (
-                |evidence| evidence.order_failed = Some("takeoff: refused"),
-                &["every order done"],
-            ),
-            (
-                |evidence| evidence.log_rows = Some(6),
-                &["log rows equal samples published"],
-            ),
-            (
-                |evidence| evidence.log_rows = None,
-                &["log rows equal samples published"],
-            ),
-            (
-                |evidence| evidence.record = None,
-                &["every sample is in the record"],
-            ),
-            (
-                |evidence| evidence.record.as_mut().unwrap().is_in_order = false,
-                &["every sample is in the record"],
-            ),
-            (
-                |evidence| evidence.record.as_mut().unwrap().messages[0] = 6,
-                &["every sample is in the record"],
-            ),
-            (
-                |evidence| evidence.record.as_mut().unwrap().messages[2] = 8,
-                &["every sample is in the record"],
-            ),
+            (|evidence| evidence.order_failed = Some("takeoff: refused"), &["every order done"]),
+            (|evidence| evidence.log_rows = Some(6), &["log rows equal samples published"]),
+            (|evidence| evidence.log_rows = None, &["log rows equal samples published"]),
+            (|evidence| evidence.record = None, &["every sample is in the record"]),
+            (|evidence| evidence.record.as_mut().unwrap().is_in_order = false, &["every sample is in the record"]),
+            (|evidence| evidence.record.as_mut().unwrap().messages[0] = 6, &["every sample is in the record"]),
+            (|evidence| evidence.record.as_mut().unwrap().messages[2] = 8, &["every sample is in the record"]),
             (
                 |evidence| {
                     evidence.record = Some(RecordEvidence {
@@ -367,14 +347,8 @@ mod tests {
                 },
                 &[],
             ),
-            (
-                |evidence| evidence.residue = 1,
-                &["nothing left in shared memory"],
-            ),
-            (
-                |evidence| evidence.exits = &[("bridge", None)],
-                &["every process ended with 0"],
-            ),
+            (|evidence| evidence.residue = 1, &["nothing left in shared memory"]),
+            (|evidence| evidence.exits = &[("bridge", None)], &["every process ended with 0"]),
             (
                 |evidence| {
                     const CODES: [(&str, Option<i32>); 4] = [

@@ -109,32 +109,14 @@ mod tests {
 
     #[test]
     fn a_request_is_a_line() {
-        for (texts, pid, station, line) in [
-            (
-                ["request", "movement", "takeoff", "", "", "takeoff"],
-                812,
-                "",
-                "12.300 s  request 7: takeoff, from process 812",
-            ),
-            (
-                ["request", "movement", "land", "", "", "land"],
-                812,
-                "gcs",
-                "12.300 s  request 7: land, from station gcs",
-            ),
-            (
-                ["report", "movement", "goto", "refused", "busy", ""],
-                0,
-                "",
-                "12.300 s  report 7: goto refused (busy)",
-            ),
-            (
-                ["report", "movement", "goto", "done", "none", "a\x1b[2J"],
-                0,
-                "",
-                "12.300 s  report 7: goto done, a?[2J",
-            ),
-        ] {
+        #[rustfmt::skip]
+        let cases = [
+            (["request", "movement", "takeoff", "", "", "takeoff"], 812, "", "12.300 s  request 7: takeoff, from process 812"),
+            (["request", "movement", "land", "", "", "land"], 812, "gcs", "12.300 s  request 7: land, from station gcs"),
+            (["report", "movement", "goto", "refused", "busy", ""], 0, "", "12.300 s  report 7: goto refused (busy)"),
+            (["report", "movement", "goto", "done", "none", "a\x1b[2J"], 0, "", "12.300 s  report 7: goto done, a?[2J"),
+        ];
+        for (texts, pid, station, line) in cases {
             let bytes = message(texts, pid, station);
             let request = ReplayedRequest::read(&bytes, Duration::from_millis(12_300)).unwrap();
             assert_eq!(request.to_string(), line);

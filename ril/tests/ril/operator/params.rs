@@ -13,30 +13,12 @@ fn the_list_has_values_and_without_a_link_it_says_why_it_has_none() {
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();
     let lines = on_terminal(&rig, "param list", 0);
-    let row = lines.iter().find(|line| line.contains("cruise_speed_mps"));
-    let words: Vec<&str> = row.unwrap().split_whitespace().collect();
-    assert_eq!(
-        words,
-        [
-            "20000",
-            "cruise_speed_mps",
-            "5",
-            "m/s",
-            "f32",
-            "0.1",
-            "to",
-            "20",
-            "yes"
-        ]
-    );
     let set = rig.run("param set cruise_speed_mps 7.5 --json", 0).stdout;
     let last = json(set.last().unwrap());
     assert_eq!(
         (&last["value"], &last["previous_value"]),
         (&7.5.into(), &5.0.into())
     );
-    let set = rig.run("param set cruise_speed_mps 6.1", 0).stdout;
-    assert_eq!(set, ["cruise_speed_mps = 6.1 (was 7.5)"]);
 
     end(sim, Signal::INT);
     rig.watch(1).until("the port is gone", |state| {

@@ -199,32 +199,19 @@ fn what_is_no_plan_is_a_usage_error_with_its_place() {
         &SQUARE.replace("37.4113 -6.0014", "97.4113 -6.0014"),
     );
     rig.write("notes.md", "hello");
-    for (args, expected) in [
+    #[rustfmt::skip]
+    let cases = [
         ("check absent.plan", "absent.plan: cannot be read"),
         ("check .", ".: cannot be read"),
-        (
-            "check notes.md",
-            "notes.md: neither content nor name is that of a plan",
-        ),
-        (
-            "show new.waypoints",
-            "new.waypoints: line 1: QGC WPL 120 keeps its home",
-        ),
-        (
-            "fly broken.waypoints",
-            "broken.waypoints: line 5: the latitude 97.4113 is not from -90 to 90",
-        ),
+        ("check notes.md", "notes.md: neither content nor name is that of a plan"),
+        ("show new.waypoints", "new.waypoints: line 1: QGC WPL 120 keeps its home"),
+        ("fly broken.waypoints", "broken.waypoints: line 5: the latitude 97.4113 is not from -90 to 90"),
         ("check square.waypoints --from 9", "has 5 items"),
-        (
-            "check square.waypoints --home 99,0",
-            "the latitude 99 is out of range",
-        ),
+        ("check square.waypoints --home 99,0", "the latitude 99 is out of range"),
         ("check square.waypoints --takeoff 0m", "greater than 0"),
-        (
-            "check square.waypoints --altitude-is moon",
-            "[possible values: take-off, sea]",
-        ),
-    ] {
+        ("check square.waypoints --altitude-is moon", "[possible values: take-off, sea]"),
+    ];
+    for (args, expected) in cases {
         let finished = rig.run(&format!("plan {args}"), 2);
         finished.err_says(expected);
         assert!(finished.stdout.is_empty(), "{args}: {finished:#?}");

@@ -186,27 +186,12 @@ pub fn made() -> Made {
             given: Vec::new(),
         },
     };
+    #[rustfmt::skip]
     let structs = [
-        (
-            "dsp/telemetry",
-            Schema::of::<DspTelemetry>(),
-            schema::text(DspTelemetry::LAYOUT),
-        ),
-        (
-            "hero/telemetry",
-            Schema::of::<HeroTelemetry>(),
-            schema::text(HeroTelemetry::LAYOUT),
-        ),
-        (
-            "bridge/state",
-            Schema::of::<ModuleState>(),
-            schema::text(ModuleState::LAYOUT),
-        ),
-        (
-            "battery_watch/battery",
-            Schema::parse(STRANGER).unwrap(),
-            STRANGER.to_owned(),
-        ),
+        ("dsp/telemetry", Schema::of::<DspTelemetry>(), schema::text(DspTelemetry::LAYOUT)),
+        ("hero/telemetry", Schema::of::<HeroTelemetry>(), schema::text(HeroTelemetry::LAYOUT)),
+        ("bridge/state", Schema::of::<ModuleState>(), schema::text(ModuleState::LAYOUT)),
+        ("battery_watch/battery", Schema::parse(STRANGER).unwrap(), STRANGER.to_owned()),
     ];
     let structs = structs.map(|(topic, schema, text)| {
         let channel = maker.channel(topic, &schema.ros_resource_name(), &text);

@@ -17,36 +17,15 @@ fn a_flight_is_told_first_and_the_link_s_state_is_the_exit_code() {
     let status = rig.status(1);
     rig.watch(1).until_ready();
     let finished = state_of(&rig, "state --timeout 60s");
-    let titles: Vec<&str> = finished
-        .stdout
-        .iter()
-        .filter_map(|line| line.get(..12))
-        .collect();
+    let titles = finished.stdout.iter().filter_map(|line| line.get(..12));
     let titles: Vec<&str> = titles
-        .into_iter()
         .map(str::trim)
         .filter(|title| !title.is_empty())
         .collect();
+    #[rustfmt::skip]
     let expected = [
-        "robot",
-        "flight",
-        "altitude",
-        "position",
-        "speed",
-        "supply",
-        "GPS",
-        "data",
-        "module",
-        "status",
-        "control",
-        "movement",
-        "link",
-        "DSP path",
-        "safety",
-        "refused",
-        "DSP errors",
-        "dsp",
-        "hero",
+        "robot", "flight", "altitude", "position", "speed", "supply", "GPS", "data", "module", "status", "control", "movement",
+        "link", "DSP path", "safety", "refused", "DSP errors", "dsp", "hero",
     ];
     assert_eq!(titles, expected, "{finished:#?}");
     finished.out_says("flight      on the ground");

@@ -38,26 +38,13 @@ fn requests_are_answered_as_told_and_then_as_usual() {
     let ipc = domain.join("operator");
     let mut client = ipc.client::<MovementData>().expect("a client");
     let none = Reason::None;
-    for (answer, words) in [
-        (
-            Answer::refuse(Reason::NotStarted),
-            vec![(Refused, Reason::NotStarted)],
-        ),
-        (
-            Answer::abort(Reason::DspRebooted),
-            vec![(Accepted, none), (Aborted, Reason::DspRebooted)],
-        ),
-        (
-            Answer::progress(2),
-            vec![
-                (Accepted, none),
-                (Progress, none),
-                (Progress, none),
-                (Progress, none),
-                (Done, none),
-            ],
-        ),
-    ] {
+    #[rustfmt::skip]
+    let cases = [
+        (Answer::refuse(Reason::NotStarted), vec![(Refused, Reason::NotStarted)]),
+        (Answer::abort(Reason::DspRebooted), vec![(Accepted, none), (Aborted, Reason::DspRebooted)]),
+        (Answer::progress(2), vec![(Accepted, none), (Progress, none), (Progress, none), (Progress, none), (Done, none)]),
+    ];
+    for (answer, words) in cases {
         bridge.answer_next(answer);
         assert_eq!(take_off(&mut client, 7), words);
         let Received::Movement(request) = bridge.next_request() else {

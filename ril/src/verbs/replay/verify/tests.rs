@@ -45,50 +45,15 @@ fn difference(topic: &str, field: &str, recorded: &str, replayed: &str) -> Diffe
 
 #[test]
 fn codes_are_in_words_and_other_numbers_as_they_are() {
-    for (topic, field, recorded, replayed, expected) in [
-        (
-            "requests",
-            "stage",
-            "1",
-            "16",
-            "stage was accepted and is done",
-        ),
-        (
-            "requests",
-            "reason",
-            "0",
-            "4",
-            "reason was none and is too-far",
-        ),
-        (
-            "requests",
-            "imi_error",
-            "0",
-            "2",
-            "imi_error was no-error and is impossible-to-stop-module",
-        ),
-        (
-            "requests",
-            "stage",
-            "1",
-            "99",
-            "stage was accepted and is 99",
-        ),
+    #[rustfmt::skip]
+    let cases = [
+        ("requests", "stage", "1", "16", "stage was accepted and is done"),
+        ("requests", "reason", "0", "4", "reason was none and is too-far"),
+        ("requests", "imi_error", "0", "2", "imi_error was no-error and is impossible-to-stop-module"),
+        ("requests", "stage", "1", "99", "stage was accepted and is 99"),
         ("requests", "waypoint", "1", "2", "waypoint was 1 and is 2"),
-        (
-            "module_state",
-            "functionality",
-            "1",
-            "4",
-            "functionality was at-rest and is following-path",
-        ),
-        (
-            "module_state",
-            "safety.amount",
-            "0",
-            "4",
-            "safety.amount was 0 and is 4",
-        ),
+        ("module_state", "functionality", "1", "4", "functionality was at-rest and is following-path"),
+        ("module_state", "safety.amount", "0", "4", "safety.amount was 0 and is 4"),
         (
             "serial/sent",
             "byte 3",
@@ -96,7 +61,8 @@ fn codes_are_in_words_and_other_numbers_as_they_are() {
             "nothing (of 3 bytes)",
             "byte 3 was 0x01 (of 4 bytes) and is nothing (of 3 bytes)",
         ),
-    ] {
+    ];
+    for (topic, field, recorded, replayed, expected) in cases {
         let differences = vec![difference(topic, field, recorded, replayed)];
         let shown = Verification::new(&verdict(7, differences), &of([7, 0], false)).to_string();
         let line = format!("at 2.000000 s, {topic}: {expected}\n");
