@@ -3,6 +3,7 @@
 use bridge::geodesy::{distance_m, ground_distance_m};
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
+use ipc_types::payload::WaypointPosition;
 
 use crate::finding::Findings;
 
@@ -57,6 +58,22 @@ pub struct PathPoint {
     pub item: u32,
     /// As the DSP gets it, with its telemetry altitude.
     pub waypoint: Waypoint,
+}
+
+impl PathPoint {
+    /// As a request has it.
+    pub fn position(&self) -> WaypointPosition {
+        position(&self.waypoint)
+    }
+}
+
+/// A waypoint of the DSP as a request has it.
+pub(crate) fn position(waypoint: &Waypoint) -> WaypointPosition {
+    WaypointPosition {
+        latitude_deg: waypoint.latitude_deg,
+        longitude_deg: waypoint.longitude_deg,
+        altitude_m: waypoint.altitude_m,
+    }
 }
 
 /// A straight way between two points, of all paths together.

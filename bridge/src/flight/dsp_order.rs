@@ -96,7 +96,10 @@ impl DspOrder {
     /// The time for the next look has come.
     pub fn look_due(&self, now: MonotonicNs) -> Next {
         match self {
-            DspOrder::Confirming { until, doubt } if now >= *until => doubt.refusal(),
+            // Without an answer about the port nothing speaks against it: commands before that one may have been repeated.
+            DspOrder::Confirming { until, doubt } if now >= *until && doubt.reads_zero => {
+                doubt.refusal()
+            }
             DspOrder::Confirming { .. } | DspOrder::UnderWay => Next::Look,
             DspOrder::Preparing | DspOrder::Ordering(_) => Next::Wait,
         }
@@ -199,5 +202,28 @@ impl Doubt {
 
     fn refusal(self) -> Next {
         Next::Refused(self.is_refused.then_some(DspErrorCode::INVALID_COMMAND))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_order_is_refused_only_when_its_port_has_read_zero() {
+        let at = |ms: u64| MonotonicNs(ms * 1_000_000);
+        let mut order = DspOrder::Ordering(Doubt::default());
+        assert!(order.acknowledged(at(0)));
+        // The reading waits behind commands that are repeated.
+        assert_eq!(order.look_due(at(1_500)), Next::Look);
+        let signs = Signs {
+            step: &mut order,
+            granted: None,
+            flying: Some(true),
+            looks_later: false,
+        };
+        assert_eq!(signs.port_read(false), Next::Wait);
+        assert_eq!(order.look_due(at(999)), Next::Look);
+        assert_eq!(order.look_due(at(1_000)), Next::Refused(None));
     }
 }

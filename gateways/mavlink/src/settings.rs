@@ -3,6 +3,8 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use crate::stations::StationAddress;
+
 /// What becomes of a movement when the station that ordered it says nothing any more.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StationLost {
@@ -40,6 +42,21 @@ pub struct Settings {
     pub station_lost_after: Duration,
     /// Whether a station's fence goes into the bridge's configuration.
     pub accepts_fence: bool,
+}
+
+impl Settings {
+    /// Why a station may not command; `None` if it may. `signs` says whether those of other machines sign.
+    pub(crate) fn bars(&self, sender: StationAddress, signs: bool) -> Option<&'static str> {
+        let is_named = self.commanders.contains(&sender.system);
+        let is_known = signs || sender.address.ip().is_loopback();
+        match self.commanders.is_empty() {
+            false if !is_named => Some("this station may not command: `[commands] systems`"),
+            true if !is_known => {
+                Some("a station that does not sign may command when `[commands] systems` names it")
+            }
+            _ => None,
+        }
+    }
 }
 
 impl Default for Settings {

@@ -2,6 +2,10 @@
 //!
 //! A message that is made of a sample is sent when that sample comes, so that it is new: of the samples it is the one that comes nearest to
 //! the moment at which the message is due. No sample is sent twice. When the next sample does not come, the one that is there is sent.
+//!
+//! The moments are a period apart, whenever the messages go: a late sample does not delay the one after it. Moments that have passed
+//! without a message are left out, so that a machine that stalls makes up for nothing; only the last one is still good for a sample that
+//! comes less than an interval of samples later.
 
 use std::time::Duration;
 
@@ -157,14 +161,24 @@ struct Beat {
 
 impl Beat {
     /// When it is due again, after a sample was sent now. The moments drift to those of the samples, so that samples which come as often as
-    /// the message is wanted are all sent, also those that are a little early or late. The rate stays what it is.
+    /// the message is wanted are all sent, also those that are a little early or late. A stall moves them no farther than that, so that the
+    /// rate stays what it is.
     fn next_after_sample(&self, period: Duration, now: MonotonicNs) -> MonotonicNs {
         const SHARE: u32 = 8;
+        let drift = |off: Duration| off.min(MIN_PERIOD / 2) / SHARE;
         match now > self.due {
-            true => self.due + period + now.since(self.due) / SHARE,
-            false => self.due + (period - self.due.since(now) / SHARE),
+            true => self.due + period + drift(now.since(self.due)),
+            false => self.due + (period - drift(self.due.since(now))),
         }
     }
+}
+
+/// The first of the moments `next`, `next + period`, … that comes after `now`, or has passed for less than `grace`.
+fn on_grid(next: MonotonicNs, period: Duration, now: MonotonicNs, grace: Duration) -> MonotonicNs {
+    let late = (now + Duration::from_nanos(1)).since(next + grace);
+    let left_out = late.as_nanos().div_ceil(period.as_nanos().max(1));
+    let left_out = u32::try_from(left_out).unwrap_or(u32::MAX);
+    next + period.saturating_mul(left_out)
 }
 
 /// See the module's documentation.
@@ -230,8 +244,11 @@ impl Streams {
                 }
                 _ => continue,
             };
-            // A machine that stalls does not make up for it.
-            beat.due = if next > now { next } else { now + period };
+            let grace = match stream.content() {
+                StreamContent::State => Duration::ZERO,
+                StreamContent::Sample => interval.min(period),
+            };
+            beat.due = on_grid(next, period, now, grace);
             due.push(stream);
         }
         due
@@ -341,6 +358,36 @@ mod tests {
             assert!(fifth.iter().all(|age| *age == 0), "{phase_ms}: {fifth:?}");
             assert!((39..=41).contains(&fifth.len()), "{}", fifth.len());
         }
+    }
+
+    /// Which samples, by their moments in ms, go into ATTITUDE each `period_ms`.
+    fn taken(period_ms: u64, samples: &[u64]) -> Vec<u64> {
+        let mut streams = Streams::new(MonotonicNs(0));
+        let period = Duration::from_millis(period_ms);
+        streams.set_period(StreamId::Attitude, Some(period), MonotonicNs(0));
+        let is_due = |ms: &u64| {
+            let now = MonotonicNs(ms * MS);
+            streams.take_due(now, now).contains(&StreamId::Attitude)
+        };
+        samples.iter().copied().filter(is_due).collect()
+    }
+
+    #[test]
+    fn a_late_sample_does_not_skip_the_one_after_it() {
+        // That of 140 comes late by so much; the one after it, when it has its time.
+        for late_ms in 0..=60 {
+            let late = 140 + late_ms;
+            let after = (8..20).map(|number| number * 20).filter(|ms| *ms > late);
+            let mut samples: Vec<u64> = (1..=6).map(|number| number * 20).collect();
+            samples.push(late);
+            samples.extend(after);
+            assert_eq!(taken(20, &samples), samples, "{late_ms} ms late");
+        }
+        // Of one in ten with a stall each second: the rate stays what was asked.
+        let mut samples: Vec<u64> = (1..=2_000).map(|number| number * 20).collect();
+        samples.retain(|ms| ms % 1_000 < 600 || ms % 1_000 > 740);
+        let count = taken(200, &samples).len();
+        assert!((199..=201).contains(&count), "{count}");
     }
 
     #[test]

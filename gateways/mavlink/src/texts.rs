@@ -1,4 +1,4 @@
-//! Texts for people, STATUSTEXT: in chunks, and an equal one not again for five seconds.
+//! Texts for people, STATUSTEXT: in chunks, and an equal one to the same reader not again for five seconds.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -7,6 +7,7 @@ use ipc_types::MonotonicNs;
 
 use crate::message::STATUSTEXT;
 use crate::number::MavSeverity;
+use crate::stations::StationAddress;
 use crate::wire::MessageWriter;
 
 /// Bytes of a chunk.
@@ -18,60 +19,89 @@ const MAX_CHUNKS: usize = 5;
 /// For how long an equal text is not said again.
 const PAUSE: Duration = Duration::from_secs(5);
 
-/// Most texts that are remembered; of a further one the oldest goes, and may then be said again too soon.
-const MAX_RECENT: usize = 16;
-
-#[derive(Clone, Debug)]
-struct Recent {
-    text: String,
-    said: MonotonicNs,
-    withheld: u32,
-}
+/// Most texts to stations that are remembered, and most in the log; of a further one the oldest goes, and may then be said again too soon.
+const MAX_SAID: usize = 128;
+const MAX_LOGGED: usize = 16;
 
 /// Which texts were said of late.
 #[derive(Clone, Debug, Default)]
 pub struct Texts {
-    recent: VecDeque<Recent>,
+    /// Each to whom: what one station was told is not kept from another one.
+    said: Recent<(StationAddress, String), MAX_SAID>,
+    logged: Recent<String, MAX_LOGGED>,
     /// Names the chunks of one text.
     id: u16,
 }
 
 impl Texts {
-    /// The messages of a text; none if it was just said.
+    /// The messages of a text; none if it was just said to this station.
     pub fn say(
         &mut self,
+        to: StationAddress,
         severity: MavSeverity,
         text: &str,
         now: MonotonicNs,
     ) -> Vec<MessageWriter> {
-        let mut text = text.to_owned();
-        let known = self.recent.iter().position(|one| one.text == text);
-        if let Some(mut recent) = known.and_then(|index| self.recent.remove(index)) {
-            let is_due = now.since(recent.said) >= PAUSE;
-            if is_due {
-                if recent.withheld > 0 {
-                    text = format!("{text} ({} times more)", recent.withheld);
-                }
-                (recent.said, recent.withheld) = (now, 0);
-            } else {
-                recent.withheld += 1;
-            }
-            self.recent.push_back(recent);
-            if !is_due {
-                return Vec::new();
-            }
-        } else {
-            if self.recent.len() == MAX_RECENT {
-                self.recent.pop_front();
-            }
-            self.recent.push_back(Recent {
-                text: text.clone(),
-                said: now,
-                withheld: 0,
-            });
-        }
+        let text = match self.said.take((to, text.to_owned()), now) {
+            None => return Vec::new(),
+            Some(0) => text.to_owned(),
+            Some(withheld) => format!("{text} ({withheld} times more)"),
+        };
         self.id = self.id.checked_add(1).unwrap_or(1);
         chunks(severity, &text, self.id)
+    }
+
+    /// Whether a text belongs into the log: not if it was just written there.
+    pub fn is_news(&mut self, text: &str, now: MonotonicNs) -> bool {
+        self.logged.take(text.to_owned(), now).is_some()
+    }
+}
+
+/// What was said last, at most `MAX` things.
+#[derive(Clone, Debug)]
+struct Recent<T, const MAX: usize> {
+    list: VecDeque<Said<T>>,
+}
+
+#[derive(Clone, Debug)]
+struct Said<T> {
+    what: T,
+    at: MonotonicNs,
+    withheld: u32,
+}
+
+impl<T: PartialEq, const MAX: usize> Recent<T, MAX> {
+    /// Whether it may be said, and then how often it was withheld before.
+    fn take(&mut self, what: T, now: MonotonicNs) -> Option<u32> {
+        let known = self.list.iter().position(|one| one.what == what);
+        let mut said = known.and_then(|index| self.list.remove(index));
+        let withheld = match &mut said {
+            Some(said) if now.since(said.at) < PAUSE => {
+                said.withheld += 1;
+                None
+            }
+            Some(said) => {
+                said.at = now;
+                Some(std::mem::take(&mut said.withheld))
+            }
+            None => Some(0),
+        };
+        if self.list.len() == MAX {
+            self.list.pop_front();
+        }
+        self.list.push_back(said.unwrap_or(Said {
+            what,
+            at: now,
+            withheld: 0,
+        }));
+        withheld
+    }
+}
+
+impl<T, const MAX: usize> Default for Recent<T, MAX> {
+    fn default() -> Self {
+        let list = VecDeque::new();
+        Recent { list }
     }
 }
 
@@ -95,6 +125,14 @@ fn chunks(severity: MavSeverity, text: &str, id: u16) -> Vec<MessageWriter> {
 mod tests {
     use super::*;
 
+    fn station(port: u16) -> StationAddress {
+        StationAddress {
+            address: ([127, 0, 0, 1], port).into(),
+            system: 255,
+            component: 190,
+        }
+    }
+
     fn said(messages: &[MessageWriter]) -> String {
         let text = |message: &MessageWriter| message.payload().0[1..51].to_vec();
         let bytes: Vec<u8> = messages.iter().flat_map(text).collect();
@@ -106,34 +144,41 @@ mod tests {
     fn long_texts_come_in_chunks_with_one_id() {
         let mut texts = Texts::default();
         let now = MonotonicNs(0);
-        let short = texts.say(MavSeverity::Info, "take-off done", now);
+        let short = texts.say(station(1), MavSeverity::Info, "take-off done", now);
         assert_eq!((said(&short).as_str(), short.len()), ("take-off done", 1));
         assert_eq!(short[0].payload().u16(51), 0);
 
         let long = "goto was refused: 12 m outside of the area field — press Pause first";
-        let chunks = texts.say(MavSeverity::Error, long, now);
+        let chunks = texts.say(station(1), MavSeverity::Error, long, now);
         assert_eq!(said(&chunks), long.replace('—', "?"));
         let numbers: Vec<_> = chunks
             .iter()
             .map(|chunk| (chunk.payload().u16(51), chunk.payload().u8(53)))
             .collect();
         assert_eq!(numbers, [(2, 0), (2, 1)]);
-        let endless = texts.say(MavSeverity::Error, &"x".repeat(10_000), now);
+        let endless = texts.say(station(1), MavSeverity::Error, &"x".repeat(10_000), now);
         assert_eq!(endless.len(), MAX_CHUNKS);
     }
 
     #[test]
     fn an_equal_text_is_said_once_in_five_seconds_with_its_count() {
         let mut texts = Texts::default();
-        let mut say = |text: &str, seconds: u64| {
+        let mut logged = Vec::new();
+        let mut say = |port: u16, text: &str, seconds: u64| {
             let now = MonotonicNs(seconds * 1_000_000_000);
-            said(&texts.say(MavSeverity::Warning, text, now))
+            if texts.is_news(text, now) {
+                logged.push(seconds);
+            }
+            said(&texts.say(station(port), MavSeverity::Warning, text, now))
         };
-        assert_eq!(say("low", 1), "low");
-        assert_eq!(say("other", 1), "other");
-        assert_eq!(say("low", 2), "");
-        assert_eq!(say("low", 5), "");
-        assert_eq!(say("low", 6), "low (2 times more)");
-        assert_eq!(say("low", 20), "low");
+        assert_eq!(say(1, "low", 1), "low");
+        assert_eq!(say(1, "low", 2), "");
+        // Another station was not told.
+        assert_eq!(say(2, "low", 3), "low");
+        assert_eq!(say(1, "low", 5), "");
+        assert_eq!(say(1, "low", 6), "low (2 times more)");
+        assert_eq!(say(2, "low", 7), "");
+        assert_eq!(say(1, "low", 20), "low");
+        assert_eq!(logged, [1, 6, 20]);
     }
 }

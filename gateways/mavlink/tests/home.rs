@@ -98,3 +98,24 @@ fn a_home_of_an_operator_holds_for_all_flights_and_is_kept_at_most_once_a_second
     let there = returns_to(&mut restarted(second, 7.0)).expect("a return");
     assert!((there - second.position.latitude_deg).abs() < 1e-9);
 }
+
+#[test]
+fn a_boot_of_the_dsp_in_flight_leaves_home_where_the_flight_began() {
+    let mut world = World::flying();
+    (world.state.ground_valid, world.state.ground_altitude_m) = (1, 29.5);
+    let home = kept(&mut world).flatten().expect("a home");
+    let away = |world: &mut World| {
+        world.telemetry.geodetic.latitude_rad = (HERE.0 + 0.001).to_radians();
+        world.state.link.dsp_boots += 1;
+        world.tick(20);
+    };
+    // For this gateway, and for one that starts again after the boot.
+    away(&mut world);
+    assert_eq!(kept(&mut world), None, "it stays as it is");
+    let mut again = restarted(home, 29.5);
+    away(&mut again);
+    for world in [&mut world, &mut again] {
+        let there = returns_to(world).expect("a return");
+        assert!((there - HERE.0).abs() < 1e-9, "{there}");
+    }
+}

@@ -1,13 +1,17 @@
 //! Stations that lie, hurry or speak an old form: nothing moves by mistake, and each gets an answer.
 
 use ipc_types::code::Reason;
+use ipc_types::payload::MavlinkStations;
 use mavlink_gateway::message::{
-    COMMAND_ACK, MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_ITEM, MISSION_ITEM_INT,
-    MISSION_REQUEST_INT, STATUSTEXT,
+    COMMAND_ACK, HEARTBEAT, MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_ITEM,
+    MISSION_ITEM_INT, MISSION_REQUEST_INT, STATUSTEXT,
 };
 use mavlink_gateway::wire::MessageWriter;
+use mavlink_gateway::{OrderKind, Settings};
 
-use crate::common::{HERE, QGC, Sent, World, acks, heartbeat, long, reposition, texts};
+use crate::common::{
+    HERE, QGC, SCRIPT, Sent, Station, World, acks, heartbeat, long, reposition, texts,
+};
 
 const NAN: f32 = f32::NAN;
 const INFINITY: f32 = f32::INFINITY;
@@ -179,4 +183,125 @@ fn whoever_does_not_answer_the_question_for_an_item_is_told_which_it_was() {
             .any(|(_, text)| text.ends_with(expected)),
         "{sent:?}"
     );
+}
+
+/// The stations that are there, by their systems.
+fn systems(world: &World) -> Vec<u32> {
+    let mut sample = MavlinkStations::default();
+    world.gateway.describe(&mut sample, world.now);
+    let stations = &sample.stations[..sample.count as usize];
+    stations.iter().map(|one| one.system).collect()
+}
+
+#[test]
+fn heartbeats_under_many_numbers_of_one_address_leave_room_for_a_station() {
+    let mut world = World::new(Settings::default());
+    let flood = |world: &mut World| {
+        for number in 2..=254 {
+            world.receive(SCRIPT, &heartbeat().frame(0, number, 1));
+        }
+    };
+    flood(&mut world);
+    assert_eq!(systems(&world).len(), 8);
+    world.sent();
+    world.heartbeat(QGC);
+    flood(&mut world);
+    assert!(systems(&world).contains(&255), "{:?}", systems(&world));
+    world.command(QGC, 400, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    assert_eq!(world.kinds(), [OrderKind::Start]);
+    world.sent();
+    let heard = world.run(60);
+    // Of the others one gives way, and the rest go on.
+    for station in [QGC, SCRIPT] {
+        let is_its = |one: &&Sent| one.kind == HEARTBEAT && one.to == station.address();
+        assert_ne!(heard.iter().find(is_its), None);
+    }
+}
+
+#[test]
+fn a_station_that_may_command_gets_the_place_of_one_that_may_not_and_keeps_it() {
+    let mut world = World::flying_with(Settings {
+        commanders: vec![255],
+        ..Settings::default()
+    });
+    let may = |port| Station { port, system: 255 };
+    let may_not = |port| Station { port, system: 9 };
+    (1..=20).for_each(|port| world.heartbeat(may_not(port)));
+    assert_eq!(systems(&world), [255, 9, 9, 9, 9, 9, 9, 9]);
+    (101..=107).for_each(|port| world.heartbeat(may(port)));
+    (1..=20).for_each(|port| world.heartbeat(may_not(port)));
+    assert_eq!(systems(&world), [255; 8]);
+    // A ninth is told why it has no place.
+    world.sent();
+    world.heartbeat(may(108));
+    world.command(may(108), 193, [0.0; 7]);
+    let sent = world.sent();
+    assert_eq!(acks(&sent), [(193, 1, 0)]);
+    let text = texts(&sent).remove(0).1;
+    assert_eq!(text, "eight stations are connected already");
+}
+
+#[test]
+fn a_station_that_has_commanded_gives_way_to_none() {
+    let mut world = World::flying();
+    let own = |number| Station {
+        port: QGC.port,
+        system: number,
+    };
+    (11..=17).for_each(|number| world.heartbeat(own(number)));
+    for number in 11..=17 {
+        world.command(own(number), 193, [0.0; 7]);
+    }
+    // Of this address one has not commanded, the first.
+    world.heartbeat(SCRIPT);
+    assert_eq!(systems(&world), [11, 12, 13, 14, 15, 16, 17, 245]);
+    world.heartbeat(Station {
+        port: 40_001,
+        system: 246,
+    });
+    assert_eq!(systems(&world), [11, 12, 13, 14, 15, 16, 17, 245]);
+}
+
+#[test]
+fn each_station_is_told_in_words_why_it_was_refused() {
+    let mut world = World::flying();
+    // Two of them are behind one router.
+    let third = Station {
+        system: 7,
+        ..SCRIPT
+    };
+    world.heartbeat(SCRIPT);
+    world.heartbeat(third);
+    world.sent();
+    let disarm = [0.0; 7];
+    for station in [QGC, SCRIPT, third, QGC] {
+        world.command(station, 400, disarm);
+    }
+    let sent = world.sent();
+    let denied = |to: Station| {
+        let own = sent.iter().filter(|one| one.to == to.address());
+        let own: Vec<Sent> = own.cloned().collect();
+        (acks(&own).len(), texts(&own).len())
+    };
+    // An equal one to the same station within five seconds is one.
+    assert_eq!(denied(QGC), (2, 1));
+    assert_eq!(denied(SCRIPT), (2, 2));
+}
+
+#[test]
+fn a_command_for_which_there_is_no_room_is_refused_in_words() {
+    let mut world = World::flying();
+    for number in 0..17 {
+        world.command(
+            QGC,
+            192,
+            [-1.0, 0.0, 0.0, NAN, 37.4, -6.0, 30.0 + number as f32],
+        );
+    }
+    let sent = world.sent();
+    let (acks, texts) = (acks(&sent), texts(&sent));
+    let busy = Reason::TooManyRequests.code();
+    assert!(acks.contains(&(192, 1, busy)), "{acks:?}");
+    let text = "goto was refused: too many orders have no end yet";
+    assert!(texts.iter().any(|(_, one)| one == text), "{texts:?}");
 }

@@ -4,11 +4,12 @@ use bridge::BridgeConfig;
 use bridge::flight::request::{RequestKey, parse_movement};
 use dsp_protocol::port;
 use ipc_types::MonotonicNs;
-use ipc_types::payload::{MovementData, WaypointPosition};
+use ipc_types::payload::MovementData;
 
 use crate::finding::Findings;
 use crate::flight::{Flight, Leg, Step, ground_m};
 use crate::site::Endurance;
+use crate::steps::position;
 use crate::timeline::timeline;
 use runtime::finding::{Finding, Severity};
 
@@ -89,11 +90,7 @@ impl PlanLimits<'_> {
     }
 
     fn waypoint(&self, leg: &Leg, findings: &mut Findings) {
-        let position = [WaypointPosition {
-            latitude_deg: leg.to.latitude_deg,
-            longitude_deg: leg.to.longitude_deg,
-            altitude_m: leg.to.altitude_m,
-        }];
+        let position = [position(&leg.to)];
         let mut requests = MovementData::path(1, &position, || 1);
         let is_taken = requests.all(|request| self.accepts(&request)) && leg.to.is_plausible();
         if is_taken {

@@ -14,7 +14,7 @@ use ipc_types::payload::MovementData;
 
 use crate::missions::config::WorldConfig;
 use crate::missions::operator::{
-    Step, await_link, bring_home, carry_out, fly_through_trouble, point,
+    Step, await_link, bring_home, carry_out, fly_through_trouble, follow, point,
 };
 use crate::missions::witness::Outcome;
 use crate::missions::world::{Trouble, World};
@@ -372,4 +372,66 @@ fn a_dsp_without_time_is_believed_again_after_a_silence() {
         assert!(world.witness.samples > samples + 90, "after {length_s} s");
         world.finish();
     }
+}
+
+/// Asks for a landing every 10 ms until one is taken, and follows that.
+fn land_as_soon_as_it_is_taken(world: &mut World) -> Outcome {
+    let end = world.now() + Duration::from_secs(60);
+    while world.now() < end {
+        let land = world.movement(MovementData::land(0));
+        match world.witness.outcome(land) {
+            Some(refused) => assert_eq!(refused.reason, Reason::Busy, "{refused:?}"),
+            None => return follow(world, land),
+        }
+        world.run_for(Duration::from_millis(10));
+    }
+    panic!("no landing was taken");
+}
+
+#[test]
+fn a_landing_right_behind_a_take_off_waits_for_its_end_and_is_then_flown() {
+    for config in [WorldConfig::new(), WorldConfig::new().extended()] {
+        // Each moment at which status and flow control may come between the order, its acknowledgement and the readings of its port.
+        for offset_ms in (0..100).step_by(9) {
+            let mut world = World::new(&config);
+            await_link(&mut world);
+            world.run_for(Duration::from_millis(offset_ms));
+            carry_out(&mut world, &Step::Start);
+            let take_off = world.movement(MovementData::take_off(0, 2.0));
+            let landing = land_as_soon_as_it_is_taken(&mut world);
+            let took_off = world.witness.outcome(take_off);
+            check("take-off", took_off, Some((Stage::Done, Reason::None)));
+            check("landing", Some(landing), Some((Stage::Done, Reason::None)));
+            world.finish();
+        }
+    }
+}
+
+#[test]
+fn a_dsp_that_still_takes_off_when_the_bridge_has_lost_sight_of_that_refuses_the_landing() {
+    let mut refused = 0;
+    for begin_ms in (3_000..7_000).step_by(200) {
+        let begin = Duration::from_millis(begin_ms);
+        // All three attempts of a command fall into it, and it is too short for the link to be lost.
+        let end = begin + Duration::from_millis(700);
+        let mut world = World::new(&WorldConfig::new().faults(outage(begin, end), end));
+        await_link(&mut world);
+        carry_out(&mut world, &Step::Start);
+        let took_off = carry_out(&mut world, &Step::TakeOff(10.0));
+        await_link(&mut world);
+        let landing = carry_out(&mut world, &Step::Land);
+        if took_off.is_done() {
+            check("landing", Some(landing), Some((Stage::Done, Reason::None)));
+        } else {
+            let unknown = (Stage::Unknown, Reason::CommunicationFatalError);
+            check("take-off", Some(took_off), Some(unknown));
+            let by_dsp = (Stage::Aborted, Reason::RefusedByDsp);
+            check("landing", Some(landing), Some(by_dsp));
+            refused += 1;
+            // The DSP takes it when the take-off is over.
+            bring_home(&mut world);
+        }
+        world.finish();
+    }
+    assert!(refused > 0, "no take-off was lost sight of");
 }

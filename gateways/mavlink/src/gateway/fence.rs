@@ -15,7 +15,7 @@ use ipc_types::payload::BridgeOutline;
 use super::Gateway;
 use crate::areas::{FenceRefusal, StationFence};
 use crate::event::{Event, Order, OrderKind, Task};
-use crate::fence::{MAX_FENCE_ITEMS, Upload, UploadStep};
+use crate::fence::{Upload, UploadStep};
 use crate::message::MISSION_COUNT;
 use crate::mission::store::Item;
 use crate::number::{MISSION_TYPE_FENCE, MavSeverity, MissionResult};
@@ -126,10 +126,6 @@ impl Gateway {
             let why = format!("the fence was refused: {why}");
             return self.refuse_fence(sender, result, &why, now);
         }
-        if usize::from(count) > MAX_FENCE_ITEMS {
-            let why = "the fence was refused: it has more than 64 areas and 4,096 corners";
-            self.say(&[sender.address], MavSeverity::Error, why, now);
-        }
         let output = self.fence.transfer.begin(sender, count, now);
         self.transfer(MISSION_TYPE_FENCE, Some(output), now);
     }
@@ -154,7 +150,7 @@ impl Gateway {
         };
         if fence.has_return_point {
             let text = "the return point of the fence is not used: the helicopter stops there";
-            self.say(&[from.address], MavSeverity::Notice, text, now);
+            self.tell(from, MavSeverity::Notice, text, now);
         }
         self.fence.upload = Some(Upload {
             from,
@@ -283,7 +279,7 @@ impl Gateway {
             Err(refusal) => {
                 let text = format!("the fence was refused: {}", refusal.text);
                 self.note(Event::Warning(text.clone()));
-                self.say(&[from.address], MavSeverity::Error, &text, now);
+                self.tell(from, MavSeverity::Error, &text, now);
                 refusal.result
             }
         };
@@ -315,6 +311,6 @@ impl Gateway {
         now: MonotonicNs,
     ) {
         self.acknowledge_mission(sender, result, MISSION_TYPE_FENCE);
-        self.say(&[sender.address], MavSeverity::Error, why, now);
+        self.tell(sender, MavSeverity::Error, why, now);
     }
 }

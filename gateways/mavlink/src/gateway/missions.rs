@@ -5,7 +5,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::{RequestReport, WaypointPosition};
 use plans::executor::Progress;
-use plans::flight::Step;
+use plans::flight::{PathPoint, Step};
 use plans::mavlink::command as item;
 
 use super::Gateway;
@@ -76,7 +76,7 @@ impl Gateway {
             }
             MissionRequest::SetCurrent(sequence) => {
                 if let Some((_, why)) = self.not_permitted(sender, is_station) {
-                    self.say(&[sender.address], MavSeverity::Error, why, now);
+                    self.tell(sender, MavSeverity::Error, why, now);
                     return;
                 }
                 self.set_current(None, sender, sequence, now);
@@ -92,7 +92,7 @@ impl Gateway {
                 };
                 if let Some(why) = refused {
                     self.acknowledge_mission(sender, MissionResult::Denied, mission_type);
-                    return self.say(&[sender.address], MavSeverity::Error, why, now);
+                    return self.tell(sender, MavSeverity::Error, why, now);
                 }
                 let count = match *request {
                     MissionRequest::Count(count) => count,
@@ -100,7 +100,9 @@ impl Gateway {
                 };
                 match self.missions.transfer.begin(sender, count, now) {
                     // The transfer of another station may be under way, which has its own type.
-                    Output::Ack(to, result) => self.acknowledge_mission(to, result, mission_type),
+                    Output::Refused(to, result, why) => {
+                        self.refuse_transfer(mission_type, (to, result, why), now);
+                    }
                     output => {
                         self.missions.asked_type = mission_type;
                         // What waits for the rules of the bridge is not wanted any more.
@@ -122,7 +124,7 @@ impl Gateway {
         self.acknowledge_mission(sender, MissionResult::Unsupported, mission_type);
         let text =
             "MISSION_ITEM is not taken, since its places are too coarse: send MISSION_ITEM_INT";
-        self.say(&[sender.address], MavSeverity::Error, text, now);
+        self.tell(sender, MavSeverity::Error, text, now);
     }
 
     /// Rally points: there are none, and none is taken.
@@ -145,7 +147,7 @@ impl Gateway {
             MissionRequest::Count(_) => {
                 self.acknowledge_mission(sender, MissionResult::Unsupported, mission_type);
                 let text = "rally points are not taken over MAVLink";
-                self.say(&[sender.address], MavSeverity::Error, text, now);
+                self.tell(sender, MavSeverity::Error, text, now);
             }
             MissionRequest::Request(_) => {
                 self.acknowledge_mission(sender, MissionResult::InvalidSequence, mission_type);
@@ -174,6 +176,10 @@ impl Gateway {
     /// Does what the transfer of this type wants.
     pub(super) fn transfer(&mut self, mission_type: u8, output: Option<Output>, now: MonotonicNs) {
         let is_fence = mission_type == MISSION_TYPE_FENCE;
+        let answered = match is_fence {
+            true => MISSION_TYPE_FENCE,
+            false => self.missions.asked_type,
+        };
         match output {
             None => {}
             Some(Output::Request(to, sequence)) => {
@@ -181,12 +187,9 @@ impl Gateway {
                 let message = message.u8(to.system).u8(to.component);
                 self.send(to.address, &message.u8(mission_type));
             }
-            Some(Output::Ack(to, result)) => {
-                let answered = match is_fence {
-                    true => MISSION_TYPE_FENCE,
-                    false => self.missions.asked_type,
-                };
-                self.acknowledge_mission(to, result, answered);
+            Some(Output::Ack(to, result)) => self.acknowledge_mission(to, result, answered),
+            Some(Output::Refused(to, result, why)) => {
+                self.refuse_transfer(answered, (to, result, why), now);
             }
             Some(Output::Late(to, sequence)) => {
                 self.transfer(
@@ -199,7 +202,7 @@ impl Gateway {
                 let text = format!(
                     "the {what} did not come whole, and the one of before is in force: no MISSION_ITEM_INT came for item {number}"
                 );
-                self.say(&[to.address], MavSeverity::Error, &text, now);
+                self.tell(to, MavSeverity::Error, &text, now);
             }
             Some(Output::Check(from, items)) if is_fence => self.put_fence(from, &items, now),
             Some(Output::Check(from, items)) => {
@@ -213,6 +216,22 @@ impl Gateway {
         }
     }
 
+    /// Says that a transfer of this type comes to nothing, and why.
+    fn refuse_transfer(
+        &mut self,
+        mission_type: u8,
+        (to, result, why): (StationAddress, MissionResult, &str),
+        now: MonotonicNs,
+    ) {
+        self.acknowledge_mission(to, result, mission_type);
+        let what = match mission_type {
+            MISSION_TYPE_FENCE => "fence",
+            _ => "mission",
+        };
+        let text = format!("the {what} was refused: {why}");
+        self.tell(to, MavSeverity::Error, &text, now);
+    }
+
     /// Puts a mission on the disk, so that it is in force.
     fn save(&mut self, mission: Mission, now: MonotonicNs) {
         if *self.missions.mission == mission && !self.missions.is_saving {
@@ -221,7 +240,11 @@ impl Gateway {
         }
         if self.missions.is_saving || self.missions.is_in_use() {
             let output = self.missions.transfer.checked(MissionResult::Error);
-            return self.transfer(MISSION, output, now);
+            if let Some(Output::Ack(to, result)) = output {
+                let why = "the one of before is flown, or is just coming into force";
+                self.refuse_transfer(self.missions.asked_type, (to, result, why), now);
+            }
+            return;
         }
         self.missions.is_saving = true;
         self.ask(Task::Save(mission));
@@ -265,13 +288,13 @@ impl Gateway {
             match check_mission(&mission, 1, &conditions) {
                 Ok(checked) => {
                     for remark in checked.remarks {
-                        self.say(&[from.address], MavSeverity::Notice, &remark, now);
+                        self.tell(from, MavSeverity::Notice, &remark, now);
                     }
                     self.save(mission, now);
                 }
                 Err(refusal) => {
                     let text = format!("the mission was refused: {}", refusal.text);
-                    self.say(&[from.address], MavSeverity::Error, &text, now);
+                    self.tell(from, MavSeverity::Error, &text, now);
                     let output = self.missions.transfer.checked(refusal.result);
                     self.transfer(MISSION, output, now);
                 }
@@ -414,7 +437,7 @@ impl Gateway {
     ) {
         self.settle(key, CommandAck { result, reason }, now);
         let text = format!("the mission was refused: {why}");
-        self.say(&[key.sender.address], MavSeverity::Error, &text, now);
+        self.tell(key.sender, MavSeverity::Error, &text, now);
     }
 
     /// Goes on with another item: at once if the mission is flown, and else with the next start. MISSION_SET_CURRENT has no key.
@@ -523,6 +546,7 @@ impl Gateway {
             key.sender, key.sender.address
         );
         self.note(Event::Commanded(log));
+        self.stations.count_command(key.sender, now);
         self.missions.run = Some(Run::new(&mission, &checked.flight, from, key));
         if is_started {
             self.drive_mission(now);
@@ -548,12 +572,8 @@ impl Gateway {
             let (kind, path) = match step {
                 Step::TakeOff { height_m, .. } => (Some(OrderKind::TakeOff(*height_m)), Vec::new()),
                 Step::Path(points) => {
-                    let position = |point: &plans::flight::PathPoint| WaypointPosition {
-                        latitude_deg: point.waypoint.latitude_deg,
-                        longitude_deg: point.waypoint.longitude_deg,
-                        altitude_m: point.waypoint.altitude_m,
-                    };
-                    (Some(OrderKind::Path), points.iter().map(position).collect())
+                    let path = points.iter().map(PathPoint::position).collect();
+                    (Some(OrderKind::Path), path)
                 }
                 Step::Speed { speed_mps, .. } => (Some(OrderKind::Speed(*speed_mps)), Vec::new()),
                 Step::Land { .. } => (Some(OrderKind::Land), Vec::new()),

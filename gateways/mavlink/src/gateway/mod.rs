@@ -276,18 +276,26 @@ impl Gateway {
     }
 
     fn heartbeat(&mut self, sender: StationAddress, now: MonotonicNs) {
-        let text = match self.stations.heartbeat(sender, now) {
+        let (settings, signs) = (&self.settings, self.signing.is_some());
+        let may_command = |one| settings.bars(one, signs).is_none();
+        let outcome = self.stations.heartbeat(sender, may_command, now);
+        let mut text = format!("{sender} at {} has come", sender.address);
+        match outcome {
             HeartbeatOutcome::Known => return,
-            HeartbeatOutcome::New => format!("{sender} at {} has come", sender.address),
+            HeartbeatOutcome::New => {}
+            HeartbeatOutcome::Instead(other) => {
+                self.forget(other);
+                text += &format!(", in the place of {other} at {}", other.address);
+            }
             HeartbeatOutcome::Full => {
                 self.counts.full += 1;
                 return;
             }
-        };
+        }
         self.note(Event::Note(text));
         if self.settings.zero_above_sea_m.is_none() {
             let text = "altitudes count from telemetry's zero: `zero_above_sea_m` is not set";
-            self.say(&[sender.address], MavSeverity::Warning, text, now);
+            self.tell(sender, MavSeverity::Warning, text, now);
         }
     }
 
@@ -313,12 +321,7 @@ impl Gateway {
         self.look(now);
         self.look_for_lost_stations(now);
         for gone in self.stations.expire(now) {
-            self.commands.forget(gone);
-            self.fence.forget(gone);
-            self.missions.forget(gone);
-            if !self.stations.is_heard(gone.address) {
-                self.parameters.forget(gone.address);
-            }
+            self.forget(gone);
             self.note(Event::Note(format!("{gone} at {} is gone", gone.address)));
         }
         self.give_up(now);
@@ -326,6 +329,16 @@ impl Gateway {
         self.advance_missions(now);
         self.advance_fence(now);
         self.send_streams(now);
+    }
+
+    /// A station is not there any more.
+    fn forget(&mut self, gone: StationAddress) {
+        self.commands.forget(gone);
+        self.fence.forget(gone);
+        self.missions.forget(gone);
+        if !self.stations.is_heard(gone.address) {
+            self.parameters.forget(gone.address);
+        }
     }
 
     /// When [`Gateway::advance`] is to be called at the latest.

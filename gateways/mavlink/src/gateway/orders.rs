@@ -28,6 +28,12 @@ const HOLD_PERIOD: Duration = Duration::from_millis(100);
 /// In place of a command's number in the key of what is none, such as SET_MODE.
 pub(super) const NO_COMMAND: u16 = u16::MAX;
 
+/// That a command finds no room.
+const TOO_MANY: CommandAck = CommandAck {
+    result: MavResult::TemporarilyRejected,
+    reason: Reason::TooManyRequests,
+};
+
 impl Gateway {
     pub(super) fn command(
         &mut self,
@@ -99,7 +105,6 @@ impl Gateway {
         sender: StationAddress,
         is_station: bool,
     ) -> Option<(MavResult, &'static str)> {
-        let named = &self.settings.commanders;
         if !is_station && self.stations.is_full() {
             Some((
                 MavResult::TemporarilyRejected,
@@ -110,24 +115,10 @@ impl Gateway {
                 MavResult::Denied,
                 "send a HEARTBEAT before the first command",
             ))
-        } else if !named.is_empty() && !named.contains(&sender.system) {
-            Some((
-                MavResult::Denied,
-                "this station may not command: `[commands] systems`",
-            ))
-        } else if named.is_empty() && self.is_stranger(sender) {
-            Some((
-                MavResult::Denied,
-                "a station that does not sign may command when `[commands] systems` names it",
-            ))
         } else {
-            None
+            let why = self.settings.bars(sender, self.signing.is_some());
+            why.map(|why| (MavResult::Denied, why))
         }
-    }
-
-    /// Whether a station is on another machine, and nothing says who it is.
-    fn is_stranger(&self, sender: StationAddress) -> bool {
-        self.signing.is_none() && !sender.address.ip().is_loopback()
     }
 
     pub(super) fn carry_out(
@@ -139,7 +130,7 @@ impl Gateway {
     ) {
         if let Some((result, why)) = self.not_permitted(key.sender, is_station) {
             self.answer(&key, CommandAck::plain(result));
-            self.say(&[key.sender.address], MavSeverity::Error, why, now);
+            self.tell(key.sender, MavSeverity::Error, why, now);
             return;
         }
         let decision = self.with_start(&key, decision, now);
@@ -154,15 +145,16 @@ impl Gateway {
             Copy::Open => return,
             Copy::Answered(answer) => return self.answer(&key, answer),
             Copy::Full => {
-                let answer = CommandAck::plain(MavResult::TemporarilyRejected);
-                return self.answer(&key, answer);
+                let text = "the command was refused: too many of this station wait for an answer or have just got one";
+                self.answer(&key, TOO_MANY);
+                return self.tell(key.sender, MavSeverity::Error, text, now);
             }
         }
         match decision {
             Decision::Answer(answer, text) => {
                 self.answer(&key, answer);
                 if let Some((severity, text)) = text {
-                    self.say(&[key.sender.address], severity, &text, now);
+                    self.tell(key.sender, severity, &text, now);
                 }
             }
             Decision::SetHome(position) => {
@@ -177,6 +169,10 @@ impl Gateway {
 
     pub(super) fn order(&mut self, key: CommandKey, orders: OrderPair, now: MonotonicNs) {
         let kind = orders.first;
+        let name = match orders.is_return {
+            true => "return",
+            false => kind.name(),
+        };
         let is_repeated = kind == OrderKind::Hold
             && self
                 .last_hold
@@ -188,22 +184,18 @@ impl Gateway {
             return self.settle(&key, CommandAck::plain(MavResult::Accepted), now);
         }
         if self.pending.len() + usize::from(!kind.is_stop()) >= MAX_ORDERS {
-            let answer = CommandAck {
-                result: MavResult::TemporarilyRejected,
-                reason: Reason::TooManyRequests,
-            };
-            return self.settle(&key, answer, now);
+            let text = format!("{name} was refused: too many orders have no end yet");
+            self.tell(key.sender, MavSeverity::Error, &text, now);
+            return self.settle(&key, TOO_MANY, now);
         }
         if self.is_mission_of_another(key.sender, kind) {
             let answer = CommandAck {
                 result: MavResult::TemporarilyRejected,
                 reason: Reason::Busy,
             };
-            let text = format!(
-                "{} was refused: another station flies a mission; press Pause first",
-                kind.name()
-            );
-            self.say(&[key.sender.address], MavSeverity::Error, &text, now);
+            let text =
+                format!("{name} was refused: another station flies a mission; press Pause first");
+            self.tell(key.sender, MavSeverity::Error, &text, now);
             return self.settle(&key, answer, now);
         }
         self.last_hold = (kind == OrderKind::Hold).then_some(now);
@@ -211,16 +203,7 @@ impl Gateway {
             self.cancel_what_follows(now);
             self.cancel_start_of_mission(now);
         }
-        let log = format!(
-            "{} by {} at {}",
-            if orders.is_return {
-                "return"
-            } else {
-                kind.name()
-            },
-            key.sender,
-            key.sender.address
-        );
+        let log = format!("{name} by {} at {}", key.sender, key.sender.address);
         self.note(Event::Commanded(log));
         self.stations.count_command(key.sender, now);
         self.send_order(Pending {
@@ -235,7 +218,7 @@ impl Gateway {
             is_answered: false,
         });
         if let Some(notice) = orders.notice {
-            self.say(&[key.sender.address], MavSeverity::Notice, notice, now);
+            self.tell(key.sender, MavSeverity::Notice, notice, now);
         }
     }
 
@@ -336,12 +319,7 @@ impl Gateway {
                     self.pause_mission(now);
                 }
             } else if !pending.is_mission {
-                self.say(
-                    &[pending.key.sender.address],
-                    MavSeverity::Error,
-                    words,
-                    now,
-                );
+                self.tell(pending.key.sender, MavSeverity::Error, words, now);
             }
         } else if !answer.is_accepted() {
             self.commands.answer(&pending.key, answer, now);
@@ -445,7 +423,7 @@ impl Gateway {
             let text = format!(
                 "{name}: no answer of the bridge; it may have been done, look before you repeat it"
             );
-            self.say(&[key.sender.address], MavSeverity::Error, &text, now);
+            self.tell(key.sender, MavSeverity::Error, &text, now);
         }
         if is_mission_stuck {
             self.mission_unanswered(now);

@@ -160,6 +160,7 @@ impl Gateway {
         self.say(&addresses, severity, text, now);
     }
 
+    /// A text for all who are at these addresses.
     pub(super) fn say(
         &mut self,
         to: &[SocketAddr],
@@ -167,23 +168,40 @@ impl Gateway {
         text: &str,
         now: MonotonicNs,
     ) {
-        if to.is_empty() {
-            return;
-        }
-        let messages = self.texts.say(severity, text, now);
-        if messages.is_empty() {
-            // It was just said, to the log as well.
-            return;
-        }
-        for message in messages {
-            for address in to {
-                self.push(*address, &message, false);
+        let all = to.iter().map(|address| StationAddress::all_at(*address));
+        self.say_to(all, severity, text, now);
+    }
+
+    /// A text for one station. Others behind the same router see it, too, and get theirs nevertheless.
+    pub(super) fn tell(
+        &mut self,
+        to: StationAddress,
+        severity: MavSeverity,
+        text: &str,
+        now: MonotonicNs,
+    ) {
+        self.say_to([to], severity, text, now);
+    }
+
+    fn say_to(
+        &mut self,
+        to: impl IntoIterator<Item = StationAddress>,
+        severity: MavSeverity,
+        text: &str,
+        now: MonotonicNs,
+    ) {
+        let mut is_said = false;
+        for station in to {
+            for message in self.texts.say(station, severity, text, now) {
+                self.push(station.address, &message, false);
+                is_said = true;
             }
         }
-        if matches!(
+        let is_bad = matches!(
             severity,
             MavSeverity::Error | MavSeverity::Critical | MavSeverity::Emergency
-        ) {
+        );
+        if is_said && is_bad && self.texts.is_news(text, now) {
             self.note(Event::Warning(text.to_owned()));
         }
     }

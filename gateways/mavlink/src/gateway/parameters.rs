@@ -25,7 +25,7 @@ impl Gateway {
         if !is_station {
             let why = self.not_permitted(sender, is_station);
             let text = why.map_or("", |(_, text)| text);
-            return self.say(&[sender.address], MavSeverity::Error, text, now);
+            return self.tell(sender, MavSeverity::Error, text, now);
         }
         match *asked {
             ParameterQuery::List => {
@@ -46,7 +46,7 @@ impl Gateway {
                     let error = error_about(-1, &name, ParameterError::DoesNotExist);
                     self.send(sender.address, &error);
                     let text = format!("{name}: there is no such parameter");
-                    self.say(&[sender.address], MavSeverity::Error, &text, now);
+                    self.tell(sender, MavSeverity::Error, &text, now);
                 }
             },
         }
@@ -122,7 +122,7 @@ impl Gateway {
             Err((error, why)) => {
                 self.send(sender.address, &error_message(index, error));
                 let text = format!("{} was not set: {why}", parameter.name);
-                self.say(&[sender.address], MavSeverity::Error, &text, now);
+                self.tell(sender, MavSeverity::Error, &text, now);
                 // For stations that read no errors.
                 self.read_parameter(sender, index);
             }
@@ -190,7 +190,7 @@ impl Gateway {
             self.reply(reply);
         }
         if let Some(sender) = writer.filter(|_| stage.is_final() && stage != Stage::Done) {
-            self.say(&[sender.address], MavSeverity::Error, words, now);
+            self.tell(sender, MavSeverity::Error, words, now);
         }
         // The next one is asked for at once, also when this one could not be sent.
         self.advance_parameters(now);

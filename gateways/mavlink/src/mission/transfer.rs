@@ -39,6 +39,8 @@ pub enum Output {
     Request(StationAddress, u16),
     /// Say how the transfer ended.
     Ack(StationAddress, MissionResult),
+    /// Say that it comes to nothing, and why, as a clause.
+    Refused(StationAddress, MissionResult, &'static str),
     /// Say that it ended because this item did not come.
     Late(StationAddress, u16),
     /// All items are there: check them, then say [`Transfer::checked`].
@@ -92,12 +94,13 @@ impl Transfer {
     /// A station has `count` items.
     pub fn begin(&mut self, from: StationAddress, count: u16, now: MonotonicNs) -> Output {
         if self.station().is_some_and(|station| station != from) {
-            return Output::Ack(from, MissionResult::Error);
+            let why = "another station is just sending one";
+            return Output::Refused(from, MissionResult::Error, why);
         }
         self.last = None;
         if usize::from(count) > self.max_items {
             self.state = TransferState::Idle;
-            return Output::Ack(from, MissionResult::NoSpace);
+            return Output::Refused(from, MissionResult::NoSpace, "it has too many items");
         }
         if count == 0 {
             return self.check(from, Vec::new(), now);
@@ -201,7 +204,8 @@ impl Transfer {
                 Output::Late(receiving.from, awaited)
             }
             TransferState::Checking { from, limit, .. } if now >= *limit => {
-                Output::Ack(*from, MissionResult::Error)
+                let why = "its check has taken too long";
+                Output::Refused(*from, MissionResult::Error, why)
             }
             _ => return None,
         };
@@ -293,6 +297,15 @@ mod tests {
         let passes = |ms| -> Event { Box::new(move |transfer| transfer.advance(at(ms))) };
         let request = |sequence| Some(Output::Request(one, sequence));
         let ack = |to, result| Some(Output::Ack(to, result));
+        let busy = || {
+            let why = "another station is just sending one";
+            Some(Output::Refused(two, Error, why))
+        };
+        let many = || Some(Output::Refused(one, NoSpace, "it has too many items"));
+        let slow = || {
+            let why = "its check has taken too long";
+            Some(Output::Refused(one, Error, why))
+        };
         let late = || Some(Output::Late(one, 1));
         let all = || Some(Output::Check(one, vec![item(0), item(1)]));
         let none = || Some(Output::Check(one, Vec::new()));
@@ -313,8 +326,8 @@ mod tests {
                 begin(two, 2),
                 [
                     (Some(Output::Request(two, 0)), "receiving"),
-                    (ack(two, Error), "receiving"),
-                    (ack(two, Error), "checking"),
+                    (busy(), "receiving"),
+                    (busy(), "checking"),
                 ],
             ),
             (
@@ -329,11 +342,7 @@ mod tests {
             (
                 "too many",
                 begin(one, 2049),
-                [
-                    (ack(one, NoSpace), "idle"),
-                    (ack(one, NoSpace), "idle"),
-                    (ack(one, NoSpace), "idle"),
-                ],
+                [(many(), "idle"), (many(), "idle"), (many(), "idle")],
             ),
             (
                 "the awaited item",
@@ -392,7 +401,7 @@ mod tests {
             (
                 "the time of the check has passed",
                 passes(5_000),
-                [(None, "idle"), (late(), "idle"), (ack(one, Error), "idle")],
+                [(None, "idle"), (late(), "idle"), (slow(), "idle")],
             ),
         ];
         for (event, happens, expected) in table {

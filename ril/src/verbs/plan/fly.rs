@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use ipc_types::payload::{ModuleState, MovementData, RequestReport, WaypointPosition};
+use ipc_types::payload::{ModuleState, MovementData, RequestReport};
 use ipc_types::{MonotonicNs, Source, Subscriber, Topic, fresh_request_id};
 use plans::executor::Executor;
 use plans::flight::{PathPoint, Step};
@@ -182,14 +182,7 @@ impl Flyer<'_> {
     }
 
     fn path(&mut self, points: &[PathPoint]) -> Result<(), Failure> {
-        let waypoints: Vec<WaypointPosition> = points
-            .iter()
-            .map(|point| WaypointPosition {
-                latitude_deg: point.waypoint.latitude_deg,
-                longitude_deg: point.waypoint.longitude_deg,
-                altitude_m: point.waypoint.altitude_m,
-            })
-            .collect();
+        let waypoints: Vec<_> = points.iter().map(PathPoint::position).collect();
         let path_id = fresh_request_id();
         let requests = MovementData::path(path_id, &waypoints, fresh_request_id).collect();
         let requests = self.with_deadline(requests);

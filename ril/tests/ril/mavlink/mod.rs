@@ -175,10 +175,31 @@ fn mavsdk_flies_a_mission_and_all_its_actions() {
     judged("mavsdk_flies.py", "mavsdk==4.1.0", &[], "", |_| {});
 }
 
+/// As whoever reads docs/mavlink.md begins.
+#[test]
+fn the_example_of_mavsdk_flies_its_mission() {
+    let script = languages::root().join("examples/python/mavsdk_mission.py");
+    flown(&script, "landed", "mavsdk==4.1.0", &[], "", |_| {});
+}
+
 /// Runs a judge in Python: with its station's port, `words` behind it, and more lines of `mavlink.toml`.
 fn judged(script: &str, packages: &str, words: &[&str], config: &str, look: impl FnOnce(&Sandbox)) {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/ril/mavlink");
+    let script = folder.join(script);
+    flown(&script, "all is well", packages, words, config, look);
+}
+
+/// Runs any such program, whose last line says that it has done everything.
+fn flown(
+    script: &Path,
+    last_line: &str,
+    packages: &str,
+    words: &[&str],
+    config: &str,
+    look: impl FnOnce(&Sandbox),
+) {
     let rig = sandbox();
-    let what = format!("{script} with {packages}");
+    let what = format!("{} with {packages}", script.display());
     let python = match packages::python_alone(packages) {
         Ok(python) => python,
         Err(why) => return languages::skip(&what, &why),
@@ -189,12 +210,11 @@ fn judged(script: &str, packages: &str, words: &[&str], config: &str, look: impl
     fs::set_permissions(rig.path("mavlink.key"), Permissions::from_mode(0o600)).expect("a mode");
     let gateway = gateway_with(&rig, port, 60.0, config);
     let mut judge = std::process::Command::new(python);
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/ril/mavlink");
-    judge.args(["-u", "-B"]).arg(folder.join(script));
+    judge.args(["-u", "-B"]).arg(script);
     judge.arg(port.to_string()).args(words);
     let mut judge = rig.spawn(rig.place(judge));
     // It waits for each step of the flight as long as every test does for one.
-    judge.wait_for_line_within(8 * WAIT_LIMIT, |line| line.text == "all is well");
+    judge.wait_for_line_within(8 * WAIT_LIMIT, |line| line.text == last_line);
     judge.exits(0);
     look(&rig);
     end(gateway, Signal::TERM);
