@@ -44,9 +44,7 @@ pub struct RobotsArgs {
 ///
 /// Code 1 when the shared memory cannot be read, that of another user included.
 pub fn robots(RobotsArgs { samples: args }: &RobotsArgs) -> Result<(), Failure> {
-    let Some(config) = configuration(&args.common)? else {
-        return Ok(());
-    };
+    let config = configuration(&args.common)?;
     let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     let facts = DomainFacts::look(&domain);

@@ -38,9 +38,7 @@ const START_TIMEOUT: Duration = Duration::from_millis(500);
 /// Code 8 when a check failed or could not be made, and with `--strict` when one warns.
 pub fn preflight(args: &PreflightArgs) -> Result<(), Failure> {
     let common = &args.machine.common;
-    let Some(config) = configuration(common)? else {
-        return Ok(());
-    };
+    let config = configuration(common)?;
     let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
     // A domain that cannot be joined is one of the findings.
     let session = Session::join(common).ok();

@@ -73,9 +73,7 @@ impl<'a> FileObject<'a> {
 ///
 /// Code 2 when a folder cannot be read.
 pub(super) fn list(args: &LogListArgs) -> Result<(), Failure> {
-    if configuration(&args.place.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.place.common)?;
     let folders = folders(&args.place)?;
     let mut found = files::find(&folders)?;
     if args.place.common.robot.is_some() {

@@ -51,9 +51,7 @@ pub fn log(args: &LogArgs) -> Result<(), Failure> {
 }
 
 fn summary(args: &LogFileArgs) -> Result<(), Failure> {
-    if configuration(&args.place.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.place.common)?;
     let mut file = chosen_file(args.file.as_ref(), &args.place, of_flight())?;
     let mut summarizer: Option<Summarizer> = None;
     let (name, robot, created) = (file.name(), file.robot(), file.created_unix_s());
@@ -81,9 +79,7 @@ fn summary(args: &LogFileArgs) -> Result<(), Failure> {
 }
 
 fn csv(args: &LogCsvArgs) -> Result<(), Failure> {
-    if configuration(&args.place.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.place.common)?;
     let mut file = chosen_file(args.file.as_ref(), &args.place, LogGroups::ALL)?;
     let (name, created) = (file.name(), file.created_unix_s());
     file.begin()?;

@@ -31,9 +31,7 @@ const PART: &str = "part.mcap";
 ///
 /// Code 2 when the file cannot be read or is no record, 8 when it is not complete.
 pub(super) fn check(args: &LogFileArgs) -> Result<(), Failure> {
-    if configuration(&args.place.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.place.common)?;
     let path = match &args.file {
         Some(path) => path.clone(),
         None => last_flight(&args.place, Some(FileKind::Mcap))?,
@@ -124,9 +122,7 @@ fn write(
     schema: &'static str,
     write: impl FnOnce(&RecordFile, &mut BufWriter<File>) -> Result<Recovered, ReadError>,
 ) -> Result<(), Failure> {
-    if configuration(&args.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.common)?;
     let record = record(&args.file)?;
     let output = args.output.clone();
     let output = output.unwrap_or_else(|| args.file.with_extension(ending));

@@ -81,9 +81,7 @@ impl Topics for NewestControl {
 }
 
 fn show(args: &SampleArgs) -> Result<(), Failure> {
-    let Some((session, timeout)) = Session::for_samples(args)? else {
-        return Ok(());
-    };
+    let (session, timeout) = Session::for_samples(args)?;
     let Some(provider) = session.provider(ModuleState::KEY)? else {
         return Err(absent(&session, ModuleState::KEY));
     };

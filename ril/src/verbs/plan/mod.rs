@@ -41,9 +41,7 @@ pub fn plan(command: &PlanCommand) -> Result<(), Failure> {
 }
 
 fn check(args: &PlanCheckArgs) -> Result<(), Failure> {
-    let Some(known) = look(&args.plan, &args.look)? else {
-        return Ok(());
-    };
+    let known = look(&args.plan, &args.look)?;
     let report = PlanReport::new(&args.plan.file, &known);
     let mut out = io::stdout().lock();
     if args.look.json {
@@ -55,9 +53,7 @@ fn check(args: &PlanCheckArgs) -> Result<(), Failure> {
 }
 
 fn show(args: &PlanShowArgs) -> Result<(), Failure> {
-    let Some(known) = look(&args.plan, &args.look)? else {
-        return Ok(());
-    };
+    let known = look(&args.plan, &args.look)?;
     let rows = table::rows(&known);
     let mut out = io::stdout().lock();
     if args.look.json {
@@ -77,19 +73,16 @@ fn show(args: &PlanShowArgs) -> Result<(), Failure> {
     }
 }
 
-/// What `check` and `show` know of the plan; `None` if only the configuration was to be checked.
-fn look(plan: &PlanFileArgs, look: &PlanLookArgs) -> Result<Option<KnownPlan>, Failure> {
-    let Some(config) = configuration(&look.common)? else {
-        return Ok(None);
-    };
+/// What `check` and `show` know of the plan.
+fn look(plan: &PlanFileArgs, look: &PlanLookArgs) -> Result<KnownPlan, Failure> {
+    let config = configuration(&look.common)?;
     let file = read(plan)?;
     let timeout = look.timeout.unwrap_or_else(|| config.observe.timeout());
     let session = match look.offline {
         true => None,
         false => Some(Session::join(&look.common)?),
     };
-    let known = gather(file, plan, &config.plan, session.as_ref(), timeout, false)?;
-    Ok(Some(known))
+    gather(file, plan, &config.plan, session.as_ref(), timeout, false)
 }
 
 /// Writes a plan into a file that does not exist yet.

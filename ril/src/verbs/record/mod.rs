@@ -51,9 +51,7 @@ use crate::session::configuration;
 /// did not answer at the end.
 pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     let max_total_bytes = args.max_total_bytes().map_err(Failure::usage)?;
-    if configuration(&args.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.common)?;
     refuse_unwritable(&args.output)?;
     let lines = LogLines::claim().inspect(|lines| lines.want(true));
     let termination = Termination::install().or_fail(ExitCode::Internal)?;

@@ -115,9 +115,7 @@ fn not_started(program: &Path, error: &io::Error) -> String {
 /// Code 3 when there is no relay, 4 when it publishes nothing, 6 when the link to the robot is not up, or on a robot's machine
 /// no station is.
 pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
-    let Some((session, timeout)) = Session::for_samples(&args.samples)? else {
-        return Ok(());
-    };
+    let (session, timeout) = Session::for_samples(&args.samples)?;
     let mut topics = open(&session)?;
     let give_up = MonotonicNs::now() + timeout;
     let is_complete = |(link, stations): &mut Provided, _| {

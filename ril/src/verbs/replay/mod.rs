@@ -54,9 +54,7 @@ enum WakeKey {
 /// Code 2 when the file cannot be read, is no recording or has nothing in the section; 5 when the robot lives; 78 when the
 /// configuration or `RIL_IPC_ROOT` is wrong.
 pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
-    if configuration(&args.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.common)?;
     if args.verifies() {
         return verify::verify(args);
     }

@@ -44,9 +44,7 @@ pub struct EchoArgs {
 ///
 /// Code 2 for a field that does not exist, 3 when there is no such topic or no process publishes it, 4 when the publisher says nothing.
 pub fn echo(args: &EchoArgs) -> Result<(), Failure> {
-    let Some((watched, stream)) = Stream::open(&args.stream, args.count)? else {
-        return Ok(());
-    };
+    let (watched, stream) = Stream::open(&args.stream, args.count)?;
     let printer = Printer {
         key: &watched.key,
         schema: &watched.schema,

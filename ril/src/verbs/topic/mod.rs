@@ -123,9 +123,7 @@ struct TopicObject<'a> {
 }
 
 fn list(args: &TopicListArgs) -> Result<(), Failure> {
-    if configuration(&args.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.common)?;
     let session = Session::join(&args.common)?;
     let topics = dynamic::topics(&session.ipc);
     let mut out = io::stdout().lock();
@@ -216,9 +214,7 @@ struct FieldObject {
 }
 
 fn info(args: &TopicInfoArgs) -> Result<(), Failure> {
-    if configuration(&args.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.common)?;
     let session = Session::join(&args.common)?;
     let (key, schema) = (&args.topic, &schema_of(&session, &args.topic)?);
     let selection = Selection::of_topic(schema, &args.fields, key)?;

@@ -117,9 +117,7 @@ const _: () = assert!(SOURCES <= ipc_types::waiter::MAX_SOURCES);
 /// Code 2 when standard input or output is no terminal, or one that cannot be drawn on; 78 when the configuration is wrong.
 pub fn watch(args: &WatchArgs) -> Result<(), Failure> {
     let common = args.common(io::stderr().is_terminal());
-    let Some(config) = configuration(&common)? else {
-        return Ok(());
-    };
+    let config = configuration(&common)?;
     terminal::refuse_others()?;
     let chart = chart::of_files(args.bridge.as_deref(), args.plan.as_deref())?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;

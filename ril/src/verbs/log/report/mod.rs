@@ -69,9 +69,7 @@ struct Read {
 /// Code 2 when a file cannot be read or written or is no log, 8 when a part of the log is damaged, after the report was written; 78 when
 /// a configuration is wrong.
 pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
-    if configuration(&args.place.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.place.common)?;
     let chart = of_files(args.bridge.as_deref(), args.plan.as_deref())?;
     let file = chosen_file(args.file.as_ref(), &args.place, of_flight())?;
     let log = file.path().to_owned();
