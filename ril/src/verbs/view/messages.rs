@@ -9,9 +9,9 @@ use ipc_types::payload::ModuleState;
 use runtime::finding::{Finding, Severity};
 use view::page;
 
-use super::held;
 use crate::robot::alarms::Alarm;
 use crate::robot::changes::Weight;
+use crate::robot::chart::Chart;
 use crate::robot::clock::Clocks;
 use crate::robot::freshness::Freshness;
 use crate::robot::geo::{Place, distance_m};
@@ -299,11 +299,12 @@ fn freshness(freshness: Freshness) -> page::Freshness {
 
 /// The fence in force, the path that is flown, and home; a part that the bridge has not published is empty.
 pub(super) fn chart(robot: &WatchedRobot, held: Option<&Outline>) -> page::Chart {
+    let areas = held.map(Chart::from).unwrap_or_default().fence.into_iter();
     page::Chart {
         robot: robot.id.get(),
         source: page::ChartSource::Bridge,
         number: held.map_or(0, |held| held.number),
-        fence: held.map(held::areas).unwrap_or_default(),
+        fence: areas.map(Into::into).collect(),
         floor_m: held.and_then(|held| held.floor_m),
         ceiling_m: held.and_then(|held| held.ceiling_m),
         path: held

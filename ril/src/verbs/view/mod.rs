@@ -3,7 +3,7 @@
 //! The crate `view` speaks HTTP, WebSocket and the protocols on top, as pure values. Here are
 //! * `start`: the command that finds or starts the server; `run_file`: how it finds it; `opener`: opens its page;
 //! * [`server`]: the process; `shell`: its loop, `sockets`: its connections, `tls`: what hides them;
-//! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages` and `held`: the messages about one, `speaker`: when they are sent;
+//! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages`: the messages about one, `speaker`: when they are sent;
 //! * `foxglove`: what Foxglove and Lichtblick get and order;
 //! * `files`: what is read from a disk: imagery, and the report of a recording;
 //! * `replay`: a recording in the place of the robots; `show_file`: the command that shows it;
@@ -15,7 +15,6 @@ mod checks;
 mod files;
 mod fleet;
 mod foxglove;
-mod held;
 mod invitation;
 mod messages;
 mod opener;

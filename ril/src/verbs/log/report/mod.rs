@@ -156,7 +156,7 @@ impl OpenRecording {
         let file = file.or_else(|| named(bridge::cli::DEFAULT_CONFIG_FILE))?;
         let text = std::str::from_utf8(&file.data).ok()?;
         let fence = runtime::config::parse::<FenceFile>(text, &file.name).ok()?;
-        Some(Chart::new(&fence, &[]))
+        Some(Chart::new(&fence.fence, &[]))
     }
 }
 
