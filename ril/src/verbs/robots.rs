@@ -21,7 +21,7 @@ use serde::Serialize;
 
 use crate::options::SampleArgs;
 use crate::render::json_line;
-use crate::render::words::module_words;
+use crate::render::words::{module_words, or_dash};
 use crate::robot::domain::{DomainFacts, Provided};
 use crate::robot::pilot;
 use crate::robot::sample_age::{age_ms, is_present, named};
@@ -272,7 +272,6 @@ impl fmt::Display for RobotTable<'_> {
             "ROBOT", "LIVE", "LINK", "FLYING", "PHASE"
         )?;
         for robot in self.0 {
-            let or_dash = |text: &Option<String>| text.clone().unwrap_or_else(|| "-".to_owned());
             let live = if robot.live { "yes" } else { "no" };
             let flying = match robot.flying {
                 Some(true) => "yes",
@@ -287,8 +286,8 @@ impl fmt::Display for RobotTable<'_> {
                 f,
                 "{:<6} {live:<5} {:<10} {flying:<8} {:<22} {processes}",
                 robot.robot,
-                or_dash(&robot.link),
-                or_dash(&robot.doing),
+                or_dash(robot.link.as_ref()),
+                or_dash(robot.doing.as_ref()),
             )?;
         }
         Ok(())

@@ -8,6 +8,7 @@ use runtime::finding::{Finding, Severity};
 use super::{DSP_ERROR_SHOWN, Process, WatchedRobot};
 use crate::render::messages::details;
 use crate::robot::freshness::Freshness;
+use crate::robot::sample_age::named;
 
 impl WatchedRobot {
     /// All that is wrong, what matters most first. What follows from another finding is left out: one cause is one alarm.
@@ -61,11 +62,10 @@ impl WatchedRobot {
             Freshness::Absent | Freshness::Waiting | Freshness::Fresh => {}
         }
         let link = self.state.as_ref()?.link;
-        let name = match link.state() {
-            Some(LinkState::Up) => return None,
-            Some(state) => state.to_string(),
-            None => format!("unknown-{}", link.state),
-        };
+        if link.state() == Some(LinkState::Up) {
+            return None;
+        }
+        let name = named(link.state(), link.state);
         Some(alarm("dsp-link", format!("link to the DSP {name}")))
     }
 

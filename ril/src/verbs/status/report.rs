@@ -22,7 +22,7 @@ use crate::render::fields::{JsonLine, Selection, Tree};
 use crate::render::messages::details;
 use crate::robot::controller::Senders;
 use crate::robot::pilot::{self, PilotView};
-use crate::robot::relay_link::LinkReport;
+use crate::robot::relay_link::{LinkReport, UNREADABLE};
 use crate::robot::sample_age::{STALE_AFTER, SampleAge, age_ms, is_stale, named};
 
 /// Name of the JSON object's layout.
@@ -312,9 +312,6 @@ impl StateReport {
         ])
     }
 }
-
-/// Stands for a text of another process that is not printable ASCII.
-const UNREADABLE: &str = "unreadable";
 
 /// Whether the DSP stops by itself when the bridge is gone; `None` before the DSP has answered the start-up sequence.
 fn pc_timeout_supported(link: &LinkHealth) -> Option<bool> {

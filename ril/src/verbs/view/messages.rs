@@ -20,6 +20,7 @@ use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::past::Past;
 use crate::robot::pilot;
 use crate::robot::relay_link::UNREADABLE;
+use crate::robot::sample_age::named;
 
 /// Decimals of what is sent many times a second: at most one more than the page shows, so that the page can add and compare. Telemetry has
 /// up to 17 digits, which would be half of what a page gets.
@@ -152,11 +153,7 @@ fn phase(robot: &WatchedRobot, now: MonotonicNs) -> String {
 }
 
 fn module(state: &ModuleState) -> String {
-    let status = state.status();
-    status.map_or_else(
-        || format!("unknown-{}", state.status),
-        |one| one.to_string(),
-    )
+    named(state.status(), state.status)
 }
 
 /// The link to the DSP.
@@ -169,10 +166,7 @@ fn link(robot: &WatchedRobot, now: MonotonicNs) -> page::LinkStatus {
         };
     };
     let known = state.link.state();
-    let name = known.map_or_else(
-        || format!("unknown-{}", state.link.state),
-        |state| state.to_string(),
-    );
+    let name = named(known, state.link.state);
     let text = match known {
         Some(LinkState::Up) => "link to the DSP up".to_owned(),
         _ => format!("link to the DSP {name}"),

@@ -25,10 +25,9 @@ use view::report::flight::{Table, Weight};
 
 use self::collector::Collector;
 use self::row::SampleReader;
-use super::files::ending;
-use super::files::{LogFile, MAX_NAMED, chosen_file, of_flight};
+use super::files::{LogEnd, LogFile, MAX_NAMED, chosen_file, of_flight};
 use super::options::LogReportArgs;
-use super::recording::{LogEntry, LogFormat, LogReadError};
+use super::recording::{LogEntry, LogFormat};
 use super::row::UtcSource;
 use super::summary::{Summarizer, Summary};
 use crate::render::json_line;
@@ -59,7 +58,7 @@ struct ReportObject {
 struct Read {
     flight: FlightReport,
     summary: Summary,
-    trouble: Option<LogReadError>,
+    end: LogEnd,
 }
 
 /// `ril log report`
@@ -82,13 +81,7 @@ pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
     let page = view::report::page(&read.flight);
     replace(&output, page.as_bytes())?;
     print_result(args, &log, &output, &read, page.len())?;
-    let Summary {
-        damaged_lines,
-        unfinished_bytes,
-        ..
-    } = read.summary;
-    let name = log.display().to_string();
-    ending(&name, read.trouble, damaged_lines, unfinished_bytes)
+    read.end.verdict()
 }
 
 /// The report of the log at `path`, an HTML page, as it is without any option.
@@ -182,26 +175,23 @@ fn read(mut file: LogFile, mut chart: Chart, finds_fence: bool) -> Result<Read, 
         UtcSource::FileName(created_ns) => Some(created_ns),
         UtcSource::Column | UtcSource::Nowhere => None,
     };
-    let mut damaged = 0;
-    let trouble = loop {
-        match file.recording.next() {
-            Ok(Some(LogEntry::Row(row))) => {
+    let end = file.read(|entry, damaged| {
+        match entry {
+            LogEntry::Row(row) => {
                 start_unix_ns = start_unix_ns.or(row.unix_ns);
                 summarizer.row(&row);
                 collector.sample(&reader.sample(&row));
             }
-            Ok(Some(LogEntry::Damaged(damage))) => {
-                damaged += 1;
+            LogEntry::Damaged(damage) => {
                 summarizer.damage(&damage);
                 if damaged <= MAX_NAMED {
                     collector.damage(&damage.to_string());
                 }
             }
-            Ok(None) => break None,
-            Err(error) => break Some(error),
         }
-    };
-    let summary = summarizer.finish(file.recording.unfinished_bytes());
+        Ok(())
+    })?;
+    let summary = summarizer.finish(end.unfinished_bytes);
     if let Some(record) = &record {
         record::take(&mut collector, &record.file, start_unix_ns);
     }
@@ -220,7 +210,7 @@ fn read(mut file: LogFile, mut chart: Chart, finds_fence: bool) -> Result<Read, 
     Ok(Read {
         flight,
         summary,
-        trouble,
+        end,
     })
 }
 
