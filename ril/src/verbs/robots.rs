@@ -23,8 +23,8 @@ use crate::options::SampleArgs;
 use crate::render::json_line;
 use crate::render::words::{module_words, or_dash};
 use crate::robot::domain::{DomainFacts, Provided};
+use crate::robot::freshness::{age_ms, is_present, named};
 use crate::robot::pilot;
-use crate::robot::sample_age::{age_ms, is_present, named};
 use crate::session::{Latest, Topics, as_user, configuration, other_domains};
 
 /// `ril robots`

@@ -9,9 +9,9 @@ use runtime::exit::{ExitCode, Failure};
 use runtime::finding::{Finding, Severity};
 use serde::{Serialize, Serializer};
 
+use super::DoctorArgs;
 use super::diagnosis::{Subject, diagnose, diagnose_files, exit_code};
 use super::facts::{FileFacts, MachineFacts};
-use super::options::DoctorArgs;
 use super::{HEADING, gather, width};
 use crate::render::finding::lines;
 use crate::render::json_line;

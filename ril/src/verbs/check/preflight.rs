@@ -15,8 +15,8 @@ use runtime::finding::{Finding, Severity};
 use serde::{Serialize, Serializer};
 
 use super::facts::{Live, Logs, PreflightFacts};
-use super::options::{MachineArgs, PreflightArgs};
 use super::{HEADING, gather, helicopter, machine, robot, width};
+use super::{MachineArgs, PreflightArgs};
 use crate::config::{Config, PreflightLimits};
 use crate::render::finding::lines;
 use crate::render::json_line;

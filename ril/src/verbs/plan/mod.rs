@@ -10,7 +10,6 @@ mod gather;
 pub mod options;
 mod progress;
 mod report;
-mod table;
 
 use std::fs::OpenOptions;
 use std::io::{self, ErrorKind, Write};
@@ -54,7 +53,7 @@ fn check(args: &PlanCheckArgs) -> Result<(), Failure> {
 
 fn show(args: &PlanShowArgs) -> Result<(), Failure> {
     let known = look(&args.plan, &args.look)?;
-    let rows = table::rows(&known);
+    let rows = report::rows(&known);
     let mut out = io::stdout().lock();
     if args.look.json {
         for row in &rows {
@@ -65,7 +64,7 @@ fn show(args: &PlanShowArgs) -> Result<(), Failure> {
             &PlanReport::new(&args.plan.file, &known).summary(),
         )?;
     } else {
-        write!(out, "{}", table::text(&rows)).map_err(Failure::output)?;
+        write!(out, "{}", report::table(&rows)).map_err(Failure::output)?;
     }
     match &args.to {
         Some(to) => write_plan(&known.plan, to),

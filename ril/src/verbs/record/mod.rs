@@ -8,14 +8,12 @@ mod facts;
 mod gather;
 mod journal;
 mod log;
-mod loss_events;
 pub mod options;
 mod paths;
-mod process_watch;
+mod publisher;
 mod report;
 mod shell;
 mod sinks;
-mod tail;
 mod topics;
 
 use std::collections::BTreeMap;

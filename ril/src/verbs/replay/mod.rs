@@ -2,9 +2,7 @@
 //! the next message's moment.
 
 mod journals;
-mod keep;
 pub mod options;
-mod request;
 mod terminal;
 mod verify;
 
@@ -29,7 +27,7 @@ use serde::Serialize;
 
 use self::journals::kept_flight;
 use self::options::ReplayArgs;
-use self::request::ReplayedRequest;
+use self::terminal::ReplayedRequest;
 use self::terminal::{PlayerKey, ReplayKeys, ReplayScreen};
 use crate::render::json_line;
 use crate::session::configuration;
@@ -59,7 +57,7 @@ pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
         return verify::verify(args);
     }
     if let Some(folder) = &args.keep {
-        return keep::keep(args, folder);
+        return verify::keep(args, folder);
     }
     if kept_flight(&args.file)?.is_some() {
         let text = format!(

@@ -17,9 +17,9 @@ use crate::render::words::time_of_day;
 use crate::render::{json_line, print};
 use crate::robot::absence::{absent, nothing_came};
 use crate::robot::controller::own_session;
+use crate::robot::freshness::is_present;
 use crate::robot::pilot::PilotView;
 use crate::robot::relay_link::{LinkReport, LinkWatch};
-use crate::robot::sample_age::is_present;
 use crate::session::{Latest, Session, Topics};
 
 /// `ril status`

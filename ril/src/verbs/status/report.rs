@@ -21,9 +21,9 @@ use serde::ser::{Serialize, Serializer};
 use crate::render::fields::{JsonLine, Selection, Tree};
 use crate::render::messages::details;
 use crate::robot::controller::Senders;
+use crate::robot::freshness::{STALE_AFTER, SampleAge, age_ms, is_stale, named};
 use crate::robot::pilot::{self, PilotView};
 use crate::robot::relay_link::{LinkReport, UNREADABLE};
-use crate::robot::sample_age::{STALE_AFTER, SampleAge, age_ms, is_stale, named};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.State.v3";

@@ -14,7 +14,7 @@ use crate::render::fields::{JsonLine, Meaning, Plainly, Selection, Tree};
 use crate::render::json_line;
 use crate::render::stamps::StampReader;
 use crate::render::words::count as plural;
-use crate::robot::sample_age::STALE_AFTER;
+use crate::robot::freshness::STALE_AFTER;
 
 /// `ril echo`, `ril topic echo`
 #[derive(Args, Clone, Debug)]

@@ -9,18 +9,18 @@ use ipc_types::payload::ModuleState;
 use runtime::finding::{Finding, Severity};
 use view::page;
 
-use crate::robot::alarms::Alarm;
+use crate::robot::changes::Alarm;
 use crate::robot::changes::Weight;
 use crate::robot::chart::Chart;
 use crate::robot::clock::Clocks;
 use crate::robot::freshness::Freshness;
+use crate::robot::freshness::named;
 use crate::robot::geo::{Place, distance_m};
 use crate::robot::history::EventLine;
 use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::past::Past;
 use crate::robot::pilot;
 use crate::robot::relay_link::UNREADABLE;
-use crate::robot::sample_age::named;
 
 /// Decimals of what is sent many times a second: at most one more than the page shows, so that the page can add and compare. Telemetry has
 /// up to 17 digits, which would be half of what a page gets.

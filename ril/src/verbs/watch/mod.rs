@@ -2,15 +2,13 @@
 //! the terminal, signals, ports and the next moment at which the screen changes.
 //!
 //! * [`model`]: one robot, fed with samples by its ports, as for the page of `ril view`;
-//! * [`app`]: all robots, which of them is selected, and what a key does; `prompt`: orders are confirmed by a word;
-//! * [`view`]: draws all of that into a buffer; `paint`: bytes for a terminal;
+//! * [`app`]: all robots, which of them is selected, and what a key does: orders are confirmed by a word;
+//! * [`view`]: draws all of that into a buffer;
 //! * `terminal`: the shell.
 
 pub mod app;
 #[cfg(test)]
 mod fixture;
-mod paint;
-mod prompt;
 mod terminal;
 pub mod view;
 

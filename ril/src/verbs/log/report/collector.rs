@@ -6,8 +6,8 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use view::report::FlightReport;
 use view::report::flight::{Ink, Lane, Limit, Map, Weight};
 
-use super::clock::{FlightClock, RelativeDelay};
 use super::curves::{Curves, GAP_S};
+use super::curves::{FlightClock, RelativeDelay};
 use super::events::{EventLog, LoggedEventKind};
 use super::module::ModuleLog;
 use super::module::States;

@@ -1,13 +1,11 @@
 //! `ril log report`: a log as a page in one file.
 
-mod clock;
 mod collector;
 mod curves;
 mod events;
 mod module;
 mod record;
 mod requests;
-mod row;
 #[cfg(test)]
 mod tests;
 mod words;
@@ -24,7 +22,7 @@ use view::report::FlightReport;
 use view::report::flight::{Table, Weight};
 
 use self::collector::Collector;
-use self::row::SampleReader;
+use self::record::SampleReader;
 use super::files::{LogEnd, LogFile, MAX_NAMED, chosen_file, of_flight};
 use super::options::LogReportArgs;
 use super::recording::{LogEntry, LogFormat};

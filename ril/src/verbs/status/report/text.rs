@@ -13,9 +13,9 @@ use super::{StateReport, implausible, known_dsp_errors, pc_timeout_supported};
 use crate::render::fields::{Selection, Tree};
 use crate::render::messages::details;
 use crate::render::words::{count, error_words, module_words, or_dash};
+use crate::robot::freshness::{age_ms, named};
 use crate::robot::pilot;
 use crate::robot::relay_link::UNREADABLE;
-use crate::robot::sample_age::{age_ms, named};
 
 impl fmt::Display for StateReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

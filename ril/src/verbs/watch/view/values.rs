@@ -11,11 +11,11 @@ use super::pen::{GOOD, Glyphs, OLD, TITLE, WARNING, put};
 use crate::render::words::{count, duration, or_dash};
 use crate::robot::clock::Clocks;
 use crate::robot::freshness::Freshness;
+use crate::robot::freshness::named;
 use crate::robot::history::History;
 use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::pilot;
 use crate::robot::relay_link::UNREADABLE;
-use crate::robot::sample_age::named;
 
 /// Width of the names, characters.
 const NAMES: u16 = 9;
