@@ -108,6 +108,16 @@ impl Session {
         Ok((Session::join(&args.common)?, timeout))
     }
 
+    /// Takes part in the shared memory of each of these robots.
+    pub(crate) fn join_each(
+        robots: impl IntoIterator<Item = RobotId>,
+    ) -> Result<Vec<Session>, Failure> {
+        let termination = Rc::new(Termination::install().or_fail(ExitCode::Internal)?);
+        request_slice(SchedulingRole::Consumer);
+        let join = |robot| Session::of(robot, Rc::clone(&termination));
+        robots.into_iter().map(join).collect()
+    }
+
     /// Takes part in the shared memory of another robot as well.
     pub(crate) fn beside(&self, robot: RobotId) -> Result<Session, Failure> {
         Session::of(robot, Rc::clone(&self.termination))
@@ -278,6 +288,16 @@ impl<A: Topics> Topics for Option<A> {
 
     fn drain(&mut self) {
         self.as_mut().map(A::drain);
+    }
+}
+
+impl<A: Topics> Topics for Vec<A> {
+    fn ports(&mut self) -> Vec<&mut dyn Source> {
+        self.iter_mut().flat_map(A::ports).collect()
+    }
+
+    fn drain(&mut self) {
+        self.iter_mut().for_each(A::drain);
     }
 }
 

@@ -362,7 +362,7 @@ impl RobotPorts {
 }
 
 /// Sends one request over a client that is opened with the first one.
-fn send<R: Request>(
+pub(crate) fn send<R: Request>(
     ipc: &Ipc,
     client: &mut Option<Client<R>>,
     request: &R,

@@ -116,13 +116,7 @@ pub(super) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
 /// Where a view of this port that runs in the background logs.
 pub(super) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
     let path = folder()?.join(format!("view-{port}.log"));
-    let file = OpenOptions::new()
-        .write(true)
-        .create(true)
-        .truncate(true)
-        .mode(0o600)
-        .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
-        .open(&path);
+    let file = private(true).truncate(true).open(&path);
     file.map(|file| (file, path.clone()))
         .map_err(|error| unusable(&path, &error))
 }
@@ -136,13 +130,7 @@ pub(super) fn write_opener(running: &RunEntry) -> Result<PathBuf, Failure> {
          <meta http-equiv=\"refresh\" content=\"0; url={address}\">\n\
          <a href=\"{address}\">The page of ril view</a>\n"
     );
-    let file = OpenOptions::new()
-        .write(true)
-        .create(true)
-        .truncate(true)
-        .mode(0o600)
-        .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
-        .open(&path);
+    let file = private(true).truncate(true).open(&path);
     file.and_then(|mut file| file.write_all(page.as_bytes()))
         .map_err(|error| unusable(&path, &error))?;
     Ok(path)
@@ -157,13 +145,19 @@ fn path(folder: &Path, port: u16) -> PathBuf {
 }
 
 fn open(path: &Path, creates: bool) -> io::Result<File> {
-    OpenOptions::new()
-        .read(true)
+    private(creates).read(true).open(path)
+}
+
+/// Opens a file of this user alone, to be written.
+fn private(creates: bool) -> OpenOptions {
+    let mut options = OpenOptions::new();
+    let flags = rustix::fs::OFlags::NOFOLLOW.bits() as i32;
+    options
         .write(true)
         .create(creates)
         .mode(0o600)
-        .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
-        .open(path)
+        .custom_flags(flags);
+    options
 }
 
 fn read(mut file: &File) -> io::Result<RunEntry> {

@@ -22,7 +22,7 @@ use super::services::COMMANDED;
 use crate::config::RequestConfig;
 use crate::render::messages::details::{port_name, port_value};
 use crate::render::messages::{FinalReport, Verb, ending};
-use crate::request::{Exchange, Next, Outcome, Until, begin_by_ns};
+use crate::request::{Exchange, Next, Outcome, Until, begin_by_ns, ports};
 use crate::robot::changes::Weight;
 use crate::robot::freshness::Freshness;
 use crate::robot::model::Process;
@@ -176,22 +176,9 @@ impl OfRobot {
     }
 
     fn send(&mut self, shown: &ShownRobot, request: &ParameterRequest) -> Result<(), String> {
-        if self.client.is_none() {
-            self.client = Some(
-                shown
-                    .ports
-                    .ipc()
-                    .client()
-                    .map_err(|error| error.to_string())?,
-            );
-        }
-        match &mut self.client {
-            Some(client) => client
-                .send(request)
-                .map(drop)
-                .map_err(|error| error.to_string()),
-            None => Ok(()),
-        }
+        let sent = ports::send(shown.ports.ipc(), &mut self.client, request);
+        let sent = sent.map_err(|failure| failure.chain().join(": "))?;
+        sent.map_err(|error| error.to_string())
     }
 }
 
