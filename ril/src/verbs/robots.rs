@@ -15,8 +15,8 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
 
 use crate::options::SampleArgs;
-use crate::render::json_line;
 use crate::render::words::{module_words, or_dash};
+use crate::render::{json_line, note};
 use crate::robot::domain::{DomainFacts, Provided};
 use crate::robot::freshness::{age_ms, is_present, named};
 use crate::robot::pilot;
@@ -82,12 +82,10 @@ pub fn robots(RobotsArgs { samples: args }: &RobotsArgs) -> Result<(), Failure> 
         .collect();
     let mut out = io::stdout().lock();
     if robots.is_empty() {
-        // Standard error may be closed; that does no harm.
-        let _ = writeln!(
-            io::stderr(),
+        note(format_args!(
             "no robot: `ril run bridge` and `ril run status` start the processes of one{}",
             other_domains()
-        );
+        ));
     } else if !args.json {
         return write!(out, "{}", RobotTable(&robots)).map_err(Failure::output);
     }

@@ -3,7 +3,7 @@
 //! What the machine is like comes from the doctor and is not judged a second time. [`judge`] is pure: the same facts give the same
 //! findings. [`PreflightLimits`] is `[preflight]` of `ril.toml`.
 
-use std::io::{self, Write};
+use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -19,8 +19,8 @@ use super::{HEADING, gather, helicopter, machine, robot, width};
 use super::{MachineArgs, PreflightArgs};
 use crate::config::{Config, PreflightLimits};
 use crate::render::finding::lines;
-use crate::render::json_line;
 use crate::render::messages::Verb;
+use crate::render::print_as;
 use crate::render::words::{count, wrap};
 use crate::request::{Conversation, Format, Until};
 use crate::robot::domain::Namespace;
@@ -50,13 +50,7 @@ pub fn preflight(args: &PreflightArgs) -> Result<(), Failure> {
         None => Live::default(),
     };
     let report = report(&args.machine, live, &config);
-    let mut out = io::stdout().lock();
-    if args.json {
-        json_line(&mut out, &report)?;
-    } else {
-        let text = report.text(width(&out));
-        out.write_all(text.as_bytes()).map_err(Failure::output)?;
-    }
+    print_as(args.json, &report, report.text(width(&io::stdout())))?;
     let is_ready = match report.worst() {
         Severity::Note => true,
         Severity::Warning => !args.strict,

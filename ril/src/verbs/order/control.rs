@@ -1,7 +1,5 @@
 //! `ril control …`: who commands the bridge, and taking, releasing and passing that on.
 
-use std::io::{self, Write};
-
 use clap::{Args, Subcommand};
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, ModuleState, RelayStations};
@@ -11,8 +9,8 @@ use runtime::exit::Failure;
 use super::asked::run;
 use crate::options::{RequestArgs, SampleArgs};
 use crate::render::fields::{JsonLine, Tree};
-use crate::render::json_line;
 use crate::render::messages::Verb;
+use crate::render::print_as;
 use crate::request::control_request;
 use crate::robot::absence::{absent, nothing_came};
 use crate::robot::controller::{Senders, own_session};
@@ -86,13 +84,10 @@ fn show(args: &SampleArgs) -> Result<(), Failure> {
         stations: stations.sample.as_ref(),
     };
     let (robot, now) = (session.ipc.robot().get(), MonotonicNs::now());
-    let mut out = io::stdout().lock();
-    if args.json {
-        let control = senders.tree(&state.control, now);
-        let tree = &Tree::nested([("robot", robot.into()), ("control", control)]);
-        let schema = SCHEMA;
-        return json_line(&mut out, &JsonLine { schema, tree });
-    }
+    let control = senders.tree(&state.control, now);
+    let tree = &Tree::nested([("robot", robot.into()), ("control", control)]);
+    let schema = SCHEMA;
     let text = senders.in_words(&state, now);
-    writeln!(out, "control of robot {robot}: {text}").map_err(Failure::output)
+    let text = format_args!("control of robot {robot}: {text}\n");
+    print_as(args.json, &JsonLine { schema, tree }, text)
 }

@@ -1,6 +1,5 @@
 //! `ril fence show`: the geofence that the running bridge has in force. `ril fence reload`, with what is wrong in the file that it reads.
 
-use std::io::{self, Write};
 use std::path::Path;
 
 use bridge::BridgeConfig;
@@ -14,8 +13,8 @@ use serde::Serialize;
 
 use super::asked::until;
 use crate::options::{RequestArgs, SampleArgs};
-use crate::render::json_line;
 use crate::render::messages::Verb;
+use crate::render::print_as;
 use crate::render::words::count;
 use crate::request::{Conversation, Format, control_request};
 use crate::robot::absence::{absent, nothing_came};
@@ -59,20 +58,13 @@ pub fn show(args: &SampleArgs) -> Result<(), Failure> {
     };
     let robot = session.ipc.robot().get();
     let fence = FenceConfig::from(running.fence);
-    let mut out = io::stdout().lock();
-    match args.json {
-        true => json_line(
-            &mut out,
-            &FenceObject {
-                schema: SCHEMA,
-                robot,
-                fence,
-            },
-        ),
-        false => out
-            .write_all(text(robot, &fence).as_bytes())
-            .map_err(Failure::output),
-    }
+    let text = text(robot, &fence);
+    let object = FenceObject {
+        schema: SCHEMA,
+        robot,
+        fence,
+    };
+    print_as(args.json, &object, text)
 }
 
 /// Whether the bridge runs on another machine, from which its state comes and its journal does not.

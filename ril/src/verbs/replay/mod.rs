@@ -29,7 +29,7 @@ use self::journals::kept_flight;
 use self::options::ReplayArgs;
 use self::terminal::ReplayedRequest;
 use self::terminal::{PlayerKey, ReplayKeys, ReplayScreen};
-use crate::render::json_line;
+use crate::render::{json_line, note};
 use crate::session::configuration;
 
 /// Name of the layout of the JSON object at the end.
@@ -286,8 +286,7 @@ fn say_begin(
 /// Says something to people on standard error, unless they want less.
 fn say(args: &CommonArgs, text: &str) {
     if args.settings.quiet == 0 {
-        // Standard error may be closed; the replay goes on.
-        let _ = writeln!(io::stderr(), "{text}");
+        note(text);
     }
 }
 

@@ -7,7 +7,7 @@ mod tests;
 
 use std::fmt;
 use std::fs;
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -23,8 +23,8 @@ use super::journals::{first_robot, first_samples, kept_flight, open, piece, refu
 use super::options::ReplayArgs;
 use crate::recorded::new_file;
 use crate::render::fields::Meaning;
-use crate::render::print;
 use crate::render::words::{count, shell_word};
+use crate::render::{note, print};
 
 /// `ril replay FILE --verify`
 ///
@@ -501,10 +501,8 @@ fn say(path: &Path, kept: &Kept) {
             "from a snapshot, which this version alone reads, because the recording began later than the processes"
         }
     };
-    // Standard error may be closed; the file is there.
-    let _ = writeln!(
-        io::stderr(),
+    note(format_args!(
         "{} has the inputs of the flight {bound}, {kilobytes} kB; `ril replay {word} --verify` verifies it",
         path.display(),
-    );
+    ));
 }

@@ -11,9 +11,9 @@ use runtime::exit::Failure;
 use super::stream::{Stream, StreamArgs, Watcher};
 use crate::options::EXIT_CODES;
 use crate::render::fields::{JsonLine, Meaning, Plainly, Selection, Tree};
-use crate::render::json_line;
 use crate::render::stamps::StampReader;
 use crate::render::words::count as plural;
+use crate::render::{json_line, note};
 use crate::robot::freshness::STALE_AFTER;
 
 /// `ril echo`, `ril topic echo`
@@ -57,8 +57,7 @@ pub fn echo(args: &EchoArgs) -> Result<(), Failure> {
     };
     stream.watch(&watched, printer, |printer, losses| {
         if tracing::enabled!(tracing::Level::INFO) {
-            // Standard error may be closed; that does no harm.
-            let _ = writeln!(io::stderr(), "{}", printer.seen.summary(losses));
+            note(printer.seen.summary(losses));
         }
         Ok(())
     })
@@ -88,8 +87,7 @@ impl<W: Write> Watcher for Printer<'_, W> {
         self.print(payload)?;
         if let Some(note) = note {
             self.out.flush().map_err(Failure::output)?;
-            // Standard error may be closed; that does no harm.
-            let _ = writeln!(io::stderr(), "{note}");
+            self::note(note);
         }
         Ok(true)
     }

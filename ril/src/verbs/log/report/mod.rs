@@ -16,7 +16,7 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use recording::read::{RecordFile, RecordSummary, summary_of};
-use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::exit::Failure;
 use serde::Serialize;
 use view::report::FlightReport;
 use view::report::flight::{Table, Weight};
@@ -28,7 +28,7 @@ use super::options::LogReportArgs;
 use super::recording::{LogEntry, LogFormat};
 use super::row::UtcSource;
 use super::summary::{Summarizer, Summary};
-use crate::render::json_line;
+use crate::render::print_as;
 use crate::robot::chart::{Chart, FenceFile, of_files};
 use crate::session::configuration;
 
@@ -251,26 +251,20 @@ fn print_result(
         .filter(|event| event.weight == Weight::Alarm);
     let alarms = alarms.count();
     let name = |path: &Path| path.display().to_string();
-    let mut out = io::stdout().lock();
-    if args.json {
-        let object = ReportObject {
-            schema: SCHEMA,
-            file: name(log),
-            output: name(output),
-            samples: read.summary.rows,
-            duration_s: flight.duration_s,
-            events: flight.events.len(),
-            alarms,
-        };
-        return json_line(&mut out, &object);
-    }
-    let events = flight.events.len();
-    writeln!(
-        out,
-        "{}: {} kB, {events} events, {alarms} alarms; open it in a browser",
-        name(output),
-        bytes.div_ceil(1000)
-    )
-    .map_err(Failure::output)?;
-    out.flush().or_fail(ExitCode::Internal)
+    let object = ReportObject {
+        schema: SCHEMA,
+        file: name(log),
+        output: name(output),
+        samples: read.summary.rows,
+        duration_s: flight.duration_s,
+        events: flight.events.len(),
+        alarms,
+    };
+    let text = format_args!(
+        "{}: {} kB, {} events, {alarms} alarms; open it in a browser\n",
+        object.output,
+        bytes.div_ceil(1000),
+        object.events
+    );
+    print_as(args.json, &object, text)
 }
