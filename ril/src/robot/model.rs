@@ -14,12 +14,10 @@ use ipc_types::{Module, MonotonicNs, RobotId, StatusModule, Topic};
 use runtime::finding::{Finding, Severity};
 
 use crate::render::messages::details;
-use crate::robot::changes::{self, Weight};
-use crate::robot::changes::{Alarms, Change};
+use crate::robot::changes::{self, Alarms, Change, Weight};
 use crate::robot::chart::Chart;
 use crate::robot::controller::Senders;
-use crate::robot::freshness::named;
-use crate::robot::freshness::{Feed, Freshness, MODULE_OVERDUE_AFTER, OVERDUE_AFTER};
+use crate::robot::freshness::{Feed, Freshness, MODULE_OVERDUE_AFTER, OVERDUE_AFTER, named};
 use crate::robot::geo::{Place, Track};
 use crate::robot::history::{EventLog, History};
 use crate::robot::pilot::{self, PilotView};

@@ -14,8 +14,7 @@ use status::log::groups::LogGroups;
 use status::log::read::{LogReader, MAX_LINE_BYTES};
 
 use super::options::LogPlaceArgs;
-use super::recording::McapReader;
-use super::recording::{LogEntry, LogFormat, LogReadError, Recording};
+use super::recording::{LogEntry, LogFormat, LogReadError, McapReader, Recording};
 use crate::render::words::count;
 
 /// Most damaged lines that are named: the first ones show what happened, the number of all how bad it is.

@@ -18,9 +18,7 @@ use recording::{Channel, ChannelId, Event, EventKind, Recorder};
 use ros_messages::{OFFERED_QOS_PROFILES, Qos};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::publisher::LossEvents;
-use super::publisher::ProcessWatch;
-use super::publisher::{Piece, Tail};
+use super::publisher::{LossEvents, Piece, ProcessWatch, Tail};
 use super::sinks::Sinks;
 use crate::recorded::topic_of;
 use crate::render::stamps::StampReader;

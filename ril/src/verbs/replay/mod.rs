@@ -27,8 +27,7 @@ use serde::Serialize;
 
 use self::journals::kept_flight;
 use self::options::ReplayArgs;
-use self::terminal::ReplayedRequest;
-use self::terminal::{PlayerKey, ReplayKeys, ReplayScreen};
+use self::terminal::{PlayerKey, ReplayKeys, ReplayScreen, ReplayedRequest};
 use crate::render::{json_line, note};
 use crate::session::configuration;
 

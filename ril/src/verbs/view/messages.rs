@@ -9,12 +9,10 @@ use ipc_types::payload::ModuleState;
 use runtime::finding::{Finding, Severity};
 use view::page;
 
-use crate::robot::changes::Alarm;
-use crate::robot::changes::Weight;
+use crate::robot::changes::{Alarm, Weight};
 use crate::robot::chart::Chart;
 use crate::robot::clock::Clocks;
-use crate::robot::freshness::Freshness;
-use crate::robot::freshness::named;
+use crate::robot::freshness::{Freshness, named};
 use crate::robot::geo::{Place, distance_m};
 use crate::robot::history::EventLine;
 use crate::robot::model::{Process, WatchedRobot};

@@ -4,8 +4,7 @@
 
 use ipc_types::TelemetryGroup;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use view::report::bins::Bins;
-use view::report::envelope::Envelope;
+use view::report::envelope::{Bins, Envelope};
 use view::report::flight::{Curve, Ink, Limit, Plot, Scale};
 
 use crate::robot::pilot::PilotView;
