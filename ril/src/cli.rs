@@ -18,7 +18,7 @@ use runtime::args::SettingsArgs;
 use runtime::manual::ManualArgs;
 
 use crate::options::{EXIT_CODES, SampleArgs, duration};
-use crate::verbs::check::options::{DoctorArgs, PreflightArgs};
+use crate::verbs::check::{DoctorArgs, PreflightArgs};
 use crate::verbs::conform::ConformArgs;
 use crate::verbs::demo;
 use crate::verbs::log::options::LogArgs;

@@ -260,12 +260,7 @@ impl MavlinkConfig {
 
     /// Folder of what is kept over restarts; `None` if this user has no home.
     pub fn state_folder(&self) -> Option<PathBuf> {
-        let folder = |name| std::env::var_os(name).filter(|path| !path.is_empty());
-        let of_user = || {
-            let state = folder("XDG_STATE_HOME").map(PathBuf::from);
-            state.or_else(|| Some(PathBuf::from(folder("HOME")?).join(".local/state")))
-        };
-        let own = || of_user().map(|state| state.join("ril/mavlink"));
+        let own = || Some(token_key::state_folder()?.join("mavlink"));
         self.state.clone().or_else(own)
     }
 

@@ -7,10 +7,9 @@
 //! A waypoint before the last is `done` when the bridge has taken the next one. So at most two requests of a path are open,
 //! and when a path is broken, the newest open waypoint is answered with the reason.
 //!
-//! A screen or a page orders by `order`; `ports` send that, and feed what is known of the robot.
+//! A screen or a page orders by `ports`, which feed what is known of the robot.
 
 pub(crate) mod cruise;
-pub(crate) mod order;
 pub(crate) mod ports;
 #[cfg(test)]
 mod tests;

@@ -28,25 +28,29 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 
 use crate::config::{Config, DEFAULT_FILE};
-use crate::options::{SampleArgs, wants_json};
+use crate::options::{AskArgs, SampleArgs, wants_json};
 use crate::render::json_line;
 
 /// Most users that are named who have a domain.
 const MAX_NAMED: usize = 4;
 
-/// Begins logging and reads the configuration. Nothing comes out when it was only to be checked; it is printed then.
-pub(crate) fn configuration(common: &CommonArgs) -> Result<Option<Config>, Failure> {
+/// Begins logging and reads the configuration.
+///
+/// # Errors
+///
+/// Code 78 when it is wrong; the quiet end when it was only to be checked, after it was printed.
+pub(crate) fn configuration(common: &CommonArgs) -> Result<Config, Failure> {
     runtime::logging::init(common.verbosity())?;
     if common.settings.check_config {
         print_configuration("ril", &resulting(common)?)?;
-        return Ok(None);
+        return Err(Failure::quiet_end());
     }
     let loaded = runtime::config::load::<Config>(
         common.settings.config.as_deref(),
         Path::new(DEFAULT_FILE),
     )?;
     tracing::debug!(file = ?loaded.file, config = ?loaded.value, "configuration");
-    Ok(Some(loaded.value))
+    Ok(loaded.value)
 }
 
 /// What the operator's commands run with.
@@ -97,13 +101,21 @@ impl Session {
         Session::of(common.robot().into(), Rc::new(termination))
     }
 
-    /// Takes part to show samples, for which it waits this long; `None` if only the configuration was to be checked.
-    pub(crate) fn for_samples(args: &SampleArgs) -> Result<Option<(Session, Duration)>, Failure> {
-        let Some(config) = configuration(&args.common)? else {
-            return Ok(None);
-        };
+    /// Takes part to show samples, for which it waits this long.
+    pub(crate) fn for_samples(args: &SampleArgs) -> Result<(Session, Duration), Failure> {
+        let config = configuration(&args.common)?;
         let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
-        Ok(Some((Session::join(&args.common)?, timeout)))
+        Ok((Session::join(&args.common)?, timeout))
+    }
+
+    /// Takes part in the shared memory of each of these robots.
+    pub(crate) fn join_each(
+        robots: impl IntoIterator<Item = RobotId>,
+    ) -> Result<Vec<Session>, Failure> {
+        let termination = Rc::new(Termination::install().or_fail(ExitCode::Internal)?);
+        request_slice(SchedulingRole::Consumer);
+        let join = |robot| Session::of(robot, Rc::clone(&termination));
+        robots.into_iter().map(join).collect()
     }
 
     /// Takes part in the shared memory of another robot as well.
@@ -187,6 +199,39 @@ pub(crate) fn process_of(key: &str) -> Option<&'static str> {
     own(key).map(ServiceId::provider)
 }
 
+/// What a command has that asks the bridge for something.
+pub(crate) struct OrderContext {
+    pub session: Session,
+    pub config: Config,
+    /// How long the bridge has for its first answer.
+    pub timeout: Duration,
+    /// Until how long after its issue a request may begin; 0 leaves it to the bridge.
+    pub deadline_ms: u32,
+}
+
+impl OrderContext {
+    /// Of a command that changes something, which must not guess the robot.
+    pub fn of(ask: &AskArgs) -> Result<OrderContext, Failure> {
+        let config = configuration(&ask.common)?;
+        refuse_to_guess(&ask.common)?;
+        OrderContext::new(ask, config)
+    }
+
+    /// Of a command that changes nothing.
+    pub fn of_reader(ask: &AskArgs) -> Result<OrderContext, Failure> {
+        OrderContext::new(ask, configuration(&ask.common)?)
+    }
+
+    fn new(ask: &AskArgs, config: Config) -> Result<OrderContext, Failure> {
+        Ok(OrderContext {
+            session: Session::join(&ask.common)?,
+            timeout: ask.timeout.unwrap_or_else(|| config.request.timeout()),
+            deadline_ms: ask.deadline.unwrap_or(config.request.deadline_ms),
+            config,
+        })
+    }
+}
+
 /// The newest sample of a topic, and the port it comes from.
 pub(crate) struct Latest<T: Topic> {
     /// What to wait for.
@@ -246,6 +291,16 @@ impl<A: Topics> Topics for Option<A> {
     }
 }
 
+impl<A: Topics> Topics for Vec<A> {
+    fn ports(&mut self) -> Vec<&mut dyn Source> {
+        self.iter_mut().flat_map(A::ports).collect()
+    }
+
+    fn drain(&mut self) {
+        self.iter_mut().for_each(A::drain);
+    }
+}
+
 impl<A: Topics, B: Topics> Topics for (A, B) {
     fn ports(&mut self) -> Vec<&mut dyn Source> {
         let mut ports = self.0.ports();
@@ -291,7 +346,7 @@ pub fn commandable(domain: &Domain) -> Result<Vec<RobotId>, DomainError> {
 /// # Errors
 ///
 /// Code 2 with the robots that are alive; code 1 or 78 when the domain cannot be read.
-pub(crate) fn refuse_to_guess(common: &CommonArgs) -> Result<(), Failure> {
+fn refuse_to_guess(common: &CommonArgs) -> Result<(), Failure> {
     if common.robot.is_some() {
         return Ok(());
     }

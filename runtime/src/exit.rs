@@ -93,7 +93,7 @@ impl ExitCode {
 #[derive(Debug)]
 pub struct Failure {
     code: ExitCode,
-    /// `None` if the reader of our standard output has gone, which is how pipelines end.
+    /// `None` of a [quiet end](Failure::quiet_end).
     error: Option<Box<dyn Error + Send + Sync>>,
     /// What to do about it, where that is not a part of the error's own text.
     next_step: Option<String>,
@@ -149,18 +149,23 @@ impl Failure {
         Failure::new(ExitCode::Usage, error)
     }
 
+    /// Ends the process early with code 0 and prints nothing: what was asked for is done, or nobody wants the rest of it.
+    pub fn quiet_end() -> Failure {
+        Failure {
+            code: ExitCode::Ok,
+            error: None,
+            next_step: None,
+            signal: None,
+        }
+    }
+
     /// Standard output could not be written. When its reader has gone, as in `ril echo dsp | head`, the process ends
     /// quietly with code 0.
     ///
     /// `println!` panics in that case; a program that prints data uses `writeln!(…).map_err(Failure::output)?`.
     pub fn output(error: io::Error) -> Failure {
         if error.kind() == io::ErrorKind::BrokenPipe {
-            Failure {
-                code: ExitCode::Ok,
-                error: None,
-                next_step: None,
-                signal: None,
-            }
+            Failure::quiet_end()
         } else {
             Failure::internal(Explained {
                 what: "standard output cannot be written".to_owned(),

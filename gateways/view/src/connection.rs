@@ -5,11 +5,11 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use tungstenite::{Bytes, Message};
 
+use crate::event::Peer;
 use crate::http::answer::Response;
 use crate::http::refusal::Refusal;
 use crate::http::request::{HttpRequest, RequestReader, Upgrade};
 use crate::pace::{MESSAGES_PER_S, RateLimit};
-use crate::settings::Peer;
 use crate::websocket::{Close, WebSocket, WebSocketMessage};
 
 /// How long a head may take; then it is answered with 408.

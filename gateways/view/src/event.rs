@@ -1,10 +1,11 @@
-//! [`Event`]: what viewers want of the program around the server.
+//! What the program around the server gives it at its start ([`Settings`]) and tells it of each peer, what viewers want of the program
+//! ([`Event`]), and the names of connections, of the viewers at their other ends, and of what Foxglove clients want.
 
 use std::collections::VecDeque;
+use std::net::{IpAddr, SocketAddr};
 
 use crate::http::tile::FileRequest;
-use crate::id::{Call, ChannelId, ConnectionId, ViewerId};
-use crate::page::{CheckRequest, OrderRequest, ReplayRequest};
+use crate::page::{CheckRequest, OrderRequest, ReplayInfo, ReplayRequest, Role, TileRange};
 
 /// What the program around the server is to do, or may want to log.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,3 +113,87 @@ pub enum Event {
 /// What was not taken yet. It is drained after each call that can add something, and those who send are limited to
 /// [`MESSAGES_PER_S`](crate::pace::MESSAGES_PER_S), so that it holds one round of them at most.
 pub(crate) type Events = VecDeque<Event>;
+
+/// A connection that was accepted. No two have the same one, as long as the server lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct ConnectionId(pub(crate) u64);
+
+/// A page, or a Foxglove client.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct ViewerId(pub(crate) u64);
+
+/// The number of a channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct ChannelId(pub(crate) u32);
+
+/// A call that waits for its answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Call {
+    pub(crate) viewer: ViewerId,
+    pub(crate) service: u32,
+    /// As the client calls it.
+    pub(crate) call: u32,
+}
+
+impl ConnectionId {
+    /// The viewer at the other end.
+    pub(crate) fn viewer(self) -> ViewerId {
+        ViewerId(self.0)
+    }
+}
+
+/// What distinguishes this start of the server from all others: a text without meaning.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Instance(pub String);
+
+/// A secret by which a viewer may look or order.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Token {
+    /// Its name, for the log.
+    pub name: String,
+    /// What it allows.
+    pub role: Role,
+    /// At least 128 random bits in letters and digits.
+    pub secret: String,
+}
+
+/// How a server behaves.
+#[derive(Clone, Debug, Default)]
+pub struct Settings {
+    /// Names and addresses by which requests may call this machine, beside those of loopback. Without ports.
+    pub names: Vec<String>,
+    /// Origins of other programs' pages that may connect, as `https://studio.example`.
+    pub origins: Vec<String>,
+    /// Which viewers may do what.
+    pub tokens: Vec<Token>,
+    /// Whether Foxglove clients whose token allows to order may call services and set parameters.
+    pub foxglove_commands: bool,
+    /// Whether Foxglove clients may read parameters.
+    pub foxglove_parameters: bool,
+    /// The recording that is played; `None` if robots are shown live. In a replay all orders are refused.
+    pub replay: Option<ReplayInfo>,
+    /// The zooms of which there are tiles; `None` without any.
+    pub tiles: Option<TileRange>,
+    /// Whether the recording that is played has a report.
+    pub has_report: bool,
+}
+
+/// The other end of a connection, as the operating system knows it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Peer {
+    /// Its address.
+    pub address: SocketAddr,
+    /// The address of this machine at which it has come.
+    pub at: IpAddr,
+    /// Whether it is a process of the user that the server runs as, on this machine.
+    pub is_own_user: bool,
+    /// Whether the bytes are those of a TLS connection.
+    pub is_encrypted: bool,
+}
+
+impl Peer {
+    /// Whether it is on this machine.
+    pub fn is_loopback(&self) -> bool {
+        self.address.ip().to_canonical().is_loopback()
+    }
+}

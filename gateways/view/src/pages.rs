@@ -9,12 +9,10 @@ use ipc_types::MonotonicNs;
 use crate::authority::access::Access;
 use crate::authority::lease::{Act, Lease};
 use crate::authority::orders::{OrderBook, is_number};
-use crate::event::{Event, Events};
-use crate::id::ViewerId;
+use crate::event::{Event, Events, Peer, ViewerId};
 use crate::outbox::{NowText, Outbox};
 use crate::pace::{ORDERS_PER_S, RateLimit};
 use crate::page::{self, CheckRequest, Incoming, LeaseAction, OrderRequest, OrderStage, Outgoing};
-use crate::settings::Peer;
 use crate::viewer::{
     ConnectedPage, Greeting, ONLY_LOOKS, OTHER_ROBOT, REPLAYED, lease_message, millis, refusal,
 };

@@ -9,19 +9,18 @@ use serde_json::Value;
 use crate::assets::Assets;
 use crate::authority::access::Access;
 use crate::connection::{Connection, Ending, Input};
-use crate::event::{Event, Events};
-use crate::foxglove::channels::{Channel, Sample};
+use crate::event::{
+    Call, ChannelId, ConnectionId, Event, Events, Instance, Peer, Settings, ViewerId,
+};
+use crate::foxglove::channels::{Channel, OfferedService, Sample};
 use crate::foxglove::client::ClientFrame;
 use crate::foxglove::hub::Hub;
-use crate::foxglove::services::OfferedService;
 use crate::http::answer::Response;
 use crate::http::refusal::Refusal;
 use crate::http::request::{HttpRequest, Method};
 use crate::http::tile::{FileRequest, Tile, Wanted};
-use crate::id::{Call, ChannelId, ConnectionId, ViewerId};
 use crate::page::{self, Outgoing};
 use crate::pages::Pages;
-use crate::settings::{Instance, Peer, Settings};
 use crate::speaks::{Speaks, protocol};
 use crate::viewer::{Greeting, from};
 use crate::websocket::{Close, WebSocketMessage};

@@ -6,11 +6,10 @@ use ipc_types::MonotonicNs;
 
 use crate::authority::access::Permit;
 use crate::authority::lease::Lease;
-use crate::id::ViewerId;
+use crate::event::{Peer, ViewerId};
 use crate::outbox::Outbox;
 use crate::pace::RateLimit;
 use crate::page::{self, Holder, OrderRequest, Outgoing, Role};
-use crate::settings::Peer;
 
 /// What is the same in each `hello`.
 #[derive(Debug)]

@@ -6,8 +6,7 @@ use proptest::prelude::*;
 use serde_json::Value;
 use sha2::{Digest as _, Sha256};
 use view::page::Area;
-use view::report::bins::Bins;
-use view::report::envelope::Envelope;
+use view::report::envelope::{Bins, Envelope};
 use view::report::flight::{
     Curve, Event, Ink, Lane, Limit, Map, Outcome, Plot, RequestRow, Scale, Span, Table, Weight,
 };

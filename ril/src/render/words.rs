@@ -46,6 +46,11 @@ pub fn error_words(error: ImiCode) -> String {
     }
 }
 
+/// What there is, or a dash.
+pub fn or_dash(shown: Option<impl Display>) -> String {
+    shown.map_or_else(|| "-".to_owned(), |shown| shown.to_string())
+}
+
 /// A time, such as `45s`, `12m05s`, `1h02m05s`.
 pub fn duration(seconds: f64) -> String {
     // A float becomes the nearest of the integer's range.

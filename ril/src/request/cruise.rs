@@ -10,6 +10,7 @@ use runtime::exit::{ExitCode, Failure};
 
 use super::{Conversation, Format, Until, begin_by_ns};
 use crate::render::messages::Verb;
+use crate::render::note;
 use crate::session::Session;
 
 /// Reads a speed that the DSP's port takes, m/s.
@@ -110,9 +111,9 @@ impl<'a> CruiseSpeed<'a> {
                 .map_err(|failure| failure.chain().join(": ")),
         };
         if let Err(why) = restored {
-            eprintln!(
+            note(format_args!(
                 "warning: the cruise speed stays as this command has set it: {why}. `ril param set cruise_speed_mps` changes it"
-            );
+            ));
         }
     }
 
@@ -120,9 +121,9 @@ impl<'a> CruiseSpeed<'a> {
         match read_mps(self.session, self.timeout)? {
             // A port has 32 bits.
             Some(now_mps) if now_mps as f32 != written_mps as f32 => {
-                eprintln!(
+                note(format_args!(
                     "warning: another command has set a cruise speed of {now_mps} m/s meanwhile, which stays"
-                );
+                ));
                 Ok(())
             }
             _ => self.write(before_mps),

@@ -1,23 +1,23 @@
-//! The ports of one robot, which feed what a screen or a page knows of it, and the orders that were sent from there.
+//! The ports of one robot, which feed what a screen or a page knows of it, and the orders that were sent from there: [`RobotOrder`] and the
+//! requests that it makes.
 
 use std::collections::VecDeque;
 
-use ipc_types::code::{Reason, Stage};
+use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::outline::{Outline, OutlineReader};
 use ipc_types::payload::{
     BridgeOutline, DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData,
-    RelayLink, RelayStations, RequestReport,
+    RelayLink, RelayStations, RequestReport, WaypointPosition,
 };
 use ipc_types::{
     Client, Domain, Ipc, MonotonicNs, ReceiveError, Request, RobotId, SendError, Source, StateOf,
-    StatusModule, Subscriber,
+    StatusModule, Subscriber, fresh_request_id,
 };
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::config::RequestConfig;
 use crate::render::messages::{self, FinalReport, Verb};
-use crate::request::order::{OrderRequest, RobotOrder};
-use crate::request::{Exchange, Next, Outcome, Until};
+use crate::request::{Exchange, Next, Outcome, Until, complete, control_request};
 use crate::robot::changes::Weight;
 use crate::robot::chart::Chart;
 use crate::robot::controller::own_session;
@@ -362,7 +362,7 @@ impl RobotPorts {
 }
 
 /// Sends one request over a client that is opened with the first one.
-fn send<R: Request>(
+pub(crate) fn send<R: Request>(
     ipc: &Ipc,
     client: &mut Option<Client<R>>,
     request: &R,
@@ -406,5 +406,70 @@ fn count(result: Result<usize, ReceiveError>) -> usize {
             tracing::warn!(%error, "samples could not be received");
             0
         }
+    }
+}
+
+/// See the module's documentation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RobotOrder {
+    /// Hover on the spot; replaces a path, as `ril hold`.
+    Hold,
+    /// Land on the spot; replaces a path, as `ril land --preempt`.
+    Land,
+    /// As `ril start`.
+    Start,
+    /// As `ril stop`.
+    Stop,
+    /// As `ril control take`.
+    TakeControl,
+    /// As `ril control release`.
+    ReleaseControl,
+    /// Climb to this height above take-off, m, as `ril takeoff`.
+    TakeOff(f64),
+    /// Fly straight there; replaces a path, as `ril goto --preempt`.
+    GoTo(WaypointPosition),
+}
+
+/// The request of an order, by the service that takes it.
+pub(crate) enum OrderRequest {
+    /// A movement.
+    Movement(MovementData),
+    /// A start or a stop.
+    Control(ModuleControl),
+}
+
+impl RobotOrder {
+    /// The verb that does the same.
+    pub fn verb(self) -> Verb {
+        match self {
+            RobotOrder::Hold => Verb::Hold,
+            RobotOrder::Land => Verb::Land,
+            RobotOrder::Start => Verb::Start,
+            RobotOrder::Stop => Verb::Stop,
+            RobotOrder::TakeControl => Verb::TakeControl,
+            RobotOrder::ReleaseControl => Verb::ReleaseControl,
+            RobotOrder::TakeOff(_) => Verb::TakeOff,
+            RobotOrder::GoTo(_) => Verb::GoTo,
+        }
+    }
+
+    /// Its one request, to be begun within `deadline_ms` of now.
+    pub(crate) fn request(self, deadline_ms: u32) -> OrderRequest {
+        let id = fresh_request_id();
+        let control = |command| OrderRequest::Control(control_request(command, deadline_ms));
+        let movement = match self {
+            RobotOrder::Start => return control(ControlCommand::Start),
+            RobotOrder::Stop => return control(ControlCommand::Stop),
+            RobotOrder::TakeControl => return control(ControlCommand::TakeControl),
+            RobotOrder::ReleaseControl => return control(ControlCommand::ReleaseControl),
+            RobotOrder::Hold => MovementData::hold(id),
+            RobotOrder::Land => MovementData::land(id),
+            RobotOrder::TakeOff(height_m) => MovementData::take_off(id, height_m),
+            RobotOrder::GoTo(waypoint) => {
+                MovementData::waypoint(id, fresh_request_id(), waypoint, true, true)
+            }
+        };
+        let preempts = !matches!(self, RobotOrder::TakeOff(_));
+        OrderRequest::Movement(complete(movement, preempts, deadline_ms))
     }
 }

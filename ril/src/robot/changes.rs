@@ -1,8 +1,14 @@
 //! What changes from one state of the bridge to the next, in words: for the screen of `ril watch` and the log in a flight record.
+//!
+//! [`Alarms`]: what is wrong now. Each alarm is reported once when it begins and once when it is over; one that comes and goes is
+//! reported once as well.
 
+use std::time::Duration;
+
+use ipc_types::MonotonicNs;
 use ipc_types::code::{LinkState, MovementKind, PilotSwitch};
 use ipc_types::payload::{ControlSender, ModuleState};
-use runtime::finding::Severity;
+use runtime::finding::{Finding, Severity};
 
 use crate::robot::controller::Senders;
 
@@ -123,4 +129,180 @@ fn of_movement(before: &ModuleState, state: &ModuleState) -> Option<(Weight, Str
             format!("waypoint {reached} of {total} reached"),
         )
     })
+}
+
+/// An alarm that is over for less than this and comes back is the same one: it is not reported again. Several seconds, so that a link
+/// which loses every other message does not fill the journal.
+pub const SAME_WITHIN: Duration = Duration::from_secs(5);
+
+/// Most alarms at a time: there are fewer kinds, but for DSP errors, of which there are 65,536. Further ones are not shown.
+const MAX_ALARMS: usize = 32;
+
+/// An alarm that lasts, or was over a short while ago.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Alarm {
+    /// What is wrong, with the present amount. Name and number make it this alarm; the amount changes while it lasts.
+    pub finding: Finding,
+    /// When it began.
+    pub since: MonotonicNs,
+    /// Since when it is over; `None` if it lasts.
+    ended: Option<MonotonicNs>,
+    /// Its place among the findings: what matters more is found first.
+    rank: usize,
+}
+
+impl Alarm {
+    /// How much it matters.
+    pub fn weight(&self) -> Weight {
+        self.finding.severity.into()
+    }
+
+    fn is_about(&self, finding: &Finding) -> bool {
+        (self.finding.id, &self.finding.items) == (finding.id, &finding.items)
+    }
+}
+
+/// What is to be reported.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Change {
+    /// An alarm has begun.
+    Began(Alarm),
+    /// An alarm is over.
+    Ended(Alarm),
+}
+
+/// See the module's documentation.
+#[derive(Clone, Debug, Default)]
+pub struct Alarms {
+    alarms: Vec<Alarm>,
+}
+
+impl Alarms {
+    /// Takes all that is wrong at `now`, and gives what is to be reported.
+    pub fn update(&mut self, findings: Vec<Finding>, now: MonotonicNs) -> Vec<Change> {
+        let mut changes = Vec::new();
+        for alarm in &mut self.alarms {
+            let lasts = findings.iter().any(|finding| alarm.is_about(finding));
+            match (lasts, alarm.ended) {
+                (true, _) => alarm.ended = None,
+                (false, None) => alarm.ended = Some(now),
+                (false, Some(_)) => {}
+            }
+        }
+        self.alarms.retain(|alarm| {
+            let is_over = alarm
+                .ended
+                .is_some_and(|ended| now.since(ended) >= SAME_WITHIN);
+            if is_over {
+                changes.push(Change::Ended(alarm.clone()));
+            }
+            !is_over
+        });
+        for (rank, finding) in findings.into_iter().enumerate() {
+            let is_full = self.alarms.len() >= MAX_ALARMS;
+            let mut alarms = self.alarms.iter_mut();
+            match alarms.find(|alarm| alarm.is_about(&finding)) {
+                Some(alarm) => (alarm.finding, alarm.rank) = (finding, rank),
+                None if !is_full => {
+                    let alarm = Alarm {
+                        finding,
+                        since: now,
+                        ended: None,
+                        rank,
+                    };
+                    changes.push(Change::Began(alarm.clone()));
+                    self.alarms.push(alarm);
+                }
+                None => {}
+            }
+        }
+        self.alarms.sort_by_key(|alarm| {
+            (
+                std::cmp::Reverse(alarm.finding.severity),
+                alarm.ended.is_some(),
+                alarm.rank,
+            )
+        });
+        changes
+    }
+
+    /// The alarms that last, the worst first.
+    pub fn lasting(&self) -> impl Iterator<Item = &Alarm> {
+        self.alarms.iter().filter(|alarm| alarm.ended.is_none())
+    }
+
+    /// When an alarm is over for good if nothing changes.
+    pub fn next(&self) -> Option<MonotonicNs> {
+        let ends = self.alarms.iter().filter_map(|alarm| alarm.ended);
+        ends.map(|ended| ended + SAME_WITHIN).min()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use runtime::finding::Severity;
+
+    const fn at(ms: u64) -> MonotonicNs {
+        MonotonicNs(ms * 1_000_000)
+    }
+
+    fn finding(id: &'static str, text: &str) -> Finding {
+        Finding::new(Severity::Error, id, text)
+    }
+
+    fn link() -> Vec<Finding> {
+        vec![finding("dsp-link", "silent")]
+    }
+
+    #[test]
+    fn an_alarm_is_reported_when_it_begins_and_when_it_is_over() {
+        let mut alarms = Alarms::default();
+        let changes = alarms.update(link(), at(0));
+        assert!(matches!(&changes[..], [Change::Began(alarm)] if alarm.since == at(0)));
+        assert!(alarms.update(link(), at(100)).is_empty());
+        assert!(alarms.update(vec![], at(200)).is_empty());
+        assert_eq!(alarms.lasting().count(), 0, "it is not shown any more");
+        assert_eq!(alarms.next(), Some(at(5200)));
+        let changes = alarms.update(vec![], at(5200));
+        assert!(matches!(&changes[..], [Change::Ended(alarm)] if alarm.finding.id == "dsp-link"));
+        assert_eq!(alarms.next(), None);
+    }
+
+    #[test]
+    fn an_alarm_that_comes_and_goes_is_reported_once() {
+        let mut alarms = Alarms::default();
+        let mut reported = 0;
+        for second in 0..60 {
+            let findings = if second % 2 == 0 { link() } else { vec![] };
+            reported += alarms.update(findings, at(second * 1000)).len();
+        }
+        assert_eq!(reported, 1);
+    }
+
+    #[test]
+    fn an_amount_that_changes_is_shown_and_is_no_other_alarm() {
+        let mut alarms = Alarms::default();
+        let battery = |text| vec![finding("safety", text).about(6)];
+        alarms.update(battery("by 0.3 V"), at(0));
+        assert!(alarms.update(battery("by 0.4 V"), at(1)).is_empty());
+        assert_eq!(alarms.lasting().next().unwrap().finding.text, "by 0.4 V");
+    }
+
+    #[test]
+    fn the_worst_comes_first_and_a_flood_is_bounded() {
+        let mut alarms = Alarms::default();
+        let flood = (0..1000).map(|code| finding("dsp-error", "").about(code));
+        let status_gone = Finding::new(Severity::Warning, "status-gone", "");
+        let flood: Vec<Finding> = [status_gone, finding("bridge-gone", "")]
+            .into_iter()
+            .chain(flood)
+            .collect();
+        assert_eq!(alarms.update(flood, at(0)).len(), MAX_ALARMS);
+        let ids: Vec<&str> = alarms.lasting().map(|alarm| alarm.finding.id).collect();
+        assert_eq!(
+            (ids[0], ids[MAX_ALARMS - 1]),
+            ("bridge-gone", "status-gone")
+        );
+    }
 }

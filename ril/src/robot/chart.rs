@@ -6,7 +6,7 @@ use std::io::Read;
 use std::path::Path;
 
 use bridge::safety::fence::{Area, AreaConfig, AreaKind, Fence, FenceConfig};
-use ipc_types::outline::{self, OutlineArea, OutlineShape};
+use ipc_types::outline::{Outline, OutlineArea, OutlineShape};
 use ipc_types::payload::WaypointPosition;
 use plans::Plan;
 use plans::error::MAX_FILE_BYTES;
@@ -22,32 +22,8 @@ const CIRCLE_CORNERS: u32 = 32;
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(default)]
 pub struct FenceFile {
-    fence: FenceTable,
-}
-
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(default)]
-struct FenceTable {
-    floor_m: Option<f64>,
-    ceiling_m: Option<f64>,
-    area: Vec<AreaConfig>,
-}
-
-impl From<&Fence> for FenceFile {
-    fn from(fence: &Fence) -> FenceFile {
-        let FenceConfig {
-            floor_m,
-            ceiling_m,
-            area,
-        } = fence.clone().into();
-        FenceFile {
-            fence: FenceTable {
-                floor_m,
-                ceiling_m,
-                area: area.iter().map(Area::config).cloned().collect(),
-            },
-        }
-    }
+    /// The fence.
+    pub fence: FenceConfig,
 }
 
 /// An area of the fence as a closed line.
@@ -80,21 +56,23 @@ pub struct Chart {
 
 impl Chart {
     /// The chart of a fence, which the bridge's own code has checked, and of a path.
-    pub fn new(file: &FenceFile, path: &[WaypointPosition]) -> Chart {
+    pub fn new(fence: &FenceConfig, path: &[WaypointPosition]) -> Chart {
+        let areas = fence.area.iter().map(Area::config);
         Chart {
-            fence: file.fence.area.iter().map(AreaOutline::of).collect(),
-            floor_m: file.fence.floor_m,
-            ceiling_m: file.fence.ceiling_m,
+            fence: areas.map(AreaOutline::from).collect(),
+            floor_m: fence.floor_m,
+            ceiling_m: fence.ceiling_m,
             path: places(path),
         }
     }
 }
 
 /// What a bridge holds.
-impl From<&outline::Outline> for Chart {
-    fn from(held: &outline::Outline) -> Chart {
+impl From<&Outline> for Chart {
+    fn from(held: &Outline) -> Chart {
+        let areas = held.areas.iter().map(area_config);
         Chart {
-            fence: held.areas.iter().map(AreaOutline::from).collect(),
+            fence: areas.map(|area| AreaOutline::from(&area)).collect(),
             floor_m: held.floor_m,
             ceiling_m: held.ceiling_m,
             path: places(&held.path),
@@ -118,7 +96,7 @@ pub fn of_files(bridge: Option<&Path>, plan: Option<&Path>) -> Result<Chart, Fai
     // The bridge's own code reads it, so that a fence is drawn which can be in force.
     let loaded = runtime::config::load::<bridge::BridgeConfig>(bridge, default)?;
     let path = plan.map(waypoints).transpose()?;
-    let fence = FenceFile::from(&loaded.value.fence);
+    let fence = loaded.value.fence.into();
     Ok(Chart::new(&fence, &path.unwrap_or_default()))
 }
 
@@ -153,8 +131,8 @@ pub fn read_plan(file: &Path) -> Result<Plan, Failure> {
     plans::read(file, &bytes).map_err(|error| Failure::usage(format!("{name}: {error}")))
 }
 
-impl AreaOutline {
-    fn of(area: &AreaConfig) -> AreaOutline {
+impl From<&AreaConfig> for AreaOutline {
+    fn from(area: &AreaConfig) -> AreaOutline {
         let corners = match (area.centre, area.radius_m) {
             (Some(centre), Some(radius_m)) => circle(centre, radius_m),
             _ => corners(area.polygon.as_deref().unwrap_or_default()),
@@ -183,18 +161,37 @@ impl From<AreaOutline> for view::page::Area {
     }
 }
 
-impl From<&OutlineArea> for AreaOutline {
-    fn from(area: &OutlineArea) -> AreaOutline {
-        AreaOutline {
-            name: area.name.clone(),
-            is_inclusion: area.is_inclusion,
-            floor_m: area.floor_m,
-            ceiling_m: area.ceiling_m,
-            corners: match &area.shape {
-                OutlineShape::Polygon(polygon) => corners(polygon),
-                OutlineShape::Circle { centre, radius_m } => circle(*centre, *radius_m),
-            },
-        }
+/// The fence that a bridge holds, as the bridge's own code judges by it.
+///
+/// # Errors
+///
+/// What makes it none: a bridge of this version publishes no such outline.
+pub fn fence_of(held: &Outline) -> Result<Fence, String> {
+    let areas = held.areas.iter().map(area_config).map(Area::try_from);
+    Fence::try_from(FenceConfig {
+        floor_m: held.floor_m,
+        ceiling_m: held.ceiling_m,
+        area: areas.collect::<Result<_, _>>()?,
+    })
+}
+
+/// An area that a bridge holds, as its configuration has it.
+fn area_config(held: &OutlineArea) -> AreaConfig {
+    let (polygon, centre, radius_m) = match &held.shape {
+        OutlineShape::Polygon(polygon) => (Some(polygon.clone()), None, None),
+        OutlineShape::Circle { centre, radius_m } => (None, Some(*centre), Some(*radius_m)),
+    };
+    AreaConfig {
+        name: held.name.clone(),
+        kind: match held.is_inclusion {
+            true => AreaKind::Inclusion,
+            false => AreaKind::Exclusion,
+        },
+        polygon,
+        centre,
+        radius_m,
+        floor_m: held.floor_m,
+        ceiling_m: held.ceiling_m,
     }
 }
 
@@ -231,7 +228,7 @@ mod tests {
             fence.replace("\n#\n", "\n")
         );
         let file: FenceFile = runtime::config::parse(&text, "bridge.toml").unwrap();
-        let chart = Chart::new(&file, &[]);
+        let chart = Chart::new(&file.fence, &[]);
         assert_eq!((chart.floor_m, chart.ceiling_m), (Some(5.0), Some(120.0)));
         assert!(chart.fence[0].is_inclusion && !chart.fence[1].is_inclusion);
         assert_eq!(chart.fence[0].corners.len(), 4);
@@ -242,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_bridge_holds_is_drawn_as_the_same_file_is() {
+    fn what_the_bridge_holds_is_drawn_and_judged_as_the_same_file_is() {
         let text = "[fence]\nceiling_m = 50.0\n\
             [[fence.area]]\nname = \"a\"\nkind = \"inclusion\"\npolygon = [[37.0, -6.0], [37.1, -6.0], [37.1, -6.1]]\n\
             [[fence.area]]\nname = \"b\"\nkind = \"exclusion\"\ncentre = [37.0, -6.0]\nradius_m = 5.0\n";
@@ -261,7 +258,7 @@ mod tests {
         };
         let polygon = vec![[37.0, -6.0], [37.1, -6.0], [37.1, -6.1]];
         let (centre, radius_m) = ([37.0, -6.0], 5.0);
-        let held = outline::Outline {
+        let held = Outline {
             number: 1,
             floor_m: None,
             ceiling_m: Some(50.0),
@@ -271,11 +268,18 @@ mod tests {
             ],
             path: path.to_vec(),
         };
-        assert_eq!(Chart::from(&held), Chart::new(&file, &path));
+        assert_eq!(Chart::from(&held), Chart::new(&file.fence, &path));
+        let made = fence_of(&held).unwrap();
+        assert_eq!((made.areas(), made.area_name(1)), (2, Some("b")));
+        let twice = Outline {
+            areas: vec![held.areas[0].clone(), held.areas[0].clone()],
+            ..held
+        };
+        assert!(fence_of(&twice).is_err(), "two areas of one name");
     }
 
     #[test]
     fn no_file_is_an_empty_chart() {
-        assert_eq!(Chart::new(&FenceFile::default(), &[]), Chart::default());
+        assert_eq!(Chart::new(&FenceConfig::default(), &[]), Chart::default());
     }
 }

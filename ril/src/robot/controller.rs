@@ -6,7 +6,7 @@ use runtime::duration::DurationText;
 use std::time::Duration;
 
 use crate::render::fields::Tree;
-use crate::robot::sample_age::age_ms;
+use crate::robot::freshness::age_ms;
 
 /// What is known here of senders.
 #[derive(Clone, Copy, Debug, Default)]

@@ -121,5 +121,5 @@ pub fn chart() -> Chart {
         waypoint(37.4112, -6.0005),
         waypoint(37.4110, -6.0005),
     ];
-    Chart::new(&fence, &path)
+    Chart::new(&fence.fence, &path)
 }

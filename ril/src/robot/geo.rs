@@ -5,6 +5,8 @@
 //! Distances are those on a flat map around the first place, good to 0.6 % over some kilometres. What the bridge judges with are its
 //! own: `bridge::geodesy` and the geofence.
 
+use std::fmt;
+
 /// Metres of one degree of latitude, and of longitude at the equator: of the mean radius, 6 371 008.8 m.
 pub const METRES_PER_DEGREE: f64 = 6_371_008.8 * std::f64::consts::PI / 180.0;
 
@@ -30,6 +32,12 @@ impl Place {
     /// Degrees north and east, as pages have places.
     pub fn degrees(self) -> [f64; 2] {
         [self.latitude_deg, self.longitude_deg]
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:.7}° {:.7}°", self.latitude_deg, self.longitude_deg)
     }
 }
 

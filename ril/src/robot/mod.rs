@@ -2,11 +2,10 @@
 //! state to the next, the fence and path around it, who commands it, what its processes run with, the relay's link to it, and why nothing of
 //! it comes.
 //!
-//! `model` is all that a screen or a page knows of one robot: `freshness` says how old that is, `alarms` what is wrong now, `history` what
+//! `model` is all that a screen or a page knows of one robot: `freshness` says how old that is, `changes` what is wrong now, `history` what
 //! happened and how values went, `past` the same for plots. `played` feeds it from a recording.
 
 pub(crate) mod absence;
-pub mod alarms;
 pub mod changes;
 pub mod chart;
 pub mod clock;
@@ -24,4 +23,3 @@ pub mod played;
 pub(crate) mod position;
 pub mod relay_link;
 pub mod running;
-pub mod sample_age;

@@ -140,6 +140,16 @@ impl PilotView {
         }
     }
 
+    /// Battery and fuel in words; `None` if neither is known.
+    pub fn supply(&self) -> Option<String> {
+        let battery = self.battery_v.map(|volts| format!("battery {volts:.1} V"));
+        let fuel = self
+            .fuel_percent
+            .map(|percent| format!("fuel {percent:.0} %"));
+        let parts: Vec<String> = battery.into_iter().chain(fuel).collect();
+        (!parts.is_empty()).then(|| parts.join(", "))
+    }
+
     /// The same without numbers that cannot be.
     fn plausible(self) -> PilotView {
         let within = |value: Option<f64>, limit: f64| value.filter(|value| value.abs() <= limit);

@@ -12,7 +12,7 @@ use runtime::exit::Failure;
 
 use crate::render::fields::Tree;
 use crate::render::words::count;
-use crate::robot::sample_age::{SampleAge, age_ms, named};
+use crate::robot::freshness::{SampleAge, age_ms, named};
 use crate::session::{Latest, Session, Topics};
 
 /// A sample of the relay older than this says nothing of the present: the relay publishes once a second, so this is three of them.

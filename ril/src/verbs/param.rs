@@ -17,7 +17,7 @@ use crate::render::messages::Verb;
 use crate::render::messages::details::{port_header, port_name, port_row};
 use crate::render::messages::object::ReportObject;
 use crate::request::{Conversation, Format, Until, begin_by_ns};
-use crate::session::{Session, configuration, refuse_to_guess};
+use crate::session::OrderContext;
 
 /// `ril param`
 #[derive(Args, Clone, Debug)]
@@ -138,18 +138,14 @@ fn run(
     args: &AskArgs,
     work: impl FnOnce(&mut ParameterPorts) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
-    let Some(config) = configuration(&args.common)? else {
-        return Ok(());
+    let asked = match verb {
+        Verb::SetParameter => OrderContext::of(args)?,
+        _ => OrderContext::of_reader(args)?,
     };
-    if verb == Verb::SetParameter {
-        refuse_to_guess(&args.common)?;
-    }
-    let session = Session::join(&args.common)?;
-    let timeout = args.timeout.unwrap_or_else(|| config.request.timeout());
     work(&mut ParameterPorts {
-        conversation: Conversation::open(&session, verb, timeout)?,
+        conversation: Conversation::open(&asked.session, verb, asked.timeout)?,
         format: Format::of(args.json),
-        deadline_ms: args.deadline.unwrap_or(config.request.deadline_ms),
+        deadline_ms: asked.deadline_ms,
     })
 }
 

@@ -6,26 +6,21 @@
 use std::collections::BTreeSet;
 use std::fmt;
 use std::io::{self, Write};
-use std::os::fd::AsFd;
-use std::time::Duration;
 
 use clap::Args;
 use ipc_types::code::{Functionality, LinkState, ModuleStatus};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
-use ipc_types::{
-    Descriptor, Domain, Ipc, Module, MonotonicNs, RelayModule, RobotId, Source, Topic, Waiter,
-};
+use ipc_types::{Domain, Ipc, Module, MonotonicNs, RelayModule, RobotId, Source, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
-use runtime::signal::Termination;
 use serde::Serialize;
 
 use crate::options::SampleArgs;
-use crate::render::json_line;
-use crate::render::words::module_words;
+use crate::render::words::{module_words, or_dash};
+use crate::render::{json_line, note};
 use crate::robot::domain::{DomainFacts, Provided};
+use crate::robot::freshness::{age_ms, is_present, named};
 use crate::robot::pilot;
-use crate::robot::sample_age::{age_ms, is_present, named};
-use crate::session::{Latest, Topics, as_user, configuration, other_domains};
+use crate::session::{Latest, Session, Topics, as_user, configuration, other_domains};
 
 /// `ril robots`
 ///
@@ -44,9 +39,7 @@ pub struct RobotsArgs {
 ///
 /// Code 1 when the shared memory cannot be read, that of another user included.
 pub fn robots(RobotsArgs { samples: args }: &RobotsArgs) -> Result<(), Failure> {
-    let Some(config) = configuration(&args.common)? else {
-        return Ok(());
-    };
+    let config = configuration(&args.common)?;
     let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     let facts = DomainFacts::look(&domain);
@@ -69,31 +62,30 @@ pub fn robots(RobotsArgs { samples: args }: &RobotsArgs) -> Result<(), Failure> 
     let providers = facts.providers.as_ref().map_err(unreadable)?;
     let mut found: BTreeSet<RobotId> = providers.iter().map(|one| one.robot).collect();
     found.extend(inspection.robots.iter().map(|one| one.robot));
-    let mut live: Vec<Watched> = Vec::new();
-    for id in providers
-        .iter()
-        .map(|one| one.robot)
-        .collect::<BTreeSet<_>>()
-    {
-        live.push(Watched::open(&domain, id)?);
+    let live: BTreeSet<RobotId> = providers.iter().map(|one| one.robot).collect();
+    let sessions = Session::join_each(live)?;
+    let live = sessions.iter().map(|session| Watched::open(&session.ipc));
+    let mut live = live.collect::<Result<Vec<_>, _>>()?;
+    if let Some(session) = sessions.first() {
+        let give_up = MonotonicNs::now() + timeout;
+        session.gather(&mut live, give_up, |live, _| {
+            Ok(live.iter().all(|one| one.is_complete(providers)))
+        })?;
     }
-    wait(&mut live, providers, timeout)?;
     let now = MonotonicNs::now();
     let robots: Vec<RobotSummary> = found
         .into_iter()
         .map(|id| {
-            let watched = live.iter().find(|one| one.ipc.robot() == id);
+            let watched = live.iter().find(|one| one.robot == id);
             describe(id, watched, &facts, providers, now)
         })
         .collect();
     let mut out = io::stdout().lock();
     if robots.is_empty() {
-        // Standard error may be closed; that does no harm.
-        let _ = writeln!(
-            io::stderr(),
+        note(format_args!(
             "no robot: `ril run bridge` and `ril run status` start the processes of one{}",
             other_domains()
-        );
+        ));
     } else if !args.json {
         return write!(out, "{}", RobotTable(&robots)).map_err(Failure::output);
     }
@@ -104,7 +96,7 @@ pub fn robots(RobotsArgs { samples: args }: &RobotsArgs) -> Result<(), Failure> 
 
 /// A live robot whose samples are waited for.
 struct Watched {
-    ipc: Ipc,
+    robot: RobotId,
     state: Latest<ModuleState>,
     hero: Latest<HeroTelemetry>,
     /// Says whether it flies while there is no status.
@@ -112,27 +104,20 @@ struct Watched {
 }
 
 impl Watched {
-    fn open(domain: &Domain, id: RobotId) -> Result<Watched, Failure> {
-        let ipc = Ipc::join(domain, id, "ril").or_fail(ExitCode::Internal)?;
+    fn open(ipc: &Ipc) -> Result<Watched, Failure> {
         Ok(Watched {
-            state: Latest::open(&ipc)?,
-            hero: Latest::open(&ipc)?,
-            dsp: Latest::open(&ipc)?,
-            ipc,
+            robot: ipc.robot(),
+            state: Latest::open(ipc)?,
+            hero: Latest::open(ipc)?,
+            dsp: Latest::open(ipc)?,
         })
-    }
-
-    fn drain(&mut self) {
-        self.state.drain();
-        self.hero.drain();
-        self.dsp.drain();
     }
 
     /// Whether everything is there that can be expected.
     fn is_complete(&self, providers: &[Provided]) -> bool {
         let provides = |key: &str| {
             let mut providers = providers.iter();
-            providers.any(|one| one.robot == self.ipc.robot() && one.service.key() == key)
+            providers.any(|one| one.robot == self.robot && one.service.key() == key)
         };
         // A status whose DSP never sent anything publishes nothing.
         let is_silent = self.state.sample.as_ref();
@@ -143,30 +128,20 @@ impl Watched {
     }
 }
 
-/// Waits for the newest samples of all robots, at most for `timeout`.
-fn wait(live: &mut [Watched], providers: &[Provided], timeout: Duration) -> Result<(), Failure> {
-    let termination = Termination::install().or_fail(ExitCode::Internal)?;
-    let waiter = Waiter::new();
-    let give_up = MonotonicNs::now() + timeout;
-    while !termination.requested() && !live.iter().all(|one| one.is_complete(providers)) {
-        let left = give_up.since(MonotonicNs::now());
-        if left.is_zero() {
-            break;
-        }
-        let mut signals = Descriptor::new(termination.as_fd());
-        let mut sources: Vec<((), &mut dyn Source)> = vec![((), &mut signals)];
-        for one in live.iter_mut() {
-            sources.push(((), &mut one.state.port));
-            sources.push(((), &mut one.hero.port));
-            sources.push(((), &mut one.dsp.port));
-        }
-        waiter
-            .wait(&mut sources, Some(left))
-            .or_fail(ExitCode::Internal)?;
-        drop(sources);
-        live.iter_mut().for_each(Watched::drain);
+impl Topics for Watched {
+    fn ports(&mut self) -> Vec<&mut dyn Source> {
+        vec![
+            &mut self.state.port,
+            &mut self.hero.port,
+            &mut self.dsp.port,
+        ]
     }
-    Ok(())
+
+    fn drain(&mut self) {
+        self.state.drain();
+        self.hero.drain();
+        self.dsp.drain();
+    }
 }
 
 fn describe(
@@ -274,7 +249,6 @@ impl fmt::Display for RobotTable<'_> {
             "ROBOT", "LIVE", "LINK", "FLYING", "PHASE"
         )?;
         for robot in self.0 {
-            let or_dash = |text: &Option<String>| text.clone().unwrap_or_else(|| "-".to_owned());
             let live = if robot.live { "yes" } else { "no" };
             let flying = match robot.flying {
                 Some(true) => "yes",
@@ -289,8 +263,8 @@ impl fmt::Display for RobotTable<'_> {
                 f,
                 "{:<6} {live:<5} {:<10} {flying:<8} {:<22} {processes}",
                 robot.robot,
-                or_dash(&robot.link),
-                or_dash(&robot.doing),
+                or_dash(robot.link.as_ref()),
+                or_dash(robot.doing.as_ref()),
             )?;
         }
         Ok(())

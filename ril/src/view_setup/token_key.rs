@@ -64,15 +64,21 @@ pub(crate) fn path(config: &ViewConfig) -> Result<PathBuf, Failure> {
     if let Some(path) = &config.token_key {
         return Ok(path.clone());
     }
+    state_folder()
+        .map(|folder| folder.join("view.key"))
+        .ok_or_else(|| {
+            let text = "this user has no home for the key of tokens";
+            Failure::new(ExitCode::Configuration, text)
+                .with_next_step("name a file by `token_key` of view.toml")
+        })
+}
+
+/// Where programs of this user keep what outlives them; `None` if this user has no home.
+pub(crate) fn state_folder() -> Option<PathBuf> {
     let folder = |name| std::env::var_os(name).filter(|path| !path.is_empty());
     let state = folder("XDG_STATE_HOME").map(PathBuf::from);
-    let state = state.or_else(|| Some(PathBuf::from(folder("HOME")?).join(".local/state")));
-    let file = state.map(|state| state.join("ril/view.key"));
-    file.ok_or_else(|| {
-        let text = "this user has no home for the key of tokens";
-        Failure::new(ExitCode::Configuration, text)
-            .with_next_step("name a file by `token_key` of view.toml")
-    })
+    let state = state.or_else(|| Some(PathBuf::from(folder("HOME")?).join(".local/state")))?;
+    Some(state.join("ril"))
 }
 
 /// Why what is in this file is no secret of this user; `None` if it is, or there is no such file.

@@ -5,10 +5,10 @@
 
 use std::net::IpAddr;
 
+use crate::event::{Peer, Settings, Token};
 use crate::http::refusal::Refusal;
 use crate::http::request::HttpRequest;
 use crate::page::Role;
-use crate::settings::{Peer, Settings, Token};
 
 /// Names by which every machine may call itself.
 const LOOPBACK_NAMES: [&str; 3] = ["localhost", "127.0.0.1", "[::1]"];

@@ -18,7 +18,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
-use crate::id::ViewerId;
+use crate::event::ViewerId;
 use crate::page::LeaseAction;
 
 /// A page that gives no sign for so long does not command any more. A page that is hidden gives none.

@@ -1,11 +1,18 @@
 //! [`Channels`]: what can be subscribed to, under numbers that stay the same as long as topic and layout do.
 //!
 //! Clients keep what they made of a schema by the number of its channel, so a number never means another one.
+//!
+//! [`Services`]: what Foxglove clients can call, under numbers that stay the same as long as the service does.
+//! [`ParameterSubscriptions`]: the values that clients are shown. They are kept here because Lichtblick asks for all every 15 s, and a DSP's
+//! are read one after the other over its serial line.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::id::ChannelId;
+use serde_json::Value;
+
+use super::message::{Parameter, ServiceInfo, ServiceSide};
+use crate::event::ChannelId;
 
 /// Most channels that were ever offered, of 32 robots with 30 topics each and as many again. Further ones are not offered.
 pub const MAX_CHANNELS: usize = 2048;
@@ -115,6 +122,147 @@ impl Channels {
     pub fn version(&self) -> u64 {
         self.version
     }
+}
+
+/// Most parameters: 64 of 32 robots. Further ones are not kept.
+pub const MAX_PARAMETERS: usize = 2048;
+
+/// See the module's documentation.
+#[derive(Debug, Default)]
+pub(crate) struct ParameterSubscriptions {
+    values: BTreeMap<String, Value>,
+}
+
+impl ParameterSubscriptions {
+    /// Takes a value; `None` for a parameter that is gone. False if it is what is known, or there are too many.
+    pub fn set(&mut self, name: &str, value: Option<Value>) -> bool {
+        let Some(value) = value else {
+            return self.values.remove(name).is_some();
+        };
+        let is_known = self.values.contains_key(name);
+        if !is_known && self.values.len() >= MAX_PARAMETERS {
+            return false;
+        }
+        self.values.insert(name.to_owned(), value.clone()) != Some(value)
+    }
+
+    /// Whether there is one of this name.
+    pub fn contains(&self, name: &str) -> bool {
+        self.values.contains_key(name)
+    }
+
+    /// One as clients get it; without a value if it is gone.
+    pub fn get(&self, name: &str) -> Parameter {
+        let value = self.values.get(name);
+        // JavaScript writes 3.0 as 3: without this a client could not set the number with a fraction that it is.
+        let is_fraction = value.is_some_and(Value::is_f64);
+        Parameter {
+            name: name.to_owned(),
+            value: value.cloned(),
+            kind: is_fraction.then(|| "float64".to_owned()),
+        }
+    }
+
+    /// Those of these names that there are; all if no name is given.
+    pub fn find(&self, names: &[String]) -> Vec<Parameter> {
+        match names {
+            [] => self.values.keys().map(|name| self.get(name)).collect(),
+            names => names
+                .iter()
+                .filter(|name| self.contains(name))
+                .map(|name| self.get(name))
+                .collect(),
+        }
+    }
+}
+
+/// How requests and answers are written.
+pub(crate) const ENCODING: &str = "json";
+
+/// How their layout is written.
+const SCHEMA_ENCODING: &str = "jsonschema";
+
+/// Most services that were ever offered: 16 of 32 robots. Further ones are not offered.
+const MAX_SERVICES: usize = 512;
+
+/// A service: its request and its answer are JSON.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct OfferedService {
+    /// Such as `/robot1/hold`.
+    pub name: String,
+    /// Name of its type, from which those of request and answer are made.
+    pub kind: String,
+    /// JSON Schema of the request.
+    pub request: Arc<str>,
+    /// JSON Schema of the answer.
+    pub response: Arc<str>,
+}
+
+/// See the module's documentation.
+#[derive(Debug, Default)]
+pub(crate) struct Services {
+    ids: BTreeMap<OfferedService, u32>,
+    offered: BTreeMap<u32, OfferedService>,
+    /// Grows when what is offered changes.
+    version: u64,
+}
+
+impl Services {
+    /// Offers these and no others.
+    pub fn set(&mut self, services: &[OfferedService]) {
+        let mut offered = BTreeMap::new();
+        for service in services {
+            let next = self.ids.len() as u32 + 1;
+            if self.ids.len() < MAX_SERVICES || self.ids.contains_key(service) {
+                let id = *self.ids.entry(service.clone()).or_insert(next);
+                offered.insert(id, service.clone());
+            }
+        }
+        if offered != self.offered {
+            self.offered = offered;
+            self.version += 1;
+        }
+    }
+
+    /// One that is offered.
+    pub fn get(&self, id: u32) -> Option<&OfferedService> {
+        self.offered.get(&id)
+    }
+
+    /// The numbers of all that are offered.
+    pub fn ids(&self) -> impl Iterator<Item = u32> {
+        self.offered.keys().copied()
+    }
+
+    /// Another one when what is offered has changed.
+    pub fn version(&self) -> u64 {
+        self.version
+    }
+}
+
+impl OfferedService {
+    /// As clients get it.
+    pub(crate) fn info(&self, id: u32) -> ServiceInfo<'_> {
+        let side = |part: &str, schema| ServiceSide {
+            encoding: ENCODING,
+            schema_name: format!("{}_{part}", self.kind),
+            schema_encoding: SCHEMA_ENCODING,
+            schema,
+        };
+        ServiceInfo {
+            id,
+            name: &self.name,
+            kind: &self.kind,
+            request: side("Request", &self.request),
+            response: side("Response", &self.response),
+        }
+    }
+}
+
+/// The answer of a service that was not called. It is a normal answer: some clients wait for ever when a call fails.
+pub(crate) fn refused(text: &str) -> Vec<u8> {
+    let answer = serde_json::json!({"accepted": false, "request_id": "", "text": text});
+    answer.to_string().into_bytes()
 }
 
 #[cfg(test)]

@@ -4,16 +4,13 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use ipc_types::MonotonicNs;
 
-use super::channels::{Channels, Sample};
+use super::channels::{Channels, ENCODING, ParameterSubscriptions, Sample, Services};
 use super::message::{self, ChannelInfo, Outgoing, Subscription};
-use super::parameters::ParameterSubscriptions;
 use super::samples::Samples;
-use super::services::{ENCODING, Services};
 use crate::authority::access::Permit;
-use crate::id::{Call, ChannelId};
+use crate::event::{Call, ChannelId, Peer};
 use crate::pace::{ORDERS_PER_S, RateLimit};
 use crate::page::Role;
-use crate::settings::Peer;
 
 /// Answers that wait for a client; one for which more wait is closed. It has asked for all of them and reads none.
 pub const MAX_ANSWERS: usize = 64;

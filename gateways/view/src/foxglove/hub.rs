@@ -6,17 +6,15 @@ use ipc_types::MonotonicNs;
 use serde_json::Value;
 
 use super::assets;
-use super::channels::{Channel, Channels, Sample};
+use super::channels::{
+    Channel, Channels, ENCODING, OfferedService, ParameterSubscriptions, Sample, Services, refused,
+};
 use super::client::{ClientFrame, FoxgloveClient, Notice};
 use super::message::{Binary, Incoming, Outgoing, Parameter, asset_response, read_binary};
-use super::parameters::ParameterSubscriptions;
 use super::playback::{CAPABILITY, Playback};
-use super::services::{ENCODING, OfferedService, Services, refused};
 use crate::authority::access::Permit;
-use crate::event::{Event, Events};
-use crate::id::{Call, ChannelId, ViewerId};
+use crate::event::{Call, ChannelId, Event, Events, Peer, ViewerId};
 use crate::page::{ReplayInfo, ReplayStatus, Role};
-use crate::settings::Peer;
 use crate::viewer::from;
 use crate::websocket::{Close, WebSocketMessage};
 

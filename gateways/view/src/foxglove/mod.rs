@@ -8,10 +8,8 @@ pub(crate) mod channels;
 pub(crate) mod client;
 pub(crate) mod hub;
 mod message;
-mod parameters;
 mod playback;
 mod samples;
-pub(crate) mod services;
 
 /// The names of the WebSocket subprotocol, the preferred one first.
 pub(crate) const PROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];

@@ -6,8 +6,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::event::{Event, Events};
-use crate::id::ViewerId;
+use crate::event::{Event, Events, ViewerId};
 use crate::page::{ReplayAction, ReplayInfo, ReplayRequest, ReplayStatus};
 
 /// Opcode of the state to clients.

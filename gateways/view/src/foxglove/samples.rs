@@ -8,7 +8,7 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 
 use super::channels::Sample;
-use crate::id::ChannelId;
+use crate::event::ChannelId;
 
 /// Bytes that wait in order. With the 16 KiB that are ready and as many in the kernel it is half a second at 200 kB/s.
 pub const MAX_BYTES: usize = 64 << 10;

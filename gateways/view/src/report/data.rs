@@ -1,12 +1,11 @@
 //! The flight as JSON for the page's script.
 //!
 //! Its size is bounded whatever the length of the flight: of a curve, [`COLUMNS`] columns with the first, least, greatest and last value
-//! each; texts of [`MOST_LETTERS`]; lists of [`MOST_ITEMS`]. So no peak is lost, and a page has at most some megabytes.
+//! each; texts of [`MOST_LETTERS`]; lists of [`MOST_ITEMS`]. So no peak is lost, and a page has at most some megabytes. Texts of files are made harmless.
 
 use serde_json::{Value, json};
 
 use super::flight::{Curve, Data, FlightReport, Plot};
-use super::text::short;
 
 /// Columns of a curve: more than a plot is wide on most screens and on paper.
 pub const COLUMNS: usize = 1500;
@@ -113,6 +112,36 @@ fn curve(curve: &Curve, span_s: f64) -> Value {
     json!({ "name": curve.name, "ink": curve.ink, "kind": kind, "t_ms": t_ms, "values": values })
 }
 
+/// The text without characters that change how what follows is read: controls, and those that turn the direction of text. Each
+/// becomes a replacement character, so that it is seen that something was there.
+fn plain(text: &str) -> String {
+    let shown = |character: char| match character {
+        '\t' | '\n' => ' ',
+        '\u{200e}'
+        | '\u{200f}'
+        | '\u{202a}'..='\u{202e}'
+        | '\u{2066}'..='\u{2069}'
+        | '\u{feff}' => '\u{fffd}',
+        // No characters of Unicode texts.
+        '\u{fffe}' | '\u{ffff}' => '\u{fffd}',
+        character if character.is_control() => '\u{fffd}',
+        character => character,
+    };
+    text.chars().map(shown).collect()
+}
+
+/// The same with at most `most` characters; what is cut off is an ellipsis.
+pub fn short(text: &str, most: usize) -> String {
+    let text = plain(text);
+    if text.chars().count() <= most {
+        return text;
+    }
+    text.chars()
+        .take(most.saturating_sub(1))
+        .chain(['…'])
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::envelope::Envelope;
@@ -162,5 +191,20 @@ mod tests {
             (&all["span_s"], &all["start_unix_ms"]),
             (&json!(1.0), &json!(1_795_348_483_000_u64))
         );
+    }
+}
+
+#[cfg(test)]
+mod text_tests {
+    use super::*;
+
+    #[test]
+    fn nothing_that_is_obeyed_stays() {
+        assert_eq!(
+            plain("a\u{1b}[2Jb\u{202e}c\0\tä"),
+            "a\u{fffd}[2Jb\u{fffd}c\u{fffd} ä"
+        );
+        assert_eq!(short("abcdef", 4), "abc…");
+        assert_eq!(short("abcd", 4), "abcd");
     }
 }

@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 
-use super::bins::Bins;
-use super::envelope::Envelope;
+use super::envelope::{Bins, Envelope};
 use crate::page::Area;
 
 /// A recorded flight. What the recording does not have is empty, and the report says so.

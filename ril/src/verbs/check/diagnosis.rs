@@ -3,15 +3,16 @@
 //! Notes say what was found to be in order, or what a live process is about to put in order. Warnings keep no process from its
 //! work now: they are cured by the next start, or mislead the operator. Errors keep a process from starting or from its work.
 //!
-//! Here are memory, configuration and repair; `clock`, `domain`, `services`, `serial`, `relay_link`, `view` and `mavlink` have the others.
+//! Here are memory, clock, configuration and repair; `domain`, `services`, `serial` and `gateways` have the others.
 
 use ipc_types::{LowLimit, Repair};
 use runtime::exit::ExitCode;
 use runtime::finding::{Finding, Severity};
 use serde::Serialize;
+use status::log::clock::Utc;
 
-use super::facts::{FileContent, FileFacts, FreeMemory, MachineFacts};
-use super::{clock, domain, mavlink, relay_link, serial, services, view};
+use super::facts::{ClockFacts, FileContent, FileFacts, FreeMemory, MachineFacts};
+use super::{domain, gateways, serial, services};
 use crate::render::words::count_irregular;
 use crate::robot::domain::{DomainFacts, Look, Trouble};
 
@@ -81,11 +82,11 @@ pub fn diagnose(facts: &MachineFacts) -> Vec<(Subject, Finding)> {
         Err(reason) => add(Subject::Configuration, vec![domain_unnamed(reason)]),
     }
     if let Some(relay) = &facts.relay {
-        add(Subject::Relay, relay_link::diagnose(relay, facts.robot));
+        add(Subject::Relay, gateways::relay(relay, facts.robot));
     }
     add(Subject::Memory, memory(&facts.free_memory));
     add(Subject::Memory, facts.limits.iter().map(limit).collect());
-    add(Subject::Clock, vec![clock::diagnose(&facts.clock)]);
+    add(Subject::Clock, vec![clock(&facts.clock)]);
     add(
         Subject::Configuration,
         facts.files.iter().map(configuration).collect(),
@@ -103,10 +104,10 @@ pub fn diagnose(facts: &MachineFacts) -> Vec<(Subject, Finding)> {
         add(Subject::Serial, vec![finding]);
     }
     if let Some(look) = &facts.view {
-        add(Subject::View, view::diagnose(look));
+        add(Subject::View, gateways::view(look));
     }
     if let Some(look) = &facts.mavlink {
-        add(Subject::Mavlink, mavlink::diagnose(look));
+        add(Subject::Mavlink, gateways::mavlink(look));
     }
     findings
 }
@@ -340,6 +341,30 @@ fn repaired(repair: &Repair) -> Vec<Finding> {
         ));
     }
     findings
+}
+
+const CLOCK: &str = "clock";
+
+/// What the wall clock means.
+pub(super) fn clock(facts: &ClockFacts) -> Finding {
+    let clock = facts.clock;
+    let now = Utc::from_unix(clock.unix_s);
+    let check = if !clock.was_set() {
+        Finding::warning(
+            CLOCK,
+            format!("the clock was never set: {now} is before this program was installed"),
+            "set it: connect a network that has the time, or `sudo date --set 'YYYY-MM-DD hh:mm'`; until then files have wrong names and times, \
+             and no certificate of other machines is taken",
+        )
+    } else if facts.is_synchronized {
+        Finding::note(CLOCK, format!("{now}, synchronized"))
+    } else {
+        Finding::note(
+            CLOCK,
+            format!("{now}; whether it is synchronized is not known"),
+        )
+    };
+    check.with_limit(format!("after {}", Utc::from_unix(clock.not_before_unix_s)))
 }
 
 #[cfg(test)]

@@ -3,18 +3,18 @@
 //! Nothing is changed, unless `--repair` asks to remove what is certainly dead. Nothing is joined but the topic of a live relay's
 //! link and, for a moment, the journal of a live bridge, which says its configuration; no other port is opened. Each look times out.
 
-use std::io::{self, Write};
+use std::io;
 
 use runtime::exit::{ExitCode, Failure};
 use runtime::finding::{Finding, Severity};
 use serde::{Serialize, Serializer};
 
+use super::DoctorArgs;
 use super::diagnosis::{Subject, diagnose, diagnose_files, exit_code};
 use super::facts::{FileFacts, MachineFacts};
-use super::options::DoctorArgs;
 use super::{HEADING, gather, width};
 use crate::render::finding::lines;
-use crate::render::json_line;
+use crate::render::print_as;
 use crate::render::words::count;
 
 /// `ril doctor`
@@ -41,13 +41,7 @@ pub fn doctor(args: &DoctorArgs) -> Result<(), Failure> {
             DoctorReport::of(&facts)
         }
     };
-    let mut out = io::stdout().lock();
-    if args.json {
-        json_line(&mut out, &report)?;
-    } else {
-        let text = report.text(width(&out));
-        out.write_all(text.as_bytes()).map_err(Failure::output)?;
-    }
+    print_as(args.json, &report, report.text(width(&io::stdout())))?;
     match report.exit_code {
         ExitCode::Ok => Ok(()),
         code => Err(Failure::new(code, report.verdict())),

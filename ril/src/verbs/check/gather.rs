@@ -21,11 +21,11 @@ use rustix::fs::Access;
 use serde::de::DeserializeOwned;
 use status::log::config::LogConfig;
 
+use super::MachineArgs;
 use super::facts::{
     ClockFacts, Device, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs,
     MachineFacts, MavlinkFacts, PortFacts, PortHolders, ViewFacts,
 };
-use super::options::MachineArgs;
 use super::services::bridge_pid;
 use crate::mavlink_setup::{self, MavlinkConfig};
 use crate::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, Provided, open_files};

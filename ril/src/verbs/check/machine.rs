@@ -2,7 +2,7 @@
 
 use runtime::finding::{Finding, Severity};
 
-use super::clock;
+use super::diagnosis;
 use super::diagnosis::{Subject, diagnose};
 use super::facts::{LogPlace, Logs, PreflightFacts};
 use crate::config::PreflightLimits;
@@ -12,7 +12,7 @@ const MIB: u64 = 1 << 20;
 /// The checks of the machine.
 pub(super) fn judge(facts: &PreflightFacts, limits: &PreflightLimits) -> Vec<Finding> {
     let findings = diagnose(&facts.machine);
-    let mut checks = vec![clock::diagnose(&facts.machine.clock)];
+    let mut checks = vec![diagnosis::clock(&facts.machine.clock)];
     // Of a robot on another machine, status writes its logs there.
     if !facts.live.is_relayed {
         checks.push(log_room(facts, limits));

@@ -3,7 +3,7 @@
 //! What the machine is like comes from the doctor and is not judged a second time. [`judge`] is pure: the same facts give the same
 //! findings. [`PreflightLimits`] is `[preflight]` of `ril.toml`.
 
-use std::io::{self, Write};
+use std::io;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -15,12 +15,12 @@ use runtime::finding::{Finding, Severity};
 use serde::{Serialize, Serializer};
 
 use super::facts::{Live, Logs, PreflightFacts};
-use super::options::{MachineArgs, PreflightArgs};
 use super::{HEADING, gather, helicopter, machine, robot, width};
+use super::{MachineArgs, PreflightArgs};
 use crate::config::{Config, PreflightLimits};
 use crate::render::finding::lines;
-use crate::render::json_line;
 use crate::render::messages::Verb;
+use crate::render::print_as;
 use crate::render::words::{count, wrap};
 use crate::request::{Conversation, Format, Until};
 use crate::robot::domain::Namespace;
@@ -38,9 +38,7 @@ const START_TIMEOUT: Duration = Duration::from_millis(500);
 /// Code 8 when a check failed or could not be made, and with `--strict` when one warns.
 pub fn preflight(args: &PreflightArgs) -> Result<(), Failure> {
     let common = &args.machine.common;
-    let Some(config) = configuration(common)? else {
-        return Ok(());
-    };
+    let config = configuration(common)?;
     let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
     // A domain that cannot be joined is one of the findings.
     let session = Session::join(common).ok();
@@ -52,13 +50,7 @@ pub fn preflight(args: &PreflightArgs) -> Result<(), Failure> {
         None => Live::default(),
     };
     let report = report(&args.machine, live, &config);
-    let mut out = io::stdout().lock();
-    if args.json {
-        json_line(&mut out, &report)?;
-    } else {
-        let text = report.text(width(&out));
-        out.write_all(text.as_bytes()).map_err(Failure::output)?;
-    }
+    print_as(args.json, &report, report.text(width(&io::stdout())))?;
     let is_ready = match report.worst() {
         Severity::Note => true,
         Severity::Warning => !args.strict,

@@ -13,6 +13,8 @@ use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
+use crate::render::note;
+
 /// Bytes read at once: 0.3 s of a line of 115200 baud.
 const READ_BYTES: usize = 4_096;
 
@@ -172,8 +174,7 @@ fn say_progress(run: &Conformance, said: usize) -> usize {
             continue;
         };
         if let Verdict::Broken { found } = &check.verdict {
-            // Standard error may be closed; the report says it again.
-            let _ = writeln!(io::stderr(), "broken: {}: {found}", check.id);
+            note(format_args!("broken: {}: {found}", check.id));
         }
     }
     run.done()

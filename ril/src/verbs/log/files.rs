@@ -14,8 +14,7 @@ use status::log::groups::LogGroups;
 use status::log::read::{LogReader, MAX_LINE_BYTES};
 
 use super::options::LogPlaceArgs;
-use super::recording::McapReader;
-use super::recording::{LogEntry, LogFormat, LogReadError, Recording};
+use super::recording::{LogEntry, LogFormat, LogReadError, McapReader, Recording};
 use crate::render::words::count;
 
 /// Most damaged lines that are named: the first ones show what happened, the number of all how bad it is.
@@ -225,6 +224,34 @@ impl LogFile {
         }
     }
 
+    /// Gives each row and each damaged line to `take`, with the number of damaged lines so far.
+    ///
+    /// # Errors
+    ///
+    /// What `take` fails with.
+    pub fn read(
+        &mut self,
+        mut take: impl FnMut(LogEntry<'_>, u64) -> Result<(), Failure>,
+    ) -> Result<LogEnd, Failure> {
+        let mut damaged = 0;
+        let trouble = loop {
+            match self.recording.next() {
+                Ok(Some(entry)) => {
+                    damaged += u64::from(matches!(entry, LogEntry::Damaged(_)));
+                    take(entry, damaged)?;
+                }
+                Ok(None) => break None,
+                Err(error) => break Some(error),
+            }
+        };
+        Ok(LogEnd {
+            name: self.name(),
+            trouble,
+            damaged,
+            unfinished_bytes: self.recording.unfinished_bytes(),
+        })
+    }
+
     /// Where it lies.
     pub fn path(&self) -> &Path {
         &self.path
@@ -405,27 +432,35 @@ fn of_robot(place: &LogPlaceArgs, kind: Option<FileKind>) -> Result<Vec<PathBuf>
     Ok(found.into_iter().map(|file| file.path).collect())
 }
 
-/// How a command ends that has read the file `name` as far as it could.
-pub(super) fn ending(
-    name: &str,
+/// A file that was read as far as it could.
+pub(super) struct LogEnd {
+    name: String,
+    /// Why it could not be read to its end.
     trouble: Option<LogReadError>,
     damaged: u64,
-    unfinished_bytes: usize,
-) -> Result<(), Failure> {
-    if let Some(error) = trouble {
-        return Err(unreadable(name, error));
+    /// Bytes that the file ends with and that are no row.
+    pub unfinished_bytes: usize,
+}
+
+impl LogEnd {
+    /// How a command ends that has read the file.
+    pub fn verdict(self) -> Result<(), Failure> {
+        let LogEnd { name, damaged, .. } = self;
+        if let Some(error) = self.trouble {
+            return Err(unreadable(&name, error));
+        }
+        let lines = count(damaged, "damaged line");
+        let bytes = format!(
+            "ends with {} of a row that is cut off",
+            count(self.unfinished_bytes as u64, "byte")
+        );
+        let text = match (damaged, self.unfinished_bytes) {
+            (0, 0) => return Ok(()),
+            (0, _) => format!("{name} {bytes}"),
+            (_, 0) => format!("{name} has {lines}"),
+            _ => format!("{name} has {lines} and {bytes}"),
+        };
+        let text = format!("{text}: everything else was read");
+        Err(Failure::new(ExitCode::NotInOrder, text))
     }
-    let lines = count(damaged, "damaged line");
-    let bytes = format!(
-        "ends with {} of a row that is cut off",
-        count(unfinished_bytes as u64, "byte")
-    );
-    let text = match (damaged, unfinished_bytes) {
-        (0, 0) => return Ok(()),
-        (0, _) => format!("{name} {bytes}"),
-        (_, 0) => format!("{name} has {lines}"),
-        _ => format!("{name} has {lines} and {bytes}"),
-    };
-    let text = format!("{text}: everything else was read");
-    Err(Failure::new(ExitCode::NotInOrder, text))
 }

@@ -8,8 +8,8 @@ use status::log::clock::IsoTime;
 
 use super::files::{self, FoundLog, folders};
 use super::options::LogListArgs;
-use crate::render::json_line;
 use crate::render::words::duration_with_tenths;
+use crate::render::{json_line, note};
 use crate::session::configuration;
 
 /// Name of the layout of a file in a list.
@@ -73,9 +73,7 @@ impl<'a> FileObject<'a> {
 ///
 /// Code 2 when a folder cannot be read.
 pub(super) fn list(args: &LogListArgs) -> Result<(), Failure> {
-    if configuration(&args.place.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.place.common)?;
     let folders = folders(&args.place)?;
     let mut found = files::find(&folders)?;
     if args.place.common.robot.is_some() {
@@ -83,12 +81,10 @@ pub(super) fn list(args: &LogListArgs) -> Result<(), Failure> {
     }
     let mut out = BufWriter::new(io::stdout().lock());
     if found.is_empty() {
-        // Standard error may be closed; that does no harm.
-        let _ = writeln!(
-            io::stderr(),
+        note(format_args!(
             "no log in {}: `[[log]]` of status.toml and `ril record` make some, and --dir names another folder",
             files::names(&folders)
-        );
+        ));
     } else if !args.json {
         let titles = ["START (UTC)", "DURATION", "SIZE", "ROBOT", "FILE"];
         writeln!(out, "{}", line(titles)).map_err(Failure::output)?;

@@ -1,7 +1,7 @@
 //! `ril log …`: what status and `ril record` wrote. It needs no process and joins no shared memory.
 //!
 //! `files` finds and opens files, `list` lists them, `tail` follows one, `report` makes a page of one, `whole` checks and recovers
-//! records. `recording` reads their entries: its `Format` is the one place to add another format. `row` and `summary` are pure
+//! records. `recording` reads their entries: its `LogFormat` is the one place to add another format. `row` and `summary` are pure
 //! values that take entries.
 
 mod files;
@@ -23,10 +23,9 @@ use status::log::groups::LogGroups;
 
 pub use self::report::report_page;
 
-use self::files::ending;
 use self::files::{MAX_NAMED, chosen_file, of_flight};
 use self::options::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs};
-use self::recording::{Damage, LogEntry};
+use self::recording::LogEntry;
 use self::row::{Chosen, UTC, UtcSource, UtcTimes};
 use self::summary::Summarizer;
 use crate::render::print;
@@ -51,39 +50,26 @@ pub fn log(args: &LogArgs) -> Result<(), Failure> {
 }
 
 fn summary(args: &LogFileArgs) -> Result<(), Failure> {
-    if configuration(&args.place.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.place.common)?;
     let mut file = chosen_file(args.file.as_ref(), &args.place, of_flight())?;
-    let mut summarizer: Option<Summarizer> = None;
     let (name, robot, created) = (file.name(), file.robot(), file.created_unix_s());
     file.begin()?;
-    let columns = file.recording.columns().to_vec();
-    let trouble = loop {
-        let summarizer = summarizer.get_or_insert_with(|| {
-            let source = UtcSource::of(&columns, created);
-            Summarizer::new(name.clone(), robot, &columns, source)
-        });
-        match file.recording.next() {
-            Ok(Some(LogEntry::Row(row))) => summarizer.row(&row),
-            Ok(Some(LogEntry::Damaged(damage))) => summarizer.damage(&damage),
-            Ok(None) => break None,
-            Err(error) => break Some(error),
+    let columns = file.recording.columns();
+    let source = UtcSource::of(columns, created);
+    let mut summarizer = Summarizer::new(name, robot, columns, source);
+    let end = file.read(|entry, _| {
+        match entry {
+            LogEntry::Row(row) => summarizer.row(&row),
+            LogEntry::Damaged(damage) => summarizer.damage(&damage),
         }
-    };
-    let unfinished = file.recording.unfinished_bytes();
-    let Some(summary) = summarizer.map(|summarizer| summarizer.finish(unfinished)) else {
-        return Ok(());
-    };
-    print(&summary, args.json)?;
-    let lines = (summary.damaged_lines, summary.unfinished_bytes);
-    ending(&name, trouble, lines.0, lines.1)
+        Ok(())
+    })?;
+    print(&summarizer.finish(end.unfinished_bytes), args.json)?;
+    end.verdict()
 }
 
 fn csv(args: &LogCsvArgs) -> Result<(), Failure> {
-    if configuration(&args.place.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.place.common)?;
     let mut file = chosen_file(args.file.as_ref(), &args.place, LogGroups::ALL)?;
     let (name, created) = (file.name(), file.created_unix_s());
     file.begin()?;
@@ -99,27 +85,24 @@ fn csv(args: &LogCsvArgs) -> Result<(), Failure> {
     let mut out = ::csv::Writer::from_writer(BufWriter::new(io::stdout().lock()));
     let header = [UTC].into_iter().chain(chosen.names());
     out.write_record(header).map_err(written)?;
-    let mut damaged = 0;
-    let trouble = loop {
-        match file.recording.next() {
-            Ok(Some(LogEntry::Row(row))) => {
-                let time = times
-                    .of(&row)
-                    .map_or_else(String::new, |time| time.to_string());
-                let cells = chosen.cells(&row);
-                let record = [time.as_str()].into_iter().chain(cells);
-                out.write_record(record).map_err(written)?;
-            }
-            Ok(Some(LogEntry::Damaged(damage))) => {
-                damaged += 1;
-                report(&name, damaged, &damage);
-            }
-            Ok(None) => break None,
-            Err(error) => break Some(error),
+    let end = file.read(|entry, damaged| match entry {
+        LogEntry::Row(row) => {
+            let time = times
+                .of(&row)
+                .map_or_else(String::new, |time| time.to_string());
+            let cells = chosen.cells(&row);
+            let record = [time.as_str()].into_iter().chain(cells);
+            out.write_record(record).map_err(written)
         }
-    };
+        LogEntry::Damaged(damage) => {
+            if damaged <= MAX_NAMED {
+                tracing::warn!("{name}: {damage}");
+            }
+            Ok(())
+        }
+    })?;
     out.flush().map_err(Failure::output)?;
-    ending(&name, trouble, damaged, file.recording.unfinished_bytes())
+    end.verdict()
 }
 
 /// Says where times come from when they do not come from the log.
@@ -133,13 +116,6 @@ fn note(source: UtcSource) {
         UtcSource::Nowhere => tracing::warn!(
             "times in UTC are not known: the log has no column `utc`, and its file has another name than status gave it"
         ),
-    }
-}
-
-/// Names one of the first damaged lines.
-fn report(name: &str, number: u64, damage: &Damage) {
-    if number <= MAX_NAMED {
-        tracing::warn!("{name}: {damage}");
     }
 }
 

@@ -35,9 +35,7 @@ const EVENT_BYTES: usize = 4096;
 ///
 /// As all of `ril log`.
 pub(super) fn tail(args: &LogTailArgs) -> Result<(), Failure> {
-    if configuration(&args.place.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.place.common)?;
     let path = match &args.file {
         Some(path) => path.clone(),
         None => newest(&args.place)?,

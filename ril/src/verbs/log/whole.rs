@@ -1,7 +1,7 @@
 //! `ril log check`, `recover` and `export`: what of a flight record is complete, a whole file of a damaged one, and a part of one.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::BufWriter;
 use std::path::Path;
 use std::time::Duration;
 
@@ -15,7 +15,7 @@ use super::options::{LogExportArgs, LogFileArgs, LogRecoverArgs};
 use crate::recorded::check::FileCheck;
 use crate::recorded::{key_of, name_of, new_file};
 use crate::render::words::{count, shell_word};
-use crate::render::{json_line, print};
+use crate::render::{print, print_as};
 use crate::session::configuration;
 
 /// How a file of a record that was made whole ends, behind the name of the damaged one. No log and no recording gives such a
@@ -31,9 +31,7 @@ const PART: &str = "part.mcap";
 ///
 /// Code 2 when the file cannot be read or is no record, 8 when it is not complete.
 pub(super) fn check(args: &LogFileArgs) -> Result<(), Failure> {
-    if configuration(&args.place.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.place.common)?;
     let path = match &args.file {
         Some(path) => path.clone(),
         None => last_flight(&args.place, Some(FileKind::Mcap))?,
@@ -124,9 +122,7 @@ fn write(
     schema: &'static str,
     write: impl FnOnce(&RecordFile, &mut BufWriter<File>) -> Result<Recovered, ReadError>,
 ) -> Result<(), Failure> {
-    if configuration(&args.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.common)?;
     let record = record(&args.file)?;
     let output = args.output.clone();
     let output = output.unwrap_or_else(|| args.file.with_extension(ending));
@@ -146,22 +142,21 @@ fn write(
         );
         return Err(Failure::usage(text).with_next_step(next_step));
     }
-    let mut out = io::stdout().lock();
-    if args.json {
-        let object = WrittenObject {
-            schema,
-            file: args.file.display().to_string(),
-            output: output.display().to_string(),
-            messages: written.messages,
-            errors: written.errors.iter().map(ToString::to_string).collect(),
-        };
-        return json_line(&mut out, &object);
+    if !args.json {
+        for error in &written.errors {
+            tracing::info!("{}: {error}", args.file.display());
+        }
     }
-    for error in &written.errors {
-        tracing::info!("{}: {error}", args.file.display());
-    }
+    let object = WrittenObject {
+        schema,
+        file: args.file.display().to_string(),
+        output: output.display().to_string(),
+        messages: written.messages,
+        errors: written.errors.iter().map(ToString::to_string).collect(),
+    };
     let messages = count(written.messages, "message");
-    writeln!(out, "{}: {messages}", output.display()).map_err(Failure::output)
+    let text = format_args!("{}: {messages}\n", output.display());
+    print_as(args.json, &object, text)
 }
 
 /// The record at `path`.

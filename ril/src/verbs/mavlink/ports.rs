@@ -18,7 +18,7 @@ use mavlink_gateway::{FenceRefusal, Gateway, Order, OrderKind};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::render::messages::{self, FinalReport, Verb};
-use crate::request::order::{OrderRequest, RobotOrder};
+use crate::request::ports::{OrderRequest, RobotOrder};
 use crate::request::{Exchange, Next, Outcome, Until};
 use crate::robot::running::{RunningBridge, file_of};
 use crate::session::Topics;

@@ -10,8 +10,8 @@ use serde::ser::{Serialize, Serializer};
 
 use crate::render::fields::{JsonLine, Tree};
 use crate::render::words::count;
+use crate::robot::freshness::SampleAge;
 use crate::robot::relay_link::{STALE_AFTER, UNREADABLE, ago, heard_ms, shown, since_ms};
-use crate::robot::sample_age::SampleAge;
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Mavlink.v1";

@@ -16,9 +16,7 @@ use crate::session::{Latest, Session, other_domains, others_alive};
 ///
 /// Code 3 when there is no gateway, 4 when it publishes nothing, 6 when the helicopter is not heard.
 pub fn status(args: &SampleArgs) -> Result<(), Failure> {
-    let Some((session, timeout)) = Session::for_samples(args)? else {
-        return Ok(());
-    };
+    let (session, timeout) = Session::for_samples(args)?;
     let robot = session.ipc.robot();
     let Some(mut topic) = Latest::<MavlinkStations>::open_if_provided(&session)? else {
         let text = format!(

@@ -1,22 +1,20 @@
 //! `ril control …`: who commands the bridge, and taking, releasing and passing that on.
 
-use std::io::{self, Write};
-
 use clap::{Args, Subcommand};
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, ModuleState, RelayStations};
-use ipc_types::{MonotonicNs, Request, Source, Topic};
+use ipc_types::{MonotonicNs, Request, Topic};
 use runtime::exit::Failure;
 
 use super::asked::run;
 use crate::options::{RequestArgs, SampleArgs};
 use crate::render::fields::{JsonLine, Tree};
-use crate::render::json_line;
 use crate::render::messages::Verb;
+use crate::render::print_as;
 use crate::request::control_request;
 use crate::robot::absence::{absent, nothing_came};
 use crate::robot::controller::{Senders, own_session};
-use crate::session::{Latest, Session, Topics, is_relayed};
+use crate::session::{Latest, Session, is_relayed};
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.Control.v1";
@@ -61,58 +59,35 @@ pub fn control(command: &HolderCommand) -> Result<(), Failure> {
     })
 }
 
-/// The newest state, and the stations for their names.
-struct NewestControl {
-    state: Latest<ModuleState>,
-    stations: Latest<RelayStations>,
-}
-
-impl Topics for NewestControl {
-    fn ports(&mut self) -> Vec<&mut dyn Source> {
-        let mut ports = self.state.ports();
-        ports.extend(self.stations.ports());
-        ports
-    }
-
-    fn drain(&mut self) {
-        self.state.drain();
-        self.stations.drain();
-    }
-}
-
 fn show(args: &SampleArgs) -> Result<(), Failure> {
-    let Some((session, timeout)) = Session::for_samples(args)? else {
-        return Ok(());
-    };
+    let (session, timeout) = Session::for_samples(args)?;
     let Some(provider) = session.provider(ModuleState::KEY)? else {
         return Err(absent(&session, ModuleState::KEY));
     };
-    let mut newest = NewestControl {
-        state: Latest::open(&session.ipc)?,
-        stations: Latest::open(&session.ipc)?,
-    };
+    let state = Latest::<ModuleState>::open(&session.ipc)?;
+    // Their names.
+    let stations = Latest::<RelayStations>::open(&session.ipc)?;
+    let mut newest = (state, stations);
     let give_up = MonotonicNs::now() + timeout;
     // A name that comes late is one that is not known.
-    session.gather(&mut newest, give_up, |newest, _| {
-        let holder = newest.state.sample.map(|state| state.control.holder);
-        let is_named = newest.stations.sample.is_some();
+    session.gather(&mut newest, give_up, |(state, stations), _| {
+        let holder = state.sample.map(|state| state.control.holder);
+        let is_named = stations.sample.is_some();
         Ok(holder.is_some_and(|holder| holder.origin == 0 || is_named))
     })?;
-    let Some(state) = newest.state.sample else {
+    let (state, stations) = newest;
+    let Some(state) = state.sample else {
         return Err(nothing_came(&session, ModuleState::KEY, timeout)?);
     };
     let senders = Senders {
         own_session: own_session().filter(|_| !is_relayed(ModuleState::KEY, &provider)),
-        stations: newest.stations.sample.as_ref(),
+        stations: stations.sample.as_ref(),
     };
     let (robot, now) = (session.ipc.robot().get(), MonotonicNs::now());
-    let mut out = io::stdout().lock();
-    if args.json {
-        let control = senders.tree(&state.control, now);
-        let tree = &Tree::nested([("robot", robot.into()), ("control", control)]);
-        let schema = SCHEMA;
-        return json_line(&mut out, &JsonLine { schema, tree });
-    }
+    let control = senders.tree(&state.control, now);
+    let tree = &Tree::nested([("robot", robot.into()), ("control", control)]);
+    let schema = SCHEMA;
     let text = senders.in_words(&state, now);
-    writeln!(out, "control of robot {robot}: {text}").map_err(Failure::output)
+    let text = format_args!("control of robot {robot}: {text}\n");
+    print_as(args.json, &JsonLine { schema, tree }, text)
 }

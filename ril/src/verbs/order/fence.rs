@@ -1,49 +1,28 @@
 //! `ril fence show`: the geofence that the running bridge has in force. `ril fence reload`, with what is wrong in the file that it reads.
 
-use std::io::{self, Write};
 use std::path::Path;
-use std::time::Duration;
 
 use bridge::BridgeConfig;
 use bridge::safety::fence::{AreaConfig, AreaKind, FenceConfig};
-use clap::Args;
 use ipc_types::Topic;
 use ipc_types::code::{ControlCommand, Reason};
 use ipc_types::payload::{BridgeJournal, ModuleControl, ModuleState};
-use runtime::args::CommonArgs;
 use runtime::config::ConfigError;
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
-use super::asked::{OrderContext, until};
-use crate::options::{EXIT_CODES, RequestArgs, duration};
-use crate::render::json_line;
+use super::asked::until;
+use crate::options::{RequestArgs, SampleArgs};
 use crate::render::messages::Verb;
+use crate::render::print_as;
 use crate::render::words::count;
 use crate::request::{Conversation, Format, control_request};
 use crate::robot::absence::{absent, nothing_came};
 use crate::robot::running;
-use crate::session::{Session, configuration, is_relayed};
+use crate::session::{OrderContext, Session, is_relayed};
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.Fence.v1";
-
-/// `ril fence show`
-#[derive(Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
-pub struct FenceShowArgs {
-    /// What every process takes.
-    #[command(flatten)]
-    pub common: CommonArgs,
-
-    /// How long to wait for the bridge's answer, such as 5s or 200ms [default: 2s, or ril.toml]
-    #[arg(long, value_name = "DURATION", env = "RIL_TIMEOUT", value_parser = duration)]
-    pub timeout: Option<Duration>,
-
-    /// Print the fence as a JSON object
-    #[arg(long)]
-    pub json: bool,
-}
 
 /// The fence, for programs: the keys of `[fence]` in bridge.toml.
 #[derive(Serialize)]
@@ -59,12 +38,8 @@ struct FenceObject {
 /// # Errors
 ///
 /// Code 3 when there is no bridge, 4 when it does not say its fence in time.
-pub fn show(args: &FenceShowArgs) -> Result<(), Failure> {
-    let Some(config) = configuration(&args.common)? else {
-        return Ok(());
-    };
-    let session = Session::join(&args.common)?;
-    let timeout = args.timeout.unwrap_or_else(|| config.request.timeout());
+pub fn show(args: &SampleArgs) -> Result<(), Failure> {
+    let (session, timeout) = Session::for_samples(args)?;
     if !session.is_provided(BridgeJournal::KEY)? && !session.is_provided(ModuleState::KEY)? {
         return Err(absent(&session, ModuleState::KEY));
     }
@@ -83,20 +58,13 @@ pub fn show(args: &FenceShowArgs) -> Result<(), Failure> {
     };
     let robot = session.ipc.robot().get();
     let fence = FenceConfig::from(running.fence);
-    let mut out = io::stdout().lock();
-    match args.json {
-        true => json_line(
-            &mut out,
-            &FenceObject {
-                schema: SCHEMA,
-                robot,
-                fence,
-            },
-        ),
-        false => out
-            .write_all(text(robot, &fence).as_bytes())
-            .map_err(Failure::output),
-    }
+    let text = text(robot, &fence);
+    let object = FenceObject {
+        schema: SCHEMA,
+        robot,
+        fence,
+    };
+    print_as(args.json, &object, text)
 }
 
 /// Whether the bridge runs on another machine, from which its state comes and its journal does not.
@@ -161,9 +129,7 @@ fn shape(area: &AreaConfig) -> String {
 ///
 /// As [`stop`](super::stop); what is wrong in the file is named, if the bridge refuses it and the file can be seen from here.
 pub fn reload(args: &RequestArgs) -> Result<(), Failure> {
-    let Some(asked) = OrderContext::of(&args.ask)? else {
-        return Ok(());
-    };
+    let asked = OrderContext::of(&args.ask)?;
     let request = control_request(ControlCommand::ReloadFence, asked.deadline_ms);
     let mut bridge =
         Conversation::<ModuleControl>::open(&asked.session, Verb::ReloadFence, asked.timeout)?;

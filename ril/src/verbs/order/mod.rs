@@ -2,7 +2,7 @@
 //!
 //! A conversation sends and follows them, and [`messages`](crate::render::messages) has the texts and exit codes.
 //!
-//! * `asked`: what each command has; `path`: goto and rtl, with `progress` beside; `fence`: the geofence that is in force;
+//! * `asked`: one command as a whole; `path`: goto and rtl, with `progress` beside; `fence`: the geofence that is in force;
 //!   `control`: who commands.
 
 mod asked;
@@ -20,12 +20,11 @@ use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure};
 
 use crate::config::Config;
-use crate::options::{RequestArgs, take_off_height};
+use crate::options::{RequestArgs, SampleArgs, take_off_height};
 use crate::render::messages::Verb;
 use crate::request::{Conversation, Format, complete, control_request};
-use crate::session::{Session, commandable_here, configuration, other_domains};
-use asked::{OrderContext, run, until};
-use fence::FenceShowArgs;
+use crate::session::{OrderContext, Session, commandable_here, other_domains};
+use asked::{run, until};
 
 pub use control::{HolderArgs, control as command_of};
 pub use path::{GotoArgs, RtlArgs, go_to, rtl};
@@ -102,7 +101,7 @@ pub struct FenceArgs {
 #[derive(Clone, Debug, Subcommand)]
 pub enum FenceCommand {
     /// Show the geofence that the running bridge has in force
-    Show(FenceShowArgs),
+    Show(SampleArgs),
     /// Read the geofence in bridge.toml again; the bridge checks a path that is under way against it
     Reload(RequestArgs),
 }
@@ -197,21 +196,16 @@ pub fn hold(args: &HoldArgs) -> Result<(), Failure> {
 /// Every robot has its order before the outcome of one is waited for, and one that fails keeps no other from it.
 fn hold_all(args: &RequestArgs) -> Result<(), Failure> {
     let ask = &args.ask;
-    let Some(config) = configuration(&ask.common)? else {
-        return Ok(());
-    };
-    let timeout = ask.timeout.unwrap_or_else(|| config.request.timeout());
-    let deadline_ms = ask.deadline.unwrap_or(config.request.deadline_ms);
+    let own = OrderContext::of_reader(ask)?;
     let robots = commandable_here()?;
     if robots.is_empty() {
         let text = format!("there is no robot to hold{}", other_domains());
         return Err(Failure::new(ExitCode::ServiceAbsent, text));
     }
-    let own = Session::join(&ask.common)?;
     let mut failures = Vec::new();
     let mut sessions = Vec::new();
     for robot in robots {
-        match own.beside(robot) {
+        match own.session.beside(robot) {
             Ok(session) => sessions.push(session),
             Err(failure) => failures.push((robot, failure)),
         }
@@ -219,8 +213,8 @@ fn hold_all(args: &RequestArgs) -> Result<(), Failure> {
     let mut begun = Vec::new();
     for session in &sessions {
         let request = MovementData::hold(fresh_request_id());
-        let requests = [complete(request, true, deadline_ms)];
-        let sent = Conversation::open(session, Verb::Hold, timeout).and_then(|bridge| {
+        let requests = [complete(request, true, own.deadline_ms)];
+        let sent = Conversation::open(session, Verb::Hold, own.timeout).and_then(|bridge| {
             let mut bridge = bridge.name_robot();
             let exchange = bridge.begin(&requests, until(args))?;
             Ok((bridge, exchange))

@@ -8,7 +8,7 @@ use ipc_types::payload::{ModuleState, MovementData, WaypointPosition};
 use ipc_types::{MonotonicNs, fresh_request_id};
 use runtime::exit::{ExitCode, Failure};
 
-use super::asked::{OrderContext, until};
+use super::asked::until;
 use super::progress::ProgressLine;
 use crate::options::{
     Height, Move, RequestArgs, Target, Targets, height, number, read_text, targets, waypoints,
@@ -18,6 +18,7 @@ use crate::request::cruise::{CruiseSpeed, known_mps, speed_mps};
 use crate::request::{Conversation, Format, Until, complete};
 use crate::robot::geo::{Place, moved};
 use crate::robot::position::{Present, ground_altitude_m, newest_state, present_position};
+use crate::session::OrderContext;
 
 /// A climb shorter than this is none: an altitude is not measured better, m.
 const MIN_CLIMB_M: f64 = 1.0;
@@ -113,9 +114,7 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
     };
     // The other commands make their request first of all: one that is stopped meanwhile does not renew its order.
     let issued_ns = MonotonicNs::now().0;
-    let Some(asked) = OrderContext::of(&args.request.ask)? else {
-        return Ok(());
-    };
+    let asked = OrderContext::of(&args.request.ask)?;
     let waypoints = match &targets {
         Targets::At(targets) => absolute(targets, &asked)?,
         Targets::By(moves) => displaced(moves, &asked)?,
@@ -150,9 +149,7 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
 /// As [`stop`](super::stop); code 5 also when home is not known.
 pub fn rtl(args: &RtlArgs) -> Result<(), Failure> {
     let issued_ns = MonotonicNs::now().0;
-    let Some(asked) = OrderContext::of(&args.request.ask)? else {
-        return Ok(());
-    };
+    let asked = OrderContext::of(&args.request.ask)?;
     let present = present_position(&asked.session, asked.timeout)?;
     let home = match args.home {
         Some(home) => home,

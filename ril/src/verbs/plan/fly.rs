@@ -21,7 +21,7 @@ use crate::render::words::{columns, distance, duration};
 use crate::request::cruise::CruiseSpeed;
 use crate::request::{Companion, Conversation, Format, Until, complete};
 use crate::robot::running::file_of;
-use crate::session::{Session, configuration, refuse_to_guess};
+use crate::session::{OrderContext, Session};
 
 /// `ril plan fly`
 ///
@@ -30,13 +30,13 @@ use crate::session::{Session, configuration, refuse_to_guess};
 /// Code 8 when a finding forbids the flight; otherwise that of the request that ended it early.
 pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
     let ask = &args.ask;
-    let Some(config) = configuration(&ask.common)? else {
-        return Ok(());
-    };
-    refuse_to_guess(&ask.common)?;
+    let OrderContext {
+        session,
+        config,
+        timeout,
+        deadline_ms,
+    } = OrderContext::of(ask)?;
     let plan = read(&args.plan)?;
-    let session = Session::join(&ask.common)?;
-    let timeout = ask.timeout.unwrap_or_else(|| config.request.timeout());
     let known = gather(
         plan,
         &args.plan,
@@ -55,7 +55,6 @@ pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
     if args.fence {
         put_fence(args, &known, &session, timeout)?;
     }
-    let deadline_ms = ask.deadline.unwrap_or(config.request.deadline_ms);
     let before_mps = known
         .robot
         .as_ref()

@@ -1,7 +1,7 @@
 //! `ril plan check | show | fly`: plans of other programs.
 //!
 //! The crate `plans` reads and checks them. Here is what it is given: the file, the configurations, and what the robot says of
-//! itself (`gather`); how the results are shown (`report`, `table`); and how a plan is flown, step by step (`fly`).
+//! itself (`gather`); how the results are shown (`report`); and how a plan is flown, step by step (`fly`).
 
 mod fence;
 mod fly;
@@ -10,7 +10,6 @@ mod gather;
 pub mod options;
 mod progress;
 mod report;
-mod table;
 
 use std::fs::OpenOptions;
 use std::io::{self, ErrorKind, Write};
@@ -41,9 +40,7 @@ pub fn plan(command: &PlanCommand) -> Result<(), Failure> {
 }
 
 fn check(args: &PlanCheckArgs) -> Result<(), Failure> {
-    let Some(known) = look(&args.plan, &args.look)? else {
-        return Ok(());
-    };
+    let known = look(&args.plan, &args.look)?;
     let report = PlanReport::new(&args.plan.file, &known);
     let mut out = io::stdout().lock();
     if args.look.json {
@@ -55,10 +52,8 @@ fn check(args: &PlanCheckArgs) -> Result<(), Failure> {
 }
 
 fn show(args: &PlanShowArgs) -> Result<(), Failure> {
-    let Some(known) = look(&args.plan, &args.look)? else {
-        return Ok(());
-    };
-    let rows = table::rows(&known);
+    let known = look(&args.plan, &args.look)?;
+    let rows = report::rows(&known);
     let mut out = io::stdout().lock();
     if args.look.json {
         for row in &rows {
@@ -69,7 +64,7 @@ fn show(args: &PlanShowArgs) -> Result<(), Failure> {
             &PlanReport::new(&args.plan.file, &known).summary(),
         )?;
     } else {
-        write!(out, "{}", table::text(&rows)).map_err(Failure::output)?;
+        write!(out, "{}", report::table(&rows)).map_err(Failure::output)?;
     }
     match &args.to {
         Some(to) => write_plan(&known.plan, to),
@@ -77,19 +72,16 @@ fn show(args: &PlanShowArgs) -> Result<(), Failure> {
     }
 }
 
-/// What `check` and `show` know of the plan; `None` if only the configuration was to be checked.
-fn look(plan: &PlanFileArgs, look: &PlanLookArgs) -> Result<Option<KnownPlan>, Failure> {
-    let Some(config) = configuration(&look.common)? else {
-        return Ok(None);
-    };
+/// What `check` and `show` know of the plan.
+fn look(plan: &PlanFileArgs, look: &PlanLookArgs) -> Result<KnownPlan, Failure> {
+    let config = configuration(&look.common)?;
     let file = read(plan)?;
     let timeout = look.timeout.unwrap_or_else(|| config.observe.timeout());
     let session = match look.offline {
         true => None,
         false => Some(Session::join(&look.common)?),
     };
-    let known = gather(file, plan, &config.plan, session.as_ref(), timeout, false)?;
-    Ok(Some(known))
+    gather(file, plan, &config.plan, session.as_ref(), timeout, false)
 }
 
 /// Writes a plan into a file that does not exist yet.

@@ -19,6 +19,7 @@ use ros_messages::{Level, Qos};
 use super::log::{LogTopic, RecorderTopic, configuration_of};
 use crate::recorded::{REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent, topic};
 use crate::render::messages::{self, Verb};
+use crate::robot::relay_link::UNREADABLE;
 
 /// Open requests whose command is remembered for their reports: many times as many as the bridge's clients can have open. Of older
 /// ones the reports have no command.
@@ -59,7 +60,7 @@ impl JournalTopics {
             if known.len() == MAX_ORIGINS {
                 known.pop_front();
             }
-            let name = station.name().unwrap_or("unreadable").to_owned();
+            let name = station.name().unwrap_or(UNREADABLE).to_owned();
             known.push_back((station.origin, name));
         }
     }

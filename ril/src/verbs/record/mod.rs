@@ -1,21 +1,20 @@
 //! `ril record`: every topic of the robot in files, until a signal.
 //!
-//! [`record`](crate::record) has what it decides. Here: `topics`, the ports; `sinks`, what is made of some topics; `disk`, the one thread
-//! that writes; `shell`, the loop around them; `facts`, what the files say of the flight; `report`, what is printed.
+//! The crate [`recording`] has what it decides. Here: `topics`, the ports, and `publisher`, what becomes of the processes behind them; `sinks`,
+//! what is made of some topics, with `journal`, `log` and `paths`; `disk`, the one thread that writes; `shell`, the loop around them, and
+//! `gather`, when it looks; `facts`, what the files say of the flight; `report`, what is printed.
 
 mod disk;
 mod facts;
 mod gather;
 mod journal;
 mod log;
-mod loss_events;
 pub mod options;
 mod paths;
-mod process_watch;
+mod publisher;
 mod report;
 mod shell;
 mod sinks;
-mod tail;
 mod topics;
 
 use std::collections::BTreeMap;
@@ -51,9 +50,7 @@ use crate::session::configuration;
 /// did not answer at the end.
 pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     let max_total_bytes = args.max_total_bytes().map_err(Failure::usage)?;
-    if configuration(&args.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.common)?;
     refuse_unwritable(&args.output)?;
     let lines = LogLines::claim().inspect(|lines| lines.want(true));
     let termination = Termination::install().or_fail(ExitCode::Internal)?;

@@ -18,10 +18,8 @@ use recording::{Channel, ChannelId, Event, EventKind, Recorder};
 use ros_messages::{OFFERED_QOS_PROFILES, Qos};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::loss_events::LossEvents;
-use super::process_watch::ProcessWatch;
+use super::publisher::{LossEvents, Piece, ProcessWatch, Tail};
 use super::sinks::Sinks;
-use super::tail::{Piece, Tail};
 use crate::recorded::topic_of;
 use crate::render::stamps::StampReader;
 

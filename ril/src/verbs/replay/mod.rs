@@ -2,9 +2,7 @@
 //! the next message's moment.
 
 mod journals;
-mod keep;
 pub mod options;
-mod request;
 mod terminal;
 mod verify;
 
@@ -29,9 +27,8 @@ use serde::Serialize;
 
 use self::journals::kept_flight;
 use self::options::ReplayArgs;
-use self::request::ReplayedRequest;
-use self::terminal::{PlayerKey, ReplayKeys, ReplayScreen};
-use crate::render::json_line;
+use self::terminal::{PlayerKey, ReplayKeys, ReplayScreen, ReplayedRequest};
+use crate::render::{json_line, note};
 use crate::session::configuration;
 
 /// Name of the layout of the JSON object at the end.
@@ -54,14 +51,12 @@ enum WakeKey {
 /// Code 2 when the file cannot be read, is no recording or has nothing in the section; 5 when the robot lives; 78 when the
 /// configuration or `RIL_IPC_ROOT` is wrong.
 pub fn replay(args: &ReplayArgs) -> Result<(), Failure> {
-    if configuration(&args.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.common)?;
     if args.verifies() {
         return verify::verify(args);
     }
     if let Some(folder) = &args.keep {
-        return keep::keep(args, folder);
+        return verify::keep(args, folder);
     }
     if kept_flight(&args.file)?.is_some() {
         let text = format!(
@@ -290,8 +285,7 @@ fn say_begin(
 /// Says something to people on standard error, unless they want less.
 fn say(args: &CommonArgs, text: &str) {
     if args.settings.quiet == 0 {
-        // Standard error may be closed; the replay goes on.
-        let _ = writeln!(io::stderr(), "{text}");
+        note(text);
     }
 }
 

@@ -1,24 +1,30 @@
 //! `ril replay FILE --verify` and `--against`: no shared memory, no clock but for the time that it took.
+//!
+//! `ril replay FILE --keep`: the inputs of a flight as a file that every later version drives its cores with.
 
 #[cfg(test)]
 mod tests;
 
 use std::fmt;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
 use recording::play::{anchor_of, key_of};
 use recording::read::{RecordFile, messages};
-use replay::{Comparison, Difference, JournalVerdict, Verifier};
+use replay::{Comparison, Difference, JournalVerdict, Keeper, Kept, Verifier};
 use runtime::duration::DurationText;
-use runtime::exit::{ExitCode, Failure};
+use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
 
 use super::journals::{first_robot, first_samples, kept_flight, open, piece, refuse_kept};
 use super::options::ReplayArgs;
+use crate::recorded::new_file;
 use crate::render::fields::Meaning;
-use crate::render::print;
-use crate::render::words::count;
+use crate::render::words::{count, shell_word};
+use crate::render::{note, print};
 
 /// `ril replay FILE --verify`
 ///
@@ -406,4 +412,97 @@ impl fmt::Display for JournalFigures {
         }
         Ok(())
     }
+}
+
+/// `ril replay FILE --keep FOLDER`: a kept flight of the same name there.
+///
+/// # Errors
+///
+/// Code 2 when the file cannot be read, is no recording or has no journal, or the new one is there already or cannot be written; 8 when
+/// the cores of this version say something else than what was recorded.
+pub(super) fn keep(args: &ReplayArgs, folder: &Path) -> Result<(), Failure> {
+    if kept_flight(&args.file)?.is_some() {
+        let text = format!("{} is a kept flight already", args.file.display());
+        return Err(Failure::usage(text).with_next_step("copy the file"));
+    }
+    let kept = read(args)?
+        .finish()
+        .map_err(|error| refuse_kept(&args.file, &error))?;
+    verify_kept(&args.file, &kept.file)?;
+    let path = place(&args.file, folder)?;
+    fs::create_dir_all(folder).or_fail_with(
+        ExitCode::Internal,
+        format!("{} cannot be made", folder.display()),
+    )?;
+    let next_step = "remove it, or name another folder with --keep";
+    new_file(&path, next_step, |to| Ok(to.write_all(&kept.file)?))?;
+    if args.common.settings.quiet == 0 {
+        say(&path, &kept);
+    }
+    Ok(())
+}
+
+fn read(args: &ReplayArgs) -> Result<Keeper, Failure> {
+    let record = open(&args.file)?;
+    let robot = first_robot(&record, &args.file)?;
+    let mut keeper = Keeper::default();
+    for message in messages(&record) {
+        match message {
+            Ok(message) => {
+                if let Some((key, sample)) = piece(&message, robot) {
+                    keeper.take(key, sample);
+                }
+            }
+            Err(error) => tracing::warn!(%error, "the file is damaged"),
+        }
+    }
+    Ok(keeper)
+}
+
+/// A test that fails from the first day is none.
+fn verify_kept(file: &Path, kept: &[u8]) -> Result<(), Failure> {
+    let began = MonotonicNs::now();
+    let mut verifier = Verifier::new();
+    verifier
+        .take_kept(kept)
+        .map_err(|error| refuse_kept(file, &error))?;
+    let name = file.display().to_string();
+    let of = Of {
+        file: &name,
+        against: false,
+        start: MonotonicNs(0),
+        recorded: [0; 2],
+        took: MonotonicNs::now().since(began),
+    };
+    let verification = Verification::new(&verifier.finish(), &of);
+    match verification.trouble() {
+        None => Ok(()),
+        Some(text) => Err(Failure::new(verification.exit_code(), text)
+            .context(format!("{name} is not kept"))
+            .with_next_step("`ril replay FILE --verify` lists what differs")),
+    }
+}
+
+fn place(file: &Path, folder: &Path) -> Result<PathBuf, Failure> {
+    let stem = file
+        .file_stem()
+        .ok_or_else(|| Failure::usage(format!("{} is no file", file.display())))?;
+    let mut name = stem.to_owned();
+    name.push(".kept");
+    Ok(folder.join(name))
+}
+
+fn say(path: &Path, kept: &Kept) {
+    let word = shell_word(&path.to_string_lossy());
+    let kilobytes = kept.file.len().div_ceil(1000);
+    let bound = match kept.is_from_the_start {
+        true => "from the start of the processes",
+        false => {
+            "from a snapshot, which this version alone reads, because the recording began later than the processes"
+        }
+    };
+    note(format_args!(
+        "{} has the inputs of the flight {bound}, {kilobytes} kB; `ril replay {word} --verify` verifies it",
+        path.display(),
+    ));
 }

@@ -17,9 +17,9 @@ use crate::render::words::time_of_day;
 use crate::render::{json_line, print};
 use crate::robot::absence::{absent, nothing_came};
 use crate::robot::controller::own_session;
+use crate::robot::freshness::is_present;
 use crate::robot::pilot::PilotView;
 use crate::robot::relay_link::{LinkReport, LinkWatch};
-use crate::robot::sample_age::is_present;
 use crate::session::{Latest, Session, Topics};
 
 /// `ril status`
@@ -47,9 +47,7 @@ const IDLE_PERIOD: Duration = Duration::from_secs(1);
 /// Code 3 when there is no bridge, 4 when it says nothing or what it says is old, 6 when the link to the DSP, or the relay's to the
 /// robot, is not up. What there is has been shown then.
 pub fn status(args: &StatusArgs) -> Result<(), Failure> {
-    let Some((session, timeout)) = Session::for_samples(&args.samples)? else {
-        return Ok(());
-    };
+    let (session, timeout) = Session::for_samples(&args.samples)?;
     let mut newest = Newest::open(&session)?;
     if args.watch {
         return watch(args, &session, &mut newest);

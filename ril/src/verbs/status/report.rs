@@ -21,9 +21,9 @@ use serde::ser::{Serialize, Serializer};
 use crate::render::fields::{JsonLine, Selection, Tree};
 use crate::render::messages::details;
 use crate::robot::controller::Senders;
+use crate::robot::freshness::{STALE_AFTER, SampleAge, age_ms, is_stale, named};
 use crate::robot::pilot::{self, PilotView};
-use crate::robot::relay_link::LinkReport;
-use crate::robot::sample_age::{STALE_AFTER, SampleAge, age_ms, is_stale, named};
+use crate::robot::relay_link::{LinkReport, UNREADABLE};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.State.v3";
@@ -312,9 +312,6 @@ impl StateReport {
         ])
     }
 }
-
-/// Stands for a text of another process that is not printable ASCII.
-const UNREADABLE: &str = "unreadable";
 
 /// Whether the DSP stops by itself when the bridge is gone; `None` before the DSP has answered the start-up sequence.
 fn pc_timeout_supported(link: &LinkHealth) -> Option<bool> {

@@ -11,10 +11,10 @@ use runtime::exit::Failure;
 use super::stream::{Stream, StreamArgs, Watcher};
 use crate::options::EXIT_CODES;
 use crate::render::fields::{JsonLine, Meaning, Plain, Selection, Tree};
-use crate::render::json_line;
 use crate::render::stamps::StampReader;
 use crate::render::words::count as plural;
-use crate::robot::sample_age::STALE_AFTER;
+use crate::render::{json_line, note};
+use crate::robot::freshness::STALE_AFTER;
 
 /// `ril echo`, `ril topic echo`
 #[derive(Args, Clone, Debug)]
@@ -44,9 +44,7 @@ pub struct EchoArgs {
 ///
 /// Code 2 for a field that does not exist, 3 when there is no such topic or no process publishes it, 4 when the publisher says nothing.
 pub fn echo(args: &EchoArgs) -> Result<(), Failure> {
-    let Some((watched, stream)) = Stream::open(&args.stream, args.count)? else {
-        return Ok(());
-    };
+    let (watched, stream) = Stream::open(&args.stream, args.count)?;
     let printer = Printer {
         key: &watched.key,
         schema: &watched.schema,
@@ -59,8 +57,7 @@ pub fn echo(args: &EchoArgs) -> Result<(), Failure> {
     };
     stream.watch(&watched, printer, |printer, losses| {
         if tracing::enabled!(tracing::Level::INFO) {
-            // Standard error may be closed; that does no harm.
-            let _ = writeln!(io::stderr(), "{}", printer.seen.summary(losses));
+            note(printer.seen.summary(losses));
         }
         Ok(())
     })
@@ -90,8 +87,7 @@ impl<W: Write> Watcher for Printer<'_, W> {
         self.print(payload)?;
         if let Some(note) = note {
             self.out.flush().map_err(Failure::output)?;
-            // Standard error may be closed; that does no harm.
-            let _ = writeln!(io::stderr(), "{note}");
+            self::note(note);
         }
         Ok(true)
     }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{ErrorKind, Read};
 use std::iter;
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
 
 use crate::options::{EXIT_CODES, read_text};
-use crate::render::json_line;
+use crate::render::print_as;
 
 /// `ril topic generate`
 #[derive(Args, Clone, Debug)]
@@ -94,18 +94,15 @@ pub fn generate(args: &TopicGenerateArgs) -> Result<(), Failure> {
             .or_fail_with(ExitCode::Internal, format!("{name} cannot be written"))?;
         names.push(name);
     }
-    let mut out = io::stdout().lock();
-    if args.json {
-        let object = GeneratedObject {
-            schema: "ril.Generated.v1",
-            type_name: schema.type_name(),
-            bytes: schema.size(),
-            layout_hash: format!("{:016x}", schema.layout_hash()),
-            files: names,
-        };
-        return json_line(&mut out, &object);
-    }
-    writeln!(out, "{}", names.join("\n")).map_err(Failure::output)
+    let text = format!("{}\n", names.join("\n"));
+    let object = GeneratedObject {
+        schema: "ril.Generated.v1",
+        type_name: schema.type_name(),
+        bytes: schema.size(),
+        layout_hash: format!("{:016x}", schema.layout_hash()),
+        files: names,
+    };
+    print_as(args.json, &object, text)
 }
 
 /// The first name in a definition that is a word of a language.

@@ -59,9 +59,7 @@ const LINK_TIMEOUT: Duration = Duration::from_secs(2);
 /// Code 3 when there is no such topic or no process publishes it, 4 when the publisher says nothing. What was measured until then is
 /// given all the same.
 pub fn measure(quantity: Quantity, args: &MeasureArgs) -> Result<(), Failure> {
-    let Some((watched, stream)) = Stream::open(&args.stream, args.count)? else {
-        return Ok(());
-    };
+    let (watched, stream) = Stream::open(&args.stream, args.count)?;
     // What came while the port was made has waited for it; its age would be that of the port.
     let began = MonotonicNs::now();
     tracing::debug!(service = watched.key, "subscribed");

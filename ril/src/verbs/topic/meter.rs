@@ -22,7 +22,7 @@ use serde_json::Value;
 
 use super::histogram::{Detail, Distribution, Histogram, Unit, rounded};
 use crate::render::stamps::{DspClock, Stamps};
-use crate::render::words::count;
+use crate::render::words::{count, or_dash};
 
 /// For how long the DSP's clock is compared with the quickest sample. Two quartzes drift apart by up to 1 ms in this time,
 /// which is the step of the DSP's clock; a longer time would show the drift and not the delay.
@@ -278,7 +278,7 @@ impl Meter {
 
     fn report_rate(&self, report: &mut MeterReport) {
         let [observed, published] = self.rates().map(|rate| rate.map(|hz| rounded(hz, 3)));
-        let shown = |rate| or_dash(rate, |hz: f64| format!("{hz:.2} Hz"));
+        let shown = |rate: Option<f64>| or_dash(rate.map(|hz| format!("{hz:.2} Hz")));
         report.line(format!(
             "observed {}, published {}",
             shown(observed),
@@ -320,7 +320,8 @@ impl Meter {
         let (size, bytes) = (self.payload_bytes, self.samples * self.payload_bytes);
         let per_second = |rate: f64| rounded(rate * size as f64, 1);
         let [observed, published] = self.rates().map(|rate| rate.map(per_second));
-        let shown = |rate| or_dash(rate, |bytes: f64| format!("{:.2} kB/s", bytes / 1e3));
+        let kilobytes = |bytes: f64| format!("{:.2} kB/s", bytes / 1e3);
+        let shown = |rate: Option<f64>| or_dash(rate.map(kilobytes));
         report.line(format!(
             "observed {}, published {}",
             shown(observed),
@@ -333,10 +334,6 @@ impl Meter {
         report.add("published_bytes_per_s", published);
         report.spread("bytes_in_a_second", "in each second", &self.seconds);
     }
-}
-
-fn or_dash(number: Option<f64>, shown: impl FnOnce(f64) -> String) -> String {
-    number.map_or_else(|| "-".to_owned(), shown)
 }
 
 /// A measurement: as text for people, as JSON for programs.

@@ -27,7 +27,7 @@ use self::meter::Quantity;
 use self::stream::{schema_of, topic_key};
 use crate::options::EXIT_CODES;
 use crate::render::fields::Selection;
-use crate::render::json_line;
+use crate::render::{json_line, note, print_as};
 use crate::session::{Session, configuration, other_domains, others_alive};
 
 /// `ril topic`
@@ -123,21 +123,17 @@ struct TopicObject<'a> {
 }
 
 fn list(args: &TopicListArgs) -> Result<(), Failure> {
-    if configuration(&args.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.common)?;
     let session = Session::join(&args.common)?;
     let topics = dynamic::topics(&session.ipc);
     let mut out = io::stdout().lock();
     if topics.is_empty() {
         let robot = session.ipc.robot();
-        // Standard error may be closed; that does no harm.
-        let _ = writeln!(
-            io::stderr(),
+        note(format_args!(
             "note: robot {robot} has no topic{}{}",
             others_alive(robot),
             other_domains()
-        );
+        ));
     }
     if !args.json {
         return out
@@ -216,33 +212,30 @@ struct FieldObject {
 }
 
 fn info(args: &TopicInfoArgs) -> Result<(), Failure> {
-    if configuration(&args.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.common)?;
     let session = Session::join(&args.common)?;
     let (key, schema) = (&args.topic, &schema_of(&session, &args.topic)?);
     let selection = Selection::of_topic(schema, &args.fields, key)?;
     let topics = dynamic::topics(&session.ipc);
     let is_open = topics.iter().any(|topic| topic.key == *key);
-    let mut out = io::stdout().lock();
-    if args.json {
-        let object = InfoObject {
-            schema: "ril.TopicInfo.v1",
-            robot: session.ipc.robot().get(),
-            key,
-            type_name: schema.type_name(),
-            ros_type: schema.ros_resource_name(),
-            bytes: schema.size(),
-            alignment: schema.align(),
-            layout_hash: format!("{:016x}", schema.layout_hash()),
-            comment: &schema.root().comment,
-            open: is_open,
-            fields: fields(schema, &selection),
-        };
-        return json_line(&mut out, &object);
-    }
-    let text = describe(key, schema, &selection, is_open);
-    out.write_all(text.as_bytes()).map_err(Failure::output)
+    let object = InfoObject {
+        schema: "ril.TopicInfo.v1",
+        robot: session.ipc.robot().get(),
+        key,
+        type_name: schema.type_name(),
+        ros_type: schema.ros_resource_name(),
+        bytes: schema.size(),
+        alignment: schema.align(),
+        layout_hash: format!("{:016x}", schema.layout_hash()),
+        comment: &schema.root().comment,
+        open: is_open,
+        fields: fields(schema, &selection),
+    };
+    print_as(
+        args.json,
+        &object,
+        describe(key, schema, &selection, is_open),
+    )
 }
 
 /// What a topic holds, for people.

@@ -98,18 +98,13 @@ pub(super) struct Stream {
 }
 
 impl Stream {
-    /// Subscribes to a topic, to end after `count` samples; `None` if only the configuration was to be checked.
+    /// Subscribes to a topic, to end after `count` samples.
     ///
     /// # Errors
     ///
     /// Code 3 when there is no such topic, 1 when its schema cannot be used.
-    pub fn open(
-        args: &StreamArgs,
-        count: Option<u64>,
-    ) -> Result<Option<(Watched, Stream)>, Failure> {
-        let Some(config) = configuration(&args.common)? else {
-            return Ok(None);
-        };
+    pub fn open(args: &StreamArgs, count: Option<u64>) -> Result<(Watched, Stream), Failure> {
+        let config = configuration(&args.common)?;
         let session = Session::join(&args.common)?;
         let schema = schema_of(&session, &args.topic)?;
         let samples = DynamicSubscriber::open(&session.ipc, &args.topic, &schema);
@@ -126,7 +121,7 @@ impl Stream {
             key: args.topic.clone(),
             schema,
         };
-        Ok(Some((watched, stream)))
+        Ok((watched, stream))
     }
 
     /// Hands samples to `watcher` until it is enough, nothing comes any more, or a signal comes, which is enough, too; then `finish`

@@ -1,15 +1,33 @@
 //! [`Checks`]: what a page asks before an order: a flight is judged at once, a take-off by `ril preflight` beside the server.
+//!
+//! [`check_go_to`]: whether a flight to a place that was tapped would be taken: by the bridge's own code for fence and limits, and that of
+//! `ril plan check`. A pure function of what is known of the robot. [`Preflight`]: a process of its own, because the server must not wait for
+//! what the checks look at: files, the machine, the bridge's answer.
 
-use std::os::fd::BorrowedFd;
+use std::io::{self, ErrorKind, Read};
+use std::os::fd::{AsFd, BorrowedFd};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::time::Duration;
 
-use ipc_types::MonotonicNs;
-use runtime::finding::Severity;
+use bridge::BridgeConfig;
+use bridge::safety::fence::Fence;
+use dsp_protocol::Waypoint;
+use ipc_types::code::ModuleStatus;
+use ipc_types::payload::WaypointPosition;
+use ipc_types::{MonotonicNs, RobotId};
+use plans::check::check;
+use plans::flight::Flight;
+use plans::model::{Action, Altitude, Item, Plan, Position};
+use plans::site::{Endurance, HomeSource, Site, Start};
+use plans::timeline::timeline;
+use runtime::finding::{Finding, Severity};
+use runtime::signal::WITH_PARENT;
+use serde::Deserialize;
 use view::{ViewerId, page};
 
 use super::fleet::ShownRobot;
 use super::messages;
-use super::orders::{check_go_to, target};
-use super::preflight::{Preflight, PreflightCheck};
+use crate::robot::model::WatchedRobot;
 
 /// Most preflights at a time, each a process. A further one is answered with a finding that says so.
 pub(super) const MAX_PREFLIGHTS: usize = 2;
@@ -102,12 +120,26 @@ impl Checks {
     }
 }
 
+/// Where to fly.
+pub(super) fn target(
+    position: Option<[f64; 2]>,
+    altitude_m: Option<f64>,
+) -> Result<WaypointPosition, String> {
+    let missing = "a flight needs a place and an altitude";
+    let [latitude_deg, longitude_deg] = position.ok_or(missing)?;
+    Ok(WaypointPosition {
+        latitude_deg,
+        longitude_deg,
+        altitude_m: altitude_m.ok_or(missing)?,
+    })
+}
+
 fn go_to(check: &page::CheckRequest, shown: &ShownRobot, now: MonotonicNs) -> page::CheckResult {
     let target = match target(check.position, check.altitude_m) {
         Ok(target) => target,
         Err(why) => return failed(&check.order, check.robot, &why),
     };
-    let checked = check_go_to(shown, target, now);
+    let checked = check_go_to(&shown.robot, shown.fence(), target, now);
     page::CheckResult {
         order: check.order.clone(),
         robot: check.robot,
@@ -177,5 +209,368 @@ pub(super) fn failed(order: &str, robot: u32, why: &str) -> page::CheckResult {
         }],
         distance_m: None,
         duration_s: None,
+    }
+}
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Checked {
+    /// The most severe first.
+    pub findings: Vec<Finding>,
+    /// How long the way is, climbs and descents included, m.
+    pub distance_m: Option<f64>,
+    /// How long it takes, s.
+    pub duration_s: Option<f64>,
+}
+
+impl Checked {
+    /// Why nothing may be sent; `None` if it may.
+    pub fn refusal(&self) -> Option<&Finding> {
+        self.findings.iter().find(|finding| finding.has_failed())
+    }
+}
+
+/// A flight of `robot` straight to `target`, with `fence` in force; `None` if the bridge has not published it.
+pub(super) fn check_go_to(
+    robot: &WatchedRobot,
+    fence: Option<&Fence>,
+    target: WaypointPosition,
+    now: MonotonicNs,
+) -> Checked {
+    let nothing = |finding| Checked {
+        findings: vec![finding],
+        distance_m: None,
+        duration_s: None,
+    };
+    let position = match Position::new(target.latitude_deg, target.longitude_deg) {
+        Ok(position) if target.altitude_m.is_finite() => position,
+        _ => {
+            let text = "it is no place that can be flown to";
+            return nothing(Finding::new(Severity::Error, "place", text));
+        }
+    };
+    let Some(start) = start(robot, now) else {
+        let text = "where the helicopter is, is not known now";
+        return nothing(Finding::new(Severity::Error, "position", text));
+    };
+    let site = site(robot, start);
+    let plan = plan(position, target.altitude_m - site.home.altitude_m);
+    let flight = Flight::new(&plan, &site);
+    let endurance = Endurance::default();
+    let rules = BridgeConfig {
+        fence: fence.cloned().unwrap_or_default(),
+        ..BridgeConfig::default()
+    };
+    let mut findings = check(&plan, &flight, &site, Some(&rules), &endurance);
+    for finding in &mut findings {
+        // The limits are taken to be the defaults. Whether a limit forbids it, the bridge decides, which knows its own.
+        if finding.has_failed() && !finding.id.starts_with("fence") {
+            finding.severity = Severity::Warning;
+        }
+    }
+    findings.extend(of_robot(robot));
+    if fence.is_none() {
+        findings.push(Finding::unchecked(
+            "robot-rules",
+            "the bridge has not published its geofence; it checks the order when it receives it",
+        ));
+    }
+    // Battery and fuel are not checked: the view has no configuration of how long they last.
+    findings.retain(|finding| !(finding.id == "endurance" && finding.is_unmade()));
+    plans::finding::sort(&mut findings);
+    let marks = timeline(&flight, &endurance);
+    Checked {
+        findings,
+        distance_m: marks.last().map(|mark| mark.distance_m),
+        duration_s: marks.last().and_then(|mark| mark.time_s),
+    }
+}
+
+/// Where the helicopter is, if telemetry of the present says so.
+fn start(robot: &WatchedRobot, now: MonotonicNs) -> Option<Start> {
+    let view = &robot.pilot;
+    let is_fresh = robot.telemetry_freshness(now).is_fresh();
+    let place = view.place.filter(|_| is_fresh)?;
+    let at = Waypoint {
+        latitude_deg: place.latitude_deg,
+        longitude_deg: place.longitude_deg,
+        altitude_m: view.altitude_m?,
+    };
+    match view.flying? {
+        true => Some(Start::Flying(at)),
+        false => Some(Start::Ground(at)),
+    }
+}
+
+fn site(robot: &WatchedRobot, start: Start) -> Site {
+    let (Start::Flying(here) | Start::Ground(here)) = start;
+    let ground_m = robot
+        .state
+        .as_ref()
+        .and_then(|state| state.ground_altitude());
+    let ground_m = ground_m.or(robot.home.map(|home| home.altitude_m));
+    let place = robot.home.map(|home| home.place);
+    Site {
+        home: Waypoint {
+            latitude_deg: place.map_or(here.latitude_deg, |place| place.latitude_deg),
+            longitude_deg: place.map_or(here.longitude_deg, |place| place.longitude_deg),
+            altitude_m: ground_m.unwrap_or(0.0),
+        },
+        // The place does not depend on home, and the altitude is that of telemetry.
+        is_home_altitude_known: true,
+        home_source: HomeSource::Robot,
+        start,
+        zero_above_sea_m: None,
+        take_off_m: None,
+        from: 1,
+        is_for_flight: false,
+    }
+}
+
+fn plan(position: Position, above_home_m: f64) -> Plan {
+    let mut plan = Plan::empty(plans::format::PlanFormat::QgcPlan);
+    plan.items.push(Item {
+        number: 1,
+        origin: "the place".to_owned(),
+        label: String::new(),
+        action: Action::Waypoint {
+            position,
+            altitude: Altitude::AboveTakeOff(above_home_m),
+            hold_s: 0.0,
+        },
+        ignored: Vec::new(),
+        mavlink: None,
+    });
+    plan
+}
+
+/// What the bridge says of itself that makes it refuse a movement.
+fn of_robot(robot: &WatchedRobot) -> Vec<Finding> {
+    let Some(state) = &robot.state else {
+        let finding = Finding::new(Severity::Error, "bridge", "no bridge runs");
+        return vec![finding];
+    };
+    let mut findings = Vec::new();
+    if state.is_blocked() {
+        findings.push(
+            Finding::new(Severity::Error, "blocked", "movements are blocked")
+                .with_next_step("start the module again"),
+        );
+    } else if state.status() == Some(ModuleStatus::WaitingDataToStart) {
+        findings.push(
+            Finding::new(Severity::Error, "module", "the module is not started")
+                .with_next_step("start it"),
+        );
+    }
+    if state.control.exclusive != 0
+        && !robot.is_commanded_from_here()
+        && let Some(commander) = robot.commander()
+    {
+        let text = format!("{commander} commands: only hold and land are taken from others");
+        findings.push(
+            Finding::new(Severity::Error, "control", text)
+                .with_next_step("`ril control take` asks for control"),
+        );
+    }
+    findings
+}
+
+/// Most that is taken of what it prints; the checks make a few kilobytes.
+const MAX_BYTES: usize = 256 << 10;
+
+/// How long it may take before it is killed: several of its own time limits.
+const TIMEOUT: Duration = Duration::from_secs(20);
+
+/// A check of the preflight.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub(super) struct PreflightCheck {
+    /// Its name.
+    pub id: String,
+    /// `pass`, `warn` or `fail`; `None` if it could not be made, which is not ready either.
+    pub verdict: Option<String>,
+    /// What was found.
+    pub value: String,
+    /// What to do.
+    pub next_step: Option<String>,
+}
+
+/// What the preflight prints.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+struct PrintedReport {
+    checks: Vec<PreflightCheck>,
+}
+
+/// A preflight that runs. One that is dropped is killed.
+pub(super) struct Preflight {
+    child: Child,
+    output: ChildStdout,
+    text: Vec<u8>,
+    give_up: MonotonicNs,
+}
+
+impl Preflight {
+    /// Starts it for `robot`.
+    pub fn start(robot: RobotId, now: MonotonicNs) -> io::Result<Preflight> {
+        let mut child = Command::new(std::env::current_exe()?)
+            .args(["preflight", "--json", "--robot", &robot.to_string()])
+            .env(WITH_PARENT, "1")
+            .env_remove("RIL_CONFIG")
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()?;
+        let output = child.stdout.take().ok_or(ErrorKind::BrokenPipe)?;
+        rustix::io::ioctl_fionbio(&output, true)?;
+        Ok(Preflight {
+            child,
+            output,
+            text: Vec::new(),
+            give_up: now + TIMEOUT,
+        })
+    }
+
+    /// What to wait for.
+    pub fn descriptor(&self) -> BorrowedFd<'_> {
+        self.output.as_fd()
+    }
+
+    /// Takes what it has printed. When it has ended: its checks, or why there are none.
+    pub fn take(&mut self, now: MonotonicNs) -> Option<Result<Vec<PreflightCheck>, String>> {
+        let mut buffer = [0; 4096];
+        loop {
+            match self.output.read(&mut buffer) {
+                Ok(0) => return Some(checks(&self.text)),
+                Ok(count) if self.text.len() + count <= MAX_BYTES => {
+                    self.text.extend_from_slice(&buffer[..count]);
+                }
+                Ok(_) => return Some(Err("`ril preflight` says too much".to_owned())),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => break,
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) => return Some(Err(format!("`ril preflight`: {error}"))),
+            }
+        }
+        (now >= self.give_up).then(|| Err("`ril preflight` does not end".to_owned()))
+    }
+
+    /// When it is to be looked at although it prints nothing.
+    pub fn deadline(&self) -> MonotonicNs {
+        self.give_up
+    }
+}
+
+impl Drop for Preflight {
+    fn drop(&mut self) {
+        // It has ended, or is of no use any more; a killed process is reaped at once.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// The checks, in the first line of what was printed.
+fn checks(text: &[u8]) -> Result<Vec<PreflightCheck>, String> {
+    let line = text.split(|byte| *byte == b'\n').next().unwrap_or_default();
+    let report: PrintedReport = serde_json::from_slice(line)
+        .map_err(|error| format!("`ril preflight` could not be run: {error}"))?;
+    Ok(report.checks)
+}
+
+#[cfg(test)]
+mod tests {
+    use ipc_types::RobotId;
+
+    use super::*;
+    use crate::robot::fixture::{at, fly};
+
+    fn flown() -> WatchedRobot {
+        let mut robot = WatchedRobot::new(RobotId::DEFAULT);
+        fly(&mut robot);
+        robot
+    }
+
+    const NEAR: WaypointPosition = WaypointPosition {
+        latitude_deg: 37.4113,
+        longitude_deg: -6.0005,
+        altitude_m: 25.0,
+    };
+
+    fn ids(checked: &Checked) -> Vec<&'static str> {
+        checked.findings.iter().map(|finding| finding.id).collect()
+    }
+
+    #[test]
+    fn a_place_is_judged_by_the_fence_by_the_ground_and_by_what_is_known() {
+        let fence: Fence = runtime::config::parse(
+            "[[area]]\nname = \"mast\"\nkind = \"exclusion\"\ncentre = [37.4113, -6.0005]\nradius_m = 6.0\n",
+            "fence.toml",
+        )
+        .unwrap();
+        let open = Fence::default();
+        let far = WaypointPosition {
+            latitude_deg: 40.0,
+            ..NEAR
+        };
+        let low = WaypointPosition {
+            altitude_m: 5.0,
+            ..NEAR
+        };
+        let nowhere = WaypointPosition {
+            latitude_deg: f64::NAN,
+            ..NEAR
+        };
+        for (target, fence, ms, refused, expected) in [
+            (NEAR, &open, 20_100, false, None),
+            (NEAR, &fence, 20_100, true, Some("fence-exclusion")),
+            (far, &open, 20_100, false, Some("max-distance")),
+            (low, &open, 20_100, true, Some("fence-floor")),
+            (nowhere, &open, 20_100, true, Some("place")),
+            (NEAR, &open, 29_000, true, Some("position")),
+        ] {
+            let checked = check_go_to(&flown(), Some(fence), target, at(ms));
+            assert_eq!(checked.refusal().is_some(), refused, "{checked:?}");
+            if let Some(expected) = expected {
+                assert!(ids(&checked).contains(&expected), "{checked:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_way_is_measured_and_an_unknown_fence_is_said() {
+        let checked = check_go_to(&flown(), None, NEAR, at(20_100));
+        assert!(
+            checked
+                .distance_m
+                .is_some_and(|metres| (10.0..40.0).contains(&metres))
+        );
+        assert!(ids(&checked).contains(&"robot-rules"), "{checked:?}");
+        assert!(checked.refusal().is_none(), "{checked:?}");
+    }
+
+    #[test]
+    fn a_module_that_takes_no_movement_is_named() {
+        let mut robot = WatchedRobot::new(RobotId::DEFAULT);
+        assert_eq!(ids(&check_go_to(&robot, None, NEAR, at(0))), ["position"]);
+        fly(&mut robot);
+        let state = robot.state.as_mut().unwrap();
+        state.status = ModuleStatus::WaitingDataToStart.code();
+        let checked = check_go_to(&robot, None, NEAR, at(20_100));
+        assert!(ids(&checked).contains(&"module"), "{checked:?}");
+    }
+}
+
+#[cfg(test)]
+mod preflight_tests {
+    use super::*;
+
+    #[test]
+    fn the_checks_are_read_and_what_is_none_says_why() {
+        let text = br#"{"schema":"ril.Preflight.v1","checks":[{"id":"gps","verdict":"fail","checked":true,"value":"no fix","limit":null,"next_step":"wait"},{"id":"home","verdict":null,"value":"no telemetry came","next_step":null}]}
+"#;
+        let read = checks(text).unwrap();
+        assert_eq!(read[0].verdict.as_deref(), Some("fail"));
+        assert_eq!(
+            (read[1].id.as_str(), read[1].verdict.as_deref()),
+            ("home", None)
+        );
+        assert!(checks(b"").unwrap_err().contains("could not be run"));
     }
 }

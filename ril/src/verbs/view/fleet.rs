@@ -6,9 +6,9 @@ use bridge::safety::fence::Fence;
 use ipc_types::{Domain, MonotonicNs, RobotId, Source};
 use runtime::exit::Failure;
 
-use super::held;
 use super::speaker::SpokenRobot;
 use crate::request::ports::{RobotPorts, Wakers};
+use crate::robot::chart::fence_of;
 use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::past::Past;
 use crate::session::alive;
@@ -42,7 +42,7 @@ impl ShownRobot {
             return;
         };
         if self.fence.as_ref().map(|(number, _)| *number) != Some(held.number) {
-            let fence = held::fence(held)
+            let fence = fence_of(held)
                 .inspect_err(|why| tracing::warn!(robot = %self.robot.id, why, "the fence"))
                 .ok();
             self.fence = Some((held.number, fence));

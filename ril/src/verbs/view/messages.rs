@@ -9,11 +9,10 @@ use ipc_types::payload::ModuleState;
 use runtime::finding::{Finding, Severity};
 use view::page;
 
-use super::held;
-use crate::robot::alarms::Alarm;
-use crate::robot::changes::Weight;
+use crate::robot::changes::{Alarm, Weight};
+use crate::robot::chart::Chart;
 use crate::robot::clock::Clocks;
-use crate::robot::freshness::Freshness;
+use crate::robot::freshness::{Freshness, named};
 use crate::robot::geo::{Place, distance_m};
 use crate::robot::history::EventLine;
 use crate::robot::model::{Process, WatchedRobot};
@@ -152,11 +151,7 @@ fn phase(robot: &WatchedRobot, now: MonotonicNs) -> String {
 }
 
 fn module(state: &ModuleState) -> String {
-    let status = state.status();
-    status.map_or_else(
-        || format!("unknown-{}", state.status),
-        |one| one.to_string(),
-    )
+    named(state.status(), state.status)
 }
 
 /// The link to the DSP.
@@ -169,10 +164,7 @@ fn link(robot: &WatchedRobot, now: MonotonicNs) -> page::LinkStatus {
         };
     };
     let known = state.link.state();
-    let name = known.map_or_else(
-        || format!("unknown-{}", state.link.state),
-        |state| state.to_string(),
-    );
+    let name = named(known, state.link.state);
     let text = match known {
         Some(LinkState::Up) => "link to the DSP up".to_owned(),
         _ => format!("link to the DSP {name}"),
@@ -299,11 +291,12 @@ fn freshness(freshness: Freshness) -> page::Freshness {
 
 /// The fence in force, the path that is flown, and home; a part that the bridge has not published is empty.
 pub(super) fn chart(robot: &WatchedRobot, held: Option<&Outline>) -> page::Chart {
+    let areas = held.map(Chart::from).unwrap_or_default().fence.into_iter();
     page::Chart {
         robot: robot.id.get(),
         source: page::ChartSource::Bridge,
         number: held.map_or(0, |held| held.number),
-        fence: held.map(held::areas).unwrap_or_default(),
+        fence: areas.map(Into::into).collect(),
         floor_m: held.and_then(|held| held.floor_m),
         ceiling_m: held.and_then(|held| held.ceiling_m),
         path: held

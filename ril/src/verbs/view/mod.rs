@@ -1,28 +1,23 @@
 //! `ril view`, `ril run view`: robots in a browser, and for Foxglove; `ril view FILE`: a recording.
 //!
 //! The crate `view` speaks HTTP, WebSocket and the protocols on top, as pure values. Here are
-//! * `start`: the command that finds or starts the server; `run_file`: how it finds it; `opener`: opens its page;
+//! * `start`: the command that finds or starts the server; `run_file`: how it finds it, and opens its page;
 //! * [`server`]: the process; `shell`: its loop, `sockets`: its connections, `tls`: what hides them;
-//! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages` and `held`: the messages about one, `speaker`: when they are sent;
+//! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages`: the messages about one, `speaker`: when they are sent;
 //! * `foxglove`: what Foxglove and Lichtblick get and order;
 //! * `files`: what is read from a disk: imagery, and the report of a recording;
 //! * `replay`: a recording in the place of the robots; `show_file`: the command that shows it;
-//! * `orders`, `checks`, `check`, `preflight`: what pages order, and what they ask before; `page_lost`: when no page is there any more;
+//! * `orders`: what pages order, and what follows when no page is there any more; `checks`: what they ask before;
 //! * `invitation`: the address of the page for another machine.
 
-mod check;
 mod checks;
 mod files;
 mod fleet;
 mod foxglove;
-mod held;
 mod invitation;
 mod messages;
-mod opener;
 pub mod options;
 mod orders;
-mod page_lost;
-mod preflight;
 mod replay;
 mod run_file;
 pub mod server;

@@ -2,16 +2,24 @@
 //!
 //! The server holds a lock on the file as long as it lives, which the kernel drops with it. So a file without a lock is one of a process
 //! that was killed, and the next server writes over it. Only this user can read it.
+//!
+//! [`show`]: what `ril view` does with a view that runs: it opens its page, or prints where that is.
 
+use std::ffi::OsStr;
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
 
-use runtime::exit::Failure;
+use runtime::exit::{ExitCode, Failure};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
+
+use super::options::ViewArgs;
+use crate::render::json_line;
 
 /// More than any of these files has.
 const MAX_BYTES: u64 = 64 << 10;
@@ -108,13 +116,7 @@ pub(super) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
 /// Where a view of this port that runs in the background logs.
 pub(super) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
     let path = folder()?.join(format!("view-{port}.log"));
-    let file = OpenOptions::new()
-        .write(true)
-        .create(true)
-        .truncate(true)
-        .mode(0o600)
-        .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
-        .open(&path);
+    let file = private(true).truncate(true).open(&path);
     file.map(|file| (file, path.clone()))
         .map_err(|error| unusable(&path, &error))
 }
@@ -128,13 +130,7 @@ pub(super) fn write_opener(running: &RunEntry) -> Result<PathBuf, Failure> {
          <meta http-equiv=\"refresh\" content=\"0; url={address}\">\n\
          <a href=\"{address}\">The page of ril view</a>\n"
     );
-    let file = OpenOptions::new()
-        .write(true)
-        .create(true)
-        .truncate(true)
-        .mode(0o600)
-        .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
-        .open(&path);
+    let file = private(true).truncate(true).open(&path);
     file.and_then(|mut file| file.write_all(page.as_bytes()))
         .map_err(|error| unusable(&path, &error))?;
     Ok(path)
@@ -149,13 +145,19 @@ fn path(folder: &Path, port: u16) -> PathBuf {
 }
 
 fn open(path: &Path, creates: bool) -> io::Result<File> {
-    OpenOptions::new()
-        .read(true)
+    private(creates).read(true).open(path)
+}
+
+/// Opens a file of this user alone, to be written.
+fn private(creates: bool) -> OpenOptions {
+    let mut options = OpenOptions::new();
+    let flags = rustix::fs::OFlags::NOFOLLOW.bits() as i32;
+    options
         .write(true)
         .create(creates)
         .mode(0o600)
-        .custom_flags(rustix::fs::OFlags::NOFOLLOW.bits() as i32)
-        .open(path)
+        .custom_flags(flags);
+    options
 }
 
 fn read(mut file: &File) -> io::Result<RunEntry> {
@@ -217,4 +219,74 @@ fn taken(port: u16, running: Option<&RunEntry>) -> Failure {
         "`ril view --port {port}` opens its page; another port runs another one: `--port {}`",
         port.saturating_add(1)
     ))
+}
+
+/// A view that runs, for programs.
+#[derive(Serialize)]
+struct ViewObject {
+    schema: &'static str,
+    pid: u32,
+    port: u16,
+    address: String,
+    address_with_token: String,
+}
+
+impl ViewObject {
+    fn of(running: &RunEntry) -> ViewObject {
+        ViewObject {
+            schema: "ril.View.v1",
+            pid: running.pid,
+            port: running.port,
+            address: running.address(),
+            address_with_token: running.address_with_token(),
+        }
+    }
+}
+
+/// Opens the page of a view, or prints where it is, as the command line wants it.
+///
+/// # Errors
+///
+/// Code 8 when no browser can be started.
+pub(super) fn show(running: &RunEntry, args: &ViewArgs) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    if args.json {
+        return json_line(&mut out, &ViewObject::of(running));
+    }
+    if args.no_browser {
+        return writeln!(out, "{}", running.address_with_token()).map_err(Failure::output);
+    }
+    writeln!(out, "the view is at {}", running.address()).map_err(Failure::output)?;
+    let file = write_opener(running)?;
+    if open_in_browser(&file) {
+        return Ok(());
+    }
+    let text = "no browser could be started: neither $BROWSER nor xdg-open";
+    Err(Failure::new(ExitCode::NotInOrder, text)
+        .with_next_step("`ril view --no-browser` prints the address for a browser of your choice"))
+}
+
+/// Opens a file in the browser that the user prefers. The browser goes on by itself.
+fn open_in_browser(file: &Path) -> bool {
+    let preferred = std::env::var_os("BROWSER").unwrap_or_default();
+    let preferred = preferred.to_str().unwrap_or_default().split(':');
+    let programs = preferred
+        .filter(|program| !program.is_empty())
+        .chain(["xdg-open"]);
+    programs.into_iter().any(|program| {
+        let mut words = program.split_whitespace();
+        let Some(program) = words.next() else {
+            return false;
+        };
+        let page: &OsStr = file.as_os_str();
+        let opened = Command::new(program)
+            .args(words.filter(|word| *word != "%s"))
+            .arg(page)
+            .process_group(0)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn();
+        opened.is_ok()
+    })
 }

@@ -13,10 +13,10 @@ use super::files::Report;
 use super::fleet::Fleet;
 use super::options::ViewArgs;
 use super::replay::Playback;
-use super::run_file::{RunEntry, RunFile};
+use super::run_file::{self, RunEntry, RunFile};
+use super::server;
 use super::shell::ViewShell;
 use super::sockets::Sockets;
-use super::{opener, server};
 use crate::view_setup::config::ViewConfig;
 use crate::view_setup::token_key::random_hex;
 
@@ -62,7 +62,7 @@ pub(super) fn view(
     let mut shell = ViewShell::new(sockets, server, Fleet::none(domain), files, &config);
     shell.play(playback);
     tracing::info!(address = running.address(), "ready");
-    opener::show(&running, args)?;
+    run_file::show(&running, args)?;
     std::io::stdout().flush().map_err(Failure::output)?;
     process::run(&mut shell, &termination, &Notifier::from_env()).or_fail(ExitCode::Internal)
 }

@@ -86,9 +86,7 @@ struct ConditionObject {
 /// Code 4 when not all conditions were fulfilled in time, 3 when then a process does not run that they need, 7 when a signal ends
 /// the command before.
 pub fn wait(args: &WaitArgs) -> Result<(), Failure> {
-    if configuration(&args.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.common)?;
     let session = Session::join(&args.common)?;
     let mut topics = open(&session, &args.conditions)?;
     let began = MonotonicNs::now();

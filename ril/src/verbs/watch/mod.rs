@@ -2,15 +2,13 @@
 //! the terminal, signals, ports and the next moment at which the screen changes.
 //!
 //! * [`model`]: one robot, fed with samples by its ports, as for the page of `ril view`;
-//! * [`app`]: all robots, which of them is selected, and what a key does; `prompt`: orders are confirmed by a word;
-//! * [`view`]: draws all of that into a buffer; `paint`: bytes for a terminal;
+//! * [`app`]: all robots, which of them is selected, and what a key does: orders are confirmed by a word;
+//! * [`view`]: draws all of that into a buffer;
 //! * `terminal`: the shell.
 
 pub mod app;
 #[cfg(test)]
 mod fixture;
-mod paint;
-mod prompt;
 mod terminal;
 pub mod view;
 
@@ -117,9 +115,7 @@ const _: () = assert!(SOURCES <= ipc_types::waiter::MAX_SOURCES);
 /// Code 2 when standard input or output is no terminal, or one that cannot be drawn on; 78 when the configuration is wrong.
 pub fn watch(args: &WatchArgs) -> Result<(), Failure> {
     let common = args.common(io::stderr().is_terminal());
-    let Some(config) = configuration(&common)? else {
-        return Ok(());
-    };
+    let config = configuration(&common)?;
     terminal::refuse_others()?;
     let chart = chart::of_files(args.bridge.as_deref(), args.plan.as_deref())?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;

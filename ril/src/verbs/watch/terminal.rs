@@ -1,35 +1,36 @@
 //! [`Terminal`]: takes the terminal, and gives it back as it was, whatever ends the process: its own end, a signal, a panic.
 //!
 //! Writing never waits: a terminal that takes nothing, such as an ssh connection that hangs, must not keep the process from its orders
-//! and its end. What it has not taken is written later, and no other picture before it is through.
-
-mod guard;
+//! and its end. What it has not taken is written later, and no other picture before it is through. A picture is the bytes that change what the terminal shows
+//! from one buffer to the next, in ANSI sequences that every terminal of today knows.
 
 use std::fs::OpenOptions;
 use std::io::{self, ErrorKind, IsTerminal, Read};
-use std::os::fd::{AsFd, OwnedFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::OpenOptionsExt;
 use std::os::unix::net::UnixStream;
+use std::panic;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use ipc_types::Descriptor;
-use ratatui::buffer::Buffer;
+use ratatui::buffer::{Buffer, Cell};
 use ratatui::layout::Rect;
+use ratatui::style::{Color, Modifier};
 use runtime::exit::Failure;
 use rustix::fs::OFlags;
 use rustix::io::Errno;
 use rustix::stdio::{stdin, stdout};
-use rustix::termios::ttyname;
+use rustix::termios::{
+    OptionalActions, QueueSelector, Termios, tcflush, tcgetattr, tcsetattr, ttyname,
+};
 use signal_hook::consts::{SIGCONT, SIGHUP, SIGQUIT, SIGWINCH};
 use signal_hook::low_level::{pipe, unregister};
 use signal_hook::{SigId, flag};
 
-use super::paint;
 use crate::render::terminal::Size;
-use guard::Guard;
 
 /// Largest screen that is drawn, to each side: what says to be larger is surely wrong, and would take memory.
 const MAX_SIDE: u16 = 500;
@@ -78,7 +79,7 @@ impl Terminal {
         let mut terminal = Terminal {
             guard,
             output,
-            pending: paint::ENTER.to_vec(),
+            pending: ENTER.to_vec(),
             shown: None,
             area: area(),
             has_colour: !no_colour,
@@ -115,7 +116,7 @@ impl Terminal {
             self.is_gone = true;
         }
         self.area = area();
-        self.pending.extend_from_slice(paint::ENTER);
+        self.pending.extend_from_slice(ENTER);
         self.forget();
         true
     }
@@ -127,7 +128,7 @@ impl Terminal {
 
     /// Rings the bell.
     pub fn ring(&mut self) {
-        self.pending.extend_from_slice(paint::BELL);
+        self.pending.extend_from_slice(BELL);
         self.write();
     }
 
@@ -137,7 +138,7 @@ impl Terminal {
         if !self.pending.is_empty() {
             return false;
         }
-        paint::changes(
+        changes(
             self.shown.as_ref(),
             &buffer,
             self.has_colour,
@@ -244,5 +245,275 @@ impl Drop for Signals {
         for handler in self.handlers.drain(..) {
             unregister(handler);
         }
+    }
+}
+
+/// Gives the terminal back when it is dropped, and before a panic is reported.
+struct Guard {
+    raw: Termios,
+    saved: Arc<SavedTerminal>,
+}
+
+/// How the terminal was.
+struct SavedTerminal {
+    settings: Termios,
+    is_taken: AtomicBool,
+}
+
+impl Guard {
+    pub fn enter() -> io::Result<Guard> {
+        let settings = tcgetattr(stdin())?;
+        let mut raw = settings.clone();
+        raw.make_raw();
+        let saved = Arc::new(SavedTerminal {
+            settings,
+            is_taken: AtomicBool::new(true),
+        });
+        let guard = Guard {
+            raw,
+            saved: Arc::clone(&saved),
+        };
+        guard.set_raw()?;
+        let before = panic::take_hook();
+        panic::set_hook(Box::new(move |info| {
+            // What is printed on the other screen goes with it.
+            saved.give_back();
+            before(info);
+        }));
+        Ok(guard)
+    }
+
+    pub fn set_raw(&self) -> io::Result<()> {
+        Ok(tcsetattr(stdin(), OptionalActions::Now, &self.raw)?)
+    }
+}
+
+impl Drop for Guard {
+    fn drop(&mut self) {
+        self.saved.give_back();
+    }
+}
+
+impl SavedTerminal {
+    /// Once.
+    fn give_back(&self) {
+        if !self.is_taken.swap(false, Ordering::AcqRel) {
+            return;
+        }
+        // Best effort: a terminal that is gone needs nothing. What was typed and not read is not the shell's: it may be the rest of a
+        // word that confirms an order.
+        let _ = tcflush(stdin(), QueueSelector::IFlush);
+        let _ = write_without_waiting(stdout(), LEAVE);
+        let _ = tcsetattr(stdin(), OptionalActions::Now, &self.settings);
+    }
+}
+
+/// Writes `bytes` if the terminal takes them at once, or after what it has not taken was thrown away.
+fn write_without_waiting(to: BorrowedFd<'_>, bytes: &[u8]) -> io::Result<()> {
+    use rustix::event::{PollFd, PollFlags, Timespec, poll};
+    let takes = || {
+        let mut polled = [PollFd::from_borrowed_fd(to, PollFlags::OUT)];
+        let now = Timespec {
+            tv_sec: 0,
+            tv_nsec: 0,
+        };
+        poll(&mut polled, Some(&now)).is_ok_and(|ready| ready > 0)
+    };
+    if !takes() {
+        tcflush(to, QueueSelector::OFlush)?;
+    }
+    if takes() {
+        rustix::io::write(to, bytes)?;
+    }
+    Ok(())
+}
+
+/// Takes the terminal: the other screen, no cursor, no wrapping of lines.
+pub const ENTER: &[u8] = b"\x1b[?1049h\x1b[?25l\x1b[?7l\x1b[0m\x1b[2J";
+
+/// Gives it back as it was.
+pub const LEAVE: &[u8] = b"\x1b[0m\x1b[?7h\x1b[?25h\x1b[?1049l";
+
+/// Rings the bell.
+pub const BELL: &[u8] = b"\x07";
+
+/// Adds to `out` what turns `before` into `after`; without `before`, all is drawn anew. Nothing is added when nothing changed.
+pub fn changes(before: Option<&Buffer>, after: &Buffer, colour: bool, out: &mut Vec<u8>) {
+    let empty;
+    let before = match before {
+        Some(before) if before.area == after.area => before,
+        _ => {
+            out.extend_from_slice(b"\x1b[0m\x1b[2J");
+            empty = Buffer::empty(after.area);
+            &empty
+        }
+    };
+    let mut style = String::new();
+    let mut next = None;
+    for (x, y, cell) in before.diff(after) {
+        if next != Some((x, y)) {
+            out.extend_from_slice(format!("\x1b[{};{}H", y + 1, x + 1).as_bytes());
+        }
+        let wanted = sgr(cell, colour);
+        if style != wanted {
+            out.extend_from_slice(wanted.as_bytes());
+            style = wanted;
+        }
+        out.extend_from_slice(cell.symbol().as_bytes());
+        // A wide character moves the cursor by two: the next cell gets a place of its own.
+        next = cell.symbol().is_ascii().then_some((x + 1, y));
+    }
+    if next.is_some() || !style.is_empty() {
+        out.extend_from_slice(b"\x1b[0m");
+    }
+}
+
+/// The sequence that selects the style of `cell`.
+fn sgr(cell: &Cell, colour: bool) -> String {
+    let mut text = "\x1b[0".to_owned();
+    for (modifier, code) in [
+        (Modifier::BOLD, ";1"),
+        (Modifier::DIM, ";2"),
+        (Modifier::UNDERLINED, ";4"),
+        (Modifier::REVERSED, ";7"),
+    ] {
+        if cell.modifier.contains(modifier) {
+            text += code;
+        }
+    }
+    if colour {
+        text += &colour_code(cell.fg, 30);
+        text += &colour_code(cell.bg, 40);
+    }
+    text.push('m');
+    text
+}
+
+/// The parameters of a colour; `base` is 30 for the foreground and 40 for the background.
+fn colour_code(colour: Color, base: u8) -> String {
+    let number = match colour {
+        Color::Reset => return String::new(),
+        Color::Indexed(index) => return format!(";{};5;{index}", base + 8),
+        Color::Rgb(red, green, blue) => return format!(";{};2;{red};{green};{blue}", base + 8),
+        Color::Black => 0,
+        Color::Red => 1,
+        Color::Green => 2,
+        Color::Yellow => 3,
+        Color::Blue => 4,
+        Color::Magenta => 5,
+        Color::Cyan => 6,
+        Color::Gray => 7,
+        Color::DarkGray => 60,
+        Color::LightRed => 61,
+        Color::LightGreen => 62,
+        Color::LightYellow => 63,
+        Color::LightBlue => 64,
+        Color::LightMagenta => 65,
+        Color::LightCyan => 66,
+        Color::White => 67,
+    };
+    format!(";{}", base + number)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::io::Read;
+    use std::process::{Command, Stdio};
+
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+    use super::*;
+
+    /// Set in the process that is to panic.
+    const IN_CHILD: &str = "RIL_TEST_PANICS_ON_A_TERMINAL";
+
+    #[test]
+    fn a_panic_gives_the_terminal_back_before_it_is_reported() {
+        if std::env::var_os(IN_CHILD).is_some() {
+            let _guard = Guard::enter().unwrap();
+            rustix::io::write(stdout(), ENTER).unwrap();
+            panic!("tested on purpose");
+        }
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+        let master = openpt(flags).unwrap();
+        grantpt(&master).unwrap();
+        unlockpt(&master).unwrap();
+        let name = ptsname(&master, Vec::new()).unwrap();
+        let name = name.to_str().unwrap();
+        let slave = || File::options().read(true).write(true).open(name).unwrap();
+        let terminal = slave();
+        let before = format!("{:?}", tcgetattr(&terminal).unwrap());
+        // This test alone, in a process whose terminal it is.
+        let (_, module) = module_path!().split_once("::").unwrap();
+        let test = format!("{module}::a_panic_gives_the_terminal_back_before_it_is_reported");
+        let mut child = Command::new(std::env::current_exe().unwrap())
+            .args(["--exact", &test, "--nocapture", "--test-threads=1"])
+            .env(IN_CHILD, "1")
+            .env("RUST_BACKTRACE", "0")
+            .stdin(Stdio::from(slave()))
+            .stdout(Stdio::from(slave()))
+            .stderr(Stdio::from(slave()))
+            .spawn()
+            .unwrap();
+        assert!(!child.wait().unwrap().success());
+        assert_eq!(format!("{:?}", tcgetattr(&terminal).unwrap()), before);
+        drop(terminal);
+        let mut bytes = Vec::new();
+        // Without a slave the end of what was written is an error.
+        let _ = File::from(master).read_to_end(&mut bytes);
+        let text = String::from_utf8_lossy(&bytes).into_owned();
+        let place = |what: &str| {
+            text.find(what)
+                .unwrap_or_else(|| panic!("{what:?} is not in {text:?}"))
+        };
+        let [enter, leave] = [ENTER, LEAVE].map(|bytes| std::str::from_utf8(bytes).unwrap());
+        assert!(place(enter) < place(leave) && place(leave) < place("tested on purpose"));
+    }
+}
+
+#[cfg(test)]
+mod paint_tests {
+    use ratatui::layout::Rect;
+    use ratatui::style::Style;
+
+    use super::*;
+
+    fn buffer(text: &str, style: Style) -> Buffer {
+        let mut buffer = Buffer::empty(Rect::new(0, 0, 6, 2));
+        buffer.set_string(0, 1, text, style);
+        buffer
+    }
+
+    fn bytes(before: Option<&Buffer>, after: &Buffer, colour: bool) -> String {
+        let mut out = Vec::new();
+        changes(before, after, colour, &mut out);
+        String::from_utf8(out).unwrap()
+    }
+
+    #[test]
+    fn only_what_changed_is_written() {
+        let before = buffer("abcdef", Style::new());
+        let after = buffer("abXYef", Style::new());
+        assert_eq!(
+            bytes(Some(&before), &after, true),
+            "\x1b[2;3H\x1b[0mXY\x1b[0m"
+        );
+        assert_eq!(bytes(Some(&after), &after, true), "");
+    }
+
+    #[test]
+    fn without_a_buffer_before_all_is_drawn() {
+        let text = bytes(None, &buffer("a", Style::new()), true);
+        assert_eq!(text, "\x1b[0m\x1b[2J\x1b[2;1H\x1b[0ma\x1b[0m");
+    }
+
+    #[test]
+    fn without_colour_there_is_none_but_what_stands_out_still_does() {
+        let style = Style::new().fg(Color::Red).add_modifier(Modifier::REVERSED);
+        let after = buffer("a", style);
+        let before = Buffer::empty(after.area);
+        assert!(bytes(Some(&before), &after, true).contains("\x1b[0;7;31ma"));
+        assert!(bytes(Some(&before), &after, false).contains("\x1b[0;7ma"));
     }
 }

@@ -6,11 +6,9 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use view::report::FlightReport;
 use view::report::flight::{Ink, Lane, Limit, Map, Weight};
 
-use super::clock::{FlightClock, RelativeDelay};
-use super::curves::{Curves, GAP_S};
+use super::curves::{Curves, FlightClock, GAP_S, RelativeDelay};
 use super::events::{EventLog, LoggedEventKind};
-use super::module::ModuleLog;
-use super::module::States;
+use super::module::{ModuleLog, States};
 use super::requests::RequestLog;
 use crate::recorded::RequestEvent;
 use crate::render::messages::details;

@@ -1,13 +1,11 @@
 //! `ril log report`: a log as a page in one file.
 
-mod clock;
 mod collector;
 mod curves;
 mod events;
 mod module;
 mod record;
 mod requests;
-mod row;
 #[cfg(test)]
 mod tests;
 mod words;
@@ -18,20 +16,19 @@ use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use recording::read::{RecordFile, RecordSummary, summary_of};
-use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::exit::Failure;
 use serde::Serialize;
 use view::report::FlightReport;
 use view::report::flight::{Table, Weight};
 
 use self::collector::Collector;
-use self::row::SampleReader;
-use super::files::ending;
-use super::files::{LogFile, MAX_NAMED, chosen_file, of_flight};
+use self::record::SampleReader;
+use super::files::{LogEnd, LogFile, MAX_NAMED, chosen_file, of_flight};
 use super::options::LogReportArgs;
-use super::recording::{LogEntry, LogFormat, LogReadError};
+use super::recording::{LogEntry, LogFormat};
 use super::row::UtcSource;
 use super::summary::{Summarizer, Summary};
-use crate::render::json_line;
+use crate::render::print_as;
 use crate::robot::chart::{Chart, FenceFile, of_files};
 use crate::session::configuration;
 
@@ -59,7 +56,7 @@ struct ReportObject {
 struct Read {
     flight: FlightReport,
     summary: Summary,
-    trouble: Option<LogReadError>,
+    end: LogEnd,
 }
 
 /// `ril log report`
@@ -69,9 +66,7 @@ struct Read {
 /// Code 2 when a file cannot be read or written or is no log, 8 when a part of the log is damaged, after the report was written; 78 when
 /// a configuration is wrong.
 pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
-    if configuration(&args.place.common)?.is_none() {
-        return Ok(());
-    }
+    configuration(&args.place.common)?;
     let chart = of_files(args.bridge.as_deref(), args.plan.as_deref())?;
     let file = chosen_file(args.file.as_ref(), &args.place, of_flight())?;
     let log = file.path().to_owned();
@@ -84,13 +79,7 @@ pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
     let page = view::report::page(&read.flight);
     replace(&output, page.as_bytes())?;
     print_result(args, &log, &output, &read, page.len())?;
-    let Summary {
-        damaged_lines,
-        unfinished_bytes,
-        ..
-    } = read.summary;
-    let name = log.display().to_string();
-    ending(&name, read.trouble, damaged_lines, unfinished_bytes)
+    read.end.verdict()
 }
 
 /// The report of the log at `path`, an HTML page, as it is without any option.
@@ -158,7 +147,7 @@ impl OpenRecording {
         let file = file.or_else(|| named(bridge::cli::DEFAULT_CONFIG_FILE))?;
         let text = std::str::from_utf8(&file.data).ok()?;
         let fence = runtime::config::parse::<FenceFile>(text, &file.name).ok()?;
-        Some(Chart::new(&fence, &[]))
+        Some(Chart::new(&fence.fence, &[]))
     }
 }
 
@@ -184,26 +173,23 @@ fn read(mut file: LogFile, mut chart: Chart, finds_fence: bool) -> Result<Read, 
         UtcSource::FileName(created_ns) => Some(created_ns),
         UtcSource::Column | UtcSource::Nowhere => None,
     };
-    let mut damaged = 0;
-    let trouble = loop {
-        match file.recording.next() {
-            Ok(Some(LogEntry::Row(row))) => {
+    let end = file.read(|entry, damaged| {
+        match entry {
+            LogEntry::Row(row) => {
                 start_unix_ns = start_unix_ns.or(row.unix_ns);
                 summarizer.row(&row);
                 collector.sample(&reader.sample(&row));
             }
-            Ok(Some(LogEntry::Damaged(damage))) => {
-                damaged += 1;
+            LogEntry::Damaged(damage) => {
                 summarizer.damage(&damage);
                 if damaged <= MAX_NAMED {
                     collector.damage(&damage.to_string());
                 }
             }
-            Ok(None) => break None,
-            Err(error) => break Some(error),
         }
-    };
-    let summary = summarizer.finish(file.recording.unfinished_bytes());
+        Ok(())
+    })?;
+    let summary = summarizer.finish(end.unfinished_bytes);
     if let Some(record) = &record {
         record::take(&mut collector, &record.file, start_unix_ns);
     }
@@ -222,7 +208,7 @@ fn read(mut file: LogFile, mut chart: Chart, finds_fence: bool) -> Result<Read, 
     Ok(Read {
         flight,
         summary,
-        trouble,
+        end,
     })
 }
 
@@ -265,26 +251,20 @@ fn print_result(
         .filter(|event| event.weight == Weight::Alarm);
     let alarms = alarms.count();
     let name = |path: &Path| path.display().to_string();
-    let mut out = io::stdout().lock();
-    if args.json {
-        let object = ReportObject {
-            schema: SCHEMA,
-            file: name(log),
-            output: name(output),
-            samples: read.summary.rows,
-            duration_s: flight.duration_s,
-            events: flight.events.len(),
-            alarms,
-        };
-        return json_line(&mut out, &object);
-    }
-    let events = flight.events.len();
-    writeln!(
-        out,
-        "{}: {} kB, {events} events, {alarms} alarms; open it in a browser",
-        name(output),
-        bytes.div_ceil(1000)
-    )
-    .map_err(Failure::output)?;
-    out.flush().or_fail(ExitCode::Internal)
+    let object = ReportObject {
+        schema: SCHEMA,
+        file: name(log),
+        output: name(output),
+        samples: read.summary.rows,
+        duration_s: flight.duration_s,
+        events: flight.events.len(),
+        alarms,
+    };
+    let text = format_args!(
+        "{}: {} kB, {} events, {alarms} alarms; open it in a browser\n",
+        object.output,
+        bytes.div_ceil(1000),
+        object.events
+    );
+    print_as(args.json, &object, text)
 }

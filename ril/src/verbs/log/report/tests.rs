@@ -6,7 +6,7 @@ use view::report::flight::Weight;
 use status::log::read::LogReader;
 
 use super::collector::Collector;
-use super::row::SampleReader;
+use super::record::SampleReader;
 use super::words;
 use crate::robot::chart::Chart;
 use crate::verbs::log::recording::LogEntry;

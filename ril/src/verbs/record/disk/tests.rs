@@ -11,8 +11,8 @@ use status::log::config::LogLimits;
 use status::log::file_name::{Series, recognize};
 use tempfile::TempDir;
 
-use super::worker::{ClosedFile, Note};
 use super::*;
+use super::{ClosedFile, Note};
 
 fn place(folder: &TempDir) -> RecordFolder {
     RecordFolder {

@@ -9,13 +9,13 @@ use ipc_types::module::State;
 use ipc_types::payload::{DspErrorCounters, LinkHealth, ModuleState, MovementState, SafetyState};
 use runtime::duration::DurationText;
 
-use super::{StateReport, UNREADABLE, implausible, known_dsp_errors, pc_timeout_supported};
+use super::{StateReport, implausible, known_dsp_errors, pc_timeout_supported};
 use crate::render::fields::{Selection, Tree};
 use crate::render::messages::details;
-use crate::render::words::{count, error_words, module_words};
-use crate::robot::geo::Place;
+use crate::render::words::{count, error_words, module_words, or_dash};
+use crate::robot::freshness::{age_ms, named};
 use crate::robot::pilot;
-use crate::robot::sample_age::{age_ms, named};
+use crate::robot::relay_link::UNREADABLE;
 
 impl fmt::Display for StateReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -72,8 +72,7 @@ impl StateReport {
             writeln!(f, "position    {}", self.position())?;
             writeln!(f, "speed       {}", self.speed())?;
             writeln!(f, "supply      {}", self.supply())?;
-            let fix = self.view.gps.map(|gps| gps.to_string());
-            writeln!(f, "GPS         {}", or_dash(fix))?;
+            writeln!(f, "GPS         {}", or_dash(self.view.gps))?;
         }
         let age = |time: MonotonicNs| {
             let age = match age_ms(time, self.now) {
@@ -115,9 +114,7 @@ impl StateReport {
     }
 
     fn position(&self) -> String {
-        let degrees =
-            |place: Place| format!("{:.7}° {:.7}°", place.latitude_deg, place.longitude_deg);
-        or_dash(self.view.place.map(degrees))
+        or_dash(self.view.place)
     }
 
     fn speed(&self) -> String {
@@ -129,15 +126,9 @@ impl StateReport {
     }
 
     fn supply(&self) -> String {
-        let view = &self.view;
-        let parts = [
-            view.battery_v.map(|volts| format!("battery {volts:.1} V")),
-            view.fuel_percent
-                .map(|percent| format!("fuel {percent:.0} %")),
-            view.switch
-                .map(|switch| format!("pilot's switch {}", switch.name())),
-        ];
-        let parts: Vec<String> = parts.into_iter().flatten().collect();
+        let switch = self.view.switch;
+        let switch = switch.map(|switch| format!("pilot's switch {}", switch.name()));
+        let parts: Vec<String> = self.view.supply().into_iter().chain(switch).collect();
         or_dash((!parts.is_empty()).then(|| parts.join(", ")))
     }
 
@@ -311,10 +302,6 @@ fn says_blocked(status: Option<ModuleStatus>, is_blocked: bool) -> bool {
         Some(ModuleStatus::WaitingDataToStart | ModuleStatus::Ended)
     );
     is_blocked && is_at_work
-}
-
-fn or_dash(text: Option<String>) -> String {
-    text.unwrap_or_else(|| "-".to_owned())
 }
 
 fn movement(movement: &MovementState) -> String {

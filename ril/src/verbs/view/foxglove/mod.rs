@@ -1,14 +1,12 @@
 //! [`Foxglove`]: what Foxglove and Lichtblick get of the robots, and what they order.
 //!
-//! * [`channels`]: the topics of processes; [`derived`]: those that are made here, of `diagnostics` and `geojson` among others;
-//! * [`services`]: orders; [`parameters`]: the DSP's, by what `ports` says to ask.
+//! * [`channels`]: the topics of processes; [`derived`]: those that are made here, of `geojson` among others;
+//! * [`services`]: orders; [`parameters`]: the DSP's.
 
 mod channels;
 mod derived;
-mod diagnostics;
 mod geojson;
 mod parameters;
-mod ports;
 mod services;
 
 pub(crate) use self::services::ServiceCall;

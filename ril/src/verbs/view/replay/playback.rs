@@ -1,4 +1,5 @@
-//! [`Playback`]: the one playhead of a recording for all viewers, and what they get where it is.
+//! [`Playback`]: the one playhead of a recording for all viewers, and what they get where it is. [`ReplayTopics`]: the recorded topics for Foxglove clients, with
+//! the bytes and times of the file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,12 +10,11 @@ use recording::play::Playhead;
 use recording::read::RecordedMessage;
 use runtime::exit::Failure;
 use view::page::{ReplayAction, ReplayInfo, ReplayRequest, ReplayStatus};
-use view::{ChannelId, Server, ViewerId};
+use view::{Channel, ChannelId, Server, ViewerId};
 
 use super::super::messages;
 use super::super::speaker::{Speaker, SpokenRobot};
 use super::recording::Recording;
-use super::topics::{FileChannels, ReplayTopics};
 
 /// Time between two jumps: each sends the last minutes anew, and a hand that draws the scrubber asks for dozens in a second.
 const JUMP_PERIOD: Duration = Duration::from_millis(200);
@@ -223,5 +223,48 @@ impl Playback {
             outline: played.outline(),
             has_news,
         }
+    }
+}
+
+/// Topics that are offered at most, as many as a recorder writes.
+const MAX_TOPICS: usize = recording::MAX_CHANNELS;
+
+/// The topics of a file, by name. A topic whose layout changes is offered with the first one.
+#[derive(Default)]
+pub(super) struct FileChannels(BTreeMap<String, Channel>);
+
+impl FileChannels {
+    pub fn take(&mut self, message: &RecordedMessage) {
+        if self.0.contains_key(message.topic()) || self.0.len() == MAX_TOPICS {
+            return;
+        }
+        let channel = Channel {
+            topic: message.topic().to_owned(),
+            encoding: "cdr".to_owned(),
+            schema_name: message.schema_name().to_owned(),
+            schema_encoding: "ros2msg".to_owned(),
+            schema: message.schema_text().into(),
+        };
+        self.0.insert(message.topic().to_owned(), channel);
+    }
+}
+
+/// See the module's documentation.
+#[derive(Default)]
+pub(super) struct ReplayTopics(BTreeMap<String, ChannelId>);
+
+impl ReplayTopics {
+    pub fn offer(found: FileChannels, server: &mut Server) -> ReplayTopics {
+        let offered = found.0.into_iter().filter_map(|(topic, channel)| {
+            let id = server.channel(channel)?;
+            Some((topic, id))
+        });
+        ReplayTopics(offered.collect())
+    }
+
+    /// Whether a client wants the message; its channel.
+    pub fn wanted(&self, message: &RecordedMessage, server: &Server) -> Option<ChannelId> {
+        let channel = self.0.get(message.topic()).copied()?;
+        server.is_subscribed(channel).then_some(channel)
     }
 }

@@ -1,7 +1,7 @@
 //! What keys do.
 
 use super::*;
-use crate::verbs::watch::prompt::TIMEOUT;
+use crate::verbs::watch::app::TIMEOUT;
 
 const NOW: MonotonicNs = MonotonicNs(7_000_000_000);
 

@@ -9,8 +9,7 @@ use ratatui::widgets::canvas::{Canvas, Line};
 use ratatui::widgets::{Block, Widget};
 
 use super::pen::{Glyphs, OLD, TITLE, put};
-use crate::robot::geo::Place;
-use crate::robot::geo::offset_m;
+use crate::robot::geo::{Place, offset_m};
 use crate::robot::model::WatchedRobot;
 use crate::verbs::watch::app::{App, Zoom};
 

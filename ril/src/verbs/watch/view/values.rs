@@ -8,9 +8,9 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 
 use super::pen::{GOOD, Glyphs, OLD, TITLE, WARNING, put};
-use crate::render::words::{count, duration};
+use crate::render::words::{count, duration, or_dash};
 use crate::robot::clock::Clocks;
-use crate::robot::freshness::Freshness;
+use crate::robot::freshness::{Freshness, named};
 use crate::robot::history::History;
 use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::pilot;
@@ -106,8 +106,7 @@ fn plain(text: String, is_fresh: bool) -> (String, Style) {
 }
 
 fn fix(robot: &WatchedRobot) -> String {
-    let gps = robot.pilot.gps;
-    gps.map_or("-".to_owned(), |gps| gps.to_string())
+    or_dash(robot.pilot.gps)
 }
 
 /// The place where the next line goes.
@@ -186,10 +185,7 @@ fn speed(robot: &WatchedRobot) -> String {
 }
 
 fn position(robot: &WatchedRobot) -> String {
-    match robot.pilot.place {
-        Some(place) => format!("{:.7}° {:.7}°", place.latitude_deg, place.longitude_deg),
-        None => "-".to_owned(),
-    }
+    or_dash(robot.pilot.place)
 }
 
 fn path(robot: &WatchedRobot) -> String {
@@ -214,17 +210,7 @@ fn path(robot: &WatchedRobot) -> String {
 }
 
 fn supply(robot: &WatchedRobot) -> String {
-    let pilot = &robot.pilot;
-    let battery = pilot.battery_v.map(|volts| format!("battery {volts:.1} V"));
-    let fuel = pilot
-        .fuel_percent
-        .map(|percent| format!("fuel {percent:.0} %"));
-    let parts: Vec<String> = [battery, fuel].into_iter().flatten().collect();
-    if parts.is_empty() {
-        "-".to_owned()
-    } else {
-        parts.join(", ")
-    }
+    or_dash(robot.pilot.supply())
 }
 
 fn switch(robot: &WatchedRobot) -> (String, Style) {
@@ -248,10 +234,7 @@ fn dsp_link(robot: &WatchedRobot, clock: Clocks) -> (String, Style) {
     };
     let link = &state.link;
     let known = link.state();
-    let name = known.map_or_else(
-        || format!("unknown-{}", link.state),
-        |state| state.to_string(),
-    );
+    let name = named(known, link.state);
     let age = robot.link_age(clock.now);
     let age = age.map_or_else(String::new, |(age, is_known)| {
         let at_least = if is_known { "" } else { "at least " };
@@ -285,7 +268,7 @@ fn telemetry_line(robot: &WatchedRobot, clock: Clocks) -> (String, Style) {
 fn status(robot: &WatchedRobot, clock: Clocks) -> (String, Style) {
     let freshness = robot.process(Process::Status, clock.now);
     let doing = robot.status.as_ref().and_then(|status| status.doing());
-    let doing = doing.unwrap_or("unreadable");
+    let doing = doing.unwrap_or(UNREADABLE);
     match freshness {
         Freshness::Fresh => (doing.to_owned(), GOOD),
         Freshness::Absent => ("not running: raw telemetry, no logs".to_owned(), OLD),
