@@ -46,13 +46,14 @@ const TESTS: &[(&str, fn())] = support::tests![
     what_a_provider_that_was_killed_had_half_announced_is_gone_with_the_next,
     a_removal_that_hangs_holds_up_neither_ports_nor_the_end,
     a_root_outside_of_shared_memory_leaves_nothing_there_after_kills,
-    another_folder_under_the_same_root_in_another_mount_namespace_harms_nobody,
     a_process_that_is_held_up_while_it_leaves_or_joins_takes_no_folder_of_the_living,
     a_client_that_breaks_the_server_s_port_costs_the_others_no_more_than_to_ask_again,
     an_order_is_answered_though_subscribers_took_all_descriptors,
     a_forked_child_takes_nothing_from_its_parent_and_may_join_anew,
     a_provider_that_ends_makes_room_though_a_child_of_it_lives_on,
     what_the_dead_left_is_removed_by_the_next_process,
+    ; as_root:
+    another_folder_under_the_same_root_in_another_mount_namespace_harms_nobody,
 ];
 
 fn main() -> ExitCode {

@@ -21,6 +21,7 @@ use rustix::process::{Signal, getppid, getuid, kill_process};
 use support::{Role, in_domain, join};
 
 const TESTS: &[(&str, fn())] = support::tests![
+    ; as_root:
     a_stranger_gets_nowhere_and_the_others_go_on,
     names_that_a_stranger_took_first_are_refused_in_words,
 ];

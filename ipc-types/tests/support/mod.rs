@@ -3,6 +3,8 @@
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, ChildStdout, Command, ExitCode, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -88,53 +90,86 @@ pub fn until(what: &str, mut step: impl FnMut() -> bool) {
     }
 }
 
-/// The tests of a program with a main function of its own, by their names.
+/// The tests of a program with a main function of its own, by their names. Those after `as_root` are named as if they were in a module of
+/// that name: `.ci/as-user` runs them as root, too.
 #[allow(unused_macros)]
 macro_rules! tests {
-    ($($test:ident),* $(,)?) => {
-        &[$((stringify!($test), $test as fn())),*]
+    ($($test:ident,)* $(; as_root: $($as_root:ident,)*)?) => {
+        &[
+            $((stringify!($test), $test as fn()),)*
+            $($((concat!("as_root::", stringify!($as_root)), $as_root as fn()),)*)?
+        ]
     };
 }
 
 #[allow(unused_imports)]
 pub(crate) use tests;
 
+/// The argument that has the program run the test of the name after it, and nothing else.
+#[allow(dead_code)]
+const ONE: &str = "--one";
+
 /// The main function of a test program that starts itself again in roles: plays the role that it is asked for, or runs
 /// the tests whose names contain one of the arguments.
+///
+/// Each test has a process of its own, because some count this process's descriptors. As many run at once as in other test
+/// programs.
 #[allow(dead_code)]
 pub fn run(tests: &[(&str, fn())], play: fn(&str)) -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    if let [role, name] = &arguments[..]
-        && role == "--role"
-    {
-        play(name);
-        return ExitCode::SUCCESS;
+    match &arguments[..] {
+        [role, name] if role == "--role" => {
+            play(name);
+            return ExitCode::SUCCESS;
+        }
+        [one, name] if one == ONE => {
+            let (_, test) = tests.iter().find(|(of, _)| of == name).expect("its name");
+            test();
+            return ExitCode::SUCCESS;
+        }
+        _ => {}
     }
-    let wanted = |name: &str| {
-        let mut filters = arguments
-            .iter()
-            .filter(|word| !word.starts_with('-'))
-            .peekable();
-        filters.peek().is_none() || filters.any(|filter| name.contains(filter.as_str()))
+    let filters: Vec<&String> = arguments
+        .iter()
+        .filter(|word| !word.starts_with('-'))
+        .collect();
+    let wanted = |name: &&str| {
+        filters.is_empty() || filters.iter().any(|filter| name.contains(filter.as_str()))
     };
+    let names: Vec<&str> = tests.iter().map(|(name, _)| *name).filter(wanted).collect();
     if arguments.iter().any(|word| word == "--list") {
-        for (name, _) in tests {
+        for name in names {
             println!("{name}: test");
         }
         return ExitCode::SUCCESS;
     }
-    let mut failed = 0;
-    for (name, test) in tests.iter().filter(|(name, _)| wanted(name)) {
-        // The panic's message is on the standard error stream already.
-        let result = std::panic::catch_unwind(test);
-        println!(
-            "test {name} ... {}",
-            if result.is_ok() { "ok" } else { "FAILED" }
-        );
-        failed += usize::from(result.is_err());
-    }
+    let program = std::env::current_exe().expect("this program");
+    let next = Mutex::new(names.iter());
+    let failed = AtomicU8::new(0);
+    thread::scope(|scope| {
+        for _ in 0..threads() {
+            scope.spawn(|| {
+                let take = || next.lock().expect("no thread has panicked").next();
+                while let Some(name) = take() {
+                    // A panic's message is on the standard error stream already.
+                    let status = Command::new(&program).args([ONE, name]).status();
+                    let is_ok = status.expect("a child process").success();
+                    println!("test {name} ... {}", if is_ok { "ok" } else { "FAILED" });
+                    failed.fetch_add(u8::from(!is_ok), Ordering::Relaxed);
+                }
+            });
+        }
+    });
+    let failed = failed.into_inner();
     println!("test result: {failed} failed");
     ExitCode::from(u8::from(failed > 0))
+}
+
+/// How many tests run at once: what `RUST_TEST_THREADS` says, or one for each processor.
+fn threads() -> usize {
+    let asked = std::env::var("RUST_TEST_THREADS").ok();
+    let asked = asked.and_then(|threads| threads.parse().ok());
+    asked.unwrap_or_else(|| thread::available_parallelism().map_or(1, usize::from))
 }
 
 /// A child process, which is killed with the test.

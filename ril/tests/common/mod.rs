@@ -3,6 +3,9 @@
 // Each test program uses a part of it.
 #![allow(dead_code, unused_imports)]
 
+use std::path::Path;
+
+use ril_tests::languages::skip;
 pub use ril_tests::process::says;
 use ril_tests::process::{Finished, Signal};
 pub use ril_tests::sandbox::FOR_SLOW_MACHINES;
@@ -13,6 +16,16 @@ use ipc_types::payload::MovementData;
 /// A domain, a folder, and the `ril` of this build in both. The domain's guard checks at the end that nothing is left.
 pub fn sandbox() -> Sandbox {
     Sandbox::of(env!("CARGO_BIN_EXE_ril"))
+}
+
+/// Whether the relay's program is there: cargo builds it with the whole workspace alone.
+pub fn has_relay(what: &str) -> bool {
+    let relay = Path::new(env!("CARGO_BIN_EXE_ril")).with_file_name("ril-relay");
+    let has_relay = relay.is_file();
+    if !has_relay {
+        skip(what, "`ril-relay` is not built: test the whole workspace");
+    }
+    has_relay
 }
 
 /// What `ril status --json` shows of a robot. Its exit code says whether the link is up and the data is new, which a machine that

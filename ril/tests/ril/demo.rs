@@ -3,10 +3,9 @@
 use ril_tests::Sandbox;
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
-use std::path::Path;
 
-use crate::common::{json, sandbox};
-use ril_tests::languages::{root, skip};
+use crate::common::{has_relay, json, sandbox};
+use ril_tests::languages::root;
 use ril_tests::process::{Finished, Process, Signal};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
@@ -206,20 +205,10 @@ fn its_processes_do_not_outlive_it_even_when_it_is_killed() {
     assert_eq!(left_of(pid), Vec::<String>::new());
 }
 
-/// Whether the relay's program is there; cargo builds it with the whole workspace.
-fn has_relay() -> bool {
-    let relay = Path::new(env!("CARGO_BIN_EXE_ril")).with_file_name("ril-relay");
-    let has_relay = relay.is_file();
-    if !has_relay {
-        skip("a fleet", "`ril-relay` is not built");
-    }
-    has_relay
-}
-
 #[test]
 fn a_fleet_flies_through_outages_deaths_and_a_replacement() {
     let rig = sandbox();
-    if !has_relay() {
+    if !has_relay("a fleet") {
         return;
     }
     let mut demo = start(&rig, "--robots 3 --speed 2 --json");
@@ -265,7 +254,7 @@ fn a_fleet_flies_through_outages_deaths_and_a_replacement() {
 #[test]
 fn one_relay_carries_the_largest_fleet() {
     let rig = sandbox();
-    if !has_relay() {
+    if !has_relay("a fleet") {
         return;
     }
     rig.run("demo --robots 51", 2)
@@ -281,7 +270,7 @@ fn one_relay_carries_the_largest_fleet() {
 #[test]
 fn a_fleet_that_is_interrupted_leaves_nothing() {
     let rig = sandbox();
-    if !has_relay() {
+    if !has_relay("a fleet") {
         return;
     }
     for (moment, signal) in [

@@ -17,7 +17,6 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, symlink};
-use std::path::Path;
 use std::process::Command;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread::{self, JoinHandle};
@@ -30,7 +29,7 @@ use ril_tests::process::{Finished, Process, Signal};
 use ril_tests::relayed::free_endpoint;
 use ril_tests::{Sandbox, StandInTopic, TestDomain};
 
-use crate::common::sandbox;
+use crate::common::{has_relay, sandbox};
 use crate::watch::screen::Screen;
 
 /// Pages with something to run, each of which has a test below.
@@ -721,13 +720,8 @@ fn the_examples_of_the_page_about_modules_run() {
 
 #[test]
 fn the_examples_of_the_page_about_networks_run() {
-    let relay = Path::new(env!("CARGO_BIN_EXE_ril")).with_file_name("ril-relay");
-    match relay.is_file() {
-        true => Reader::new("docs/network.md").reads(),
-        false => skip(
-            "docs/network.md",
-            "`ril-relay` is not built: test the whole workspace",
-        ),
+    if has_relay("docs/network.md") {
+        Reader::new("docs/network.md").reads();
     }
 }
 

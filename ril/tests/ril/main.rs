@@ -14,6 +14,7 @@ mod control;
 mod demo;
 mod doctor;
 mod documents;
+mod endurance;
 mod field;
 mod firmware;
 mod flight;

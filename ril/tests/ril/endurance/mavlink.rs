@@ -1,25 +1,24 @@
 //! The short form of the measurement of stations that speak MAVLink: who is there, missions over a bad line, commands, and a flood.
 
-use std::path::Path;
 use std::time::Duration;
 
 use endurance::mavlink;
 use endurance::plan::Plan;
 use endurance::site::Site;
 use ril_tests::Sandbox;
-use ril_tests::sandbox::beside_or_skip;
 
 #[test]
 fn stations_get_telemetry_missions_are_whole_and_a_hold_is_done_once_in_a_flood() {
-    let Some(ril) = beside_or_skip(Path::new(env!("CARGO_BIN_EXE_endurance"))) else {
-        return;
-    };
     let plan = Plan {
         duration_s: Some(2),
         ..Plan::short(5)
     };
     let site = Site::new(
-        Sandbox::new([&ril], "mavlink", Duration::from_secs(300)),
+        Sandbox::new(
+            [env!("CARGO_BIN_EXE_ril")],
+            "mavlink",
+            Duration::from_secs(300),
+        ),
         &plan,
     );
     let mut rows = 0;

@@ -1,25 +1,24 @@
 //! The short form of the measurement of viewers: pages, a slow client of Foxglove, and an attack, two seconds each.
 
-use std::path::Path;
 use std::time::Duration;
 
 use endurance::plan::Plan;
 use endurance::site::Site;
 use endurance::views;
 use ril_tests::Sandbox;
-use ril_tests::sandbox::beside_or_skip;
 
 #[test]
 fn no_viewer_is_lost_and_an_order_is_given_once_whatever_others_do() {
-    let Some(ril) = beside_or_skip(Path::new(env!("CARGO_BIN_EXE_endurance"))) else {
-        return;
-    };
     let plan = Plan {
         duration_s: Some(2),
         ..Plan::short(1)
     };
     let site = Site::new(
-        Sandbox::new([&ril], "views", Duration::from_secs(300)),
+        Sandbox::new(
+            [env!("CARGO_BIN_EXE_ril")],
+            "views",
+            Duration::from_secs(300),
+        ),
         &plan,
     );
     let mut rows = 0;

@@ -22,7 +22,7 @@ fn in_own_memory(name: &str, mount_options: &str, body: impl FnOnce()) {
     if memory::is_own() {
         return body();
     }
-    let args = [format!("attacks::{name}"), "--exact".to_owned()];
+    let args = [format!("endurance::attacks::{name}"), "--exact".to_owned()];
     let status = memory::run_again(mount_options, &args).expect("it can be started");
     // What it has to say it has printed, as this test does.
     assert!(status.is_none_or(|status| status.success()), "{status:?}");

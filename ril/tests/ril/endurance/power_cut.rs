@@ -11,15 +11,15 @@ use endurance::power_cut::trace::Step;
 use endurance::site::Site;
 use ril_tests::Sandbox;
 use ril_tests::languages::skip;
-use ril_tests::sandbox::beside_or_skip;
 
 #[test]
 fn what_was_forced_onto_the_disk_survives_a_power_cut_at_any_moment() {
-    let Some(ril) = beside_or_skip(Path::new(env!("CARGO_BIN_EXE_endurance"))) else {
-        return;
-    };
     let plan = Plan::short(600);
-    let sandbox = Sandbox::new([&ril], "power-cut", Duration::from_secs(300));
+    let sandbox = Sandbox::new(
+        [env!("CARGO_BIN_EXE_ril")],
+        "power-cut",
+        Duration::from_secs(300),
+    );
     match power_cut::run(&Site::new(sandbox, &plan), &plan, &|| true) {
         Err(reason) => skip("power cuts", &reason),
         Ok(outcome) => {
