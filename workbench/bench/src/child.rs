@@ -6,8 +6,6 @@
 use std::ffi::OsString;
 use std::fs;
 use std::io::Write;
-#[cfg(feature = "peers")]
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -60,12 +58,12 @@ enum Role {
     ServeRaw,
     /// Sends requests over iceoryx2 alone
     AskRaw { count: usize, rate_hz: u32 },
-    /// Is robots, one in each domain, until it is ended
+    /// Is a robot until it is ended
     #[cfg(feature = "peers")]
-    Robots { rate_hz: u32, roots: Vec<PathBuf> },
-    /// Reads the telemetry of robots
+    Robot { rate_hz: u32 },
+    /// Reads its telemetry
     #[cfg(feature = "peers")]
-    ConsumeRobots { robots: u32, samples: usize },
+    ConsumeRobot { samples: usize },
     /// Is a robot over plain Zenoh until it is ended
     #[cfg(feature = "peers")]
     ZenohRobot { endpoint: String, rate_hz: u32 },
@@ -146,22 +144,21 @@ fn play(role: Role) -> Result<()> {
             report(&requests::ask_raw(count, rate_hz, report_ready)?)
         }
         #[cfg(feature = "peers")]
-        Role::Robots { rate_hz, roots } => {
-            relayed::be_robots(rate_hz, &roots, &Termination::install()?, report_ready)
+        Role::Robot { rate_hz } => {
+            relayed::be_robot(rate_hz, &Termination::install()?, report_ready)
         }
         #[cfg(feature = "peers")]
-        Role::ConsumeRobots { robots, samples } => {
-            report(&relayed::consume(robots, samples, report_ready)?)
-        }
+        Role::ConsumeRobot { samples } => report(&relayed::consume(samples, report_ready)?),
         #[cfg(feature = "peers")]
         Role::ZenohRobot { endpoint, rate_hz } => {
             relayed::publish_over_zenoh(&endpoint, rate_hz, &Termination::install()?, report_ready)
         }
         #[cfg(feature = "peers")]
-        Role::ConsumeZenoh { endpoint, samples } => {
-            let arrivals = relayed::consume_over_zenoh(&endpoint, samples, report_ready)?;
-            report(&relayed::Reading::of(arrivals))
-        }
+        Role::ConsumeZenoh { endpoint, samples } => report(&relayed::consume_over_zenoh(
+            &endpoint,
+            samples,
+            report_ready,
+        )?),
         // They have exit codes of their own.
         Role::Ril { .. } => Ok(()),
         #[cfg(feature = "peers")]

@@ -7,7 +7,7 @@
 //! * `end-to-end`: from a byte on the serial line to a consumer, and a request and its answer;
 //! * `cost`: processor time, wake-ups, highest rate, losses;
 //! * `record`: how old telemetry is while it is recorded, and what the recorder takes;
-//! * `relay`: telemetry on another machine, beside plain Zenoh, and a star of many robots.
+//! * `relay`: telemetry on another machine, beside plain Zenoh.
 //!
 //! What is compared is always measured in the same run, in rounds that take turns, so that whatever else the machine
 //! does falls upon all alike. A ratio is that of one round; the median over the rounds is what counts. Every process that is
@@ -53,7 +53,7 @@ enum Command {
     Cost(commands::cost::Args),
     /// How old telemetry is while it is recorded, and what the recorder takes
     Record(commands::record::Args),
-    /// Telemetry on another machine, beside plain Zenoh, and a star of many robots
+    /// Telemetry on another machine, beside plain Zenoh
     #[cfg(feature = "peers")]
     Relay(commands::relay::Args),
     /// A process that another command measures

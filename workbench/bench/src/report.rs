@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result};
 
 use crate::measured::{LOST, Measured, Part, Ratio, Times, median};
-use crate::usage::{CPU, MEMORY};
+use crate::usage::CPU;
 
 /// Name of the Markdown file.
 const FILE: &str = "performance.md";
@@ -186,7 +186,6 @@ pub fn percentiles(times: &Times) -> [String; 3] {
 fn figure(quantity: &str, value: f64) -> String {
     match quantity {
         CPU => format!("{value:.2}"),
-        MEMORY => format!("{value:.1}"),
         _ => format!("{value:.0}"),
     }
 }

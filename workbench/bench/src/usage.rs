@@ -15,10 +15,6 @@ use crate::measured::Round;
 pub const CPU: &str = "% of a core";
 /// How often a process slept and was woken.
 pub const WAKES: &str = "wake-ups a second";
-/// Resident memory, with shared pages divided by the processes that share them.
-pub const MEMORY: &str = "PSS, MiB";
-/// Open files.
-pub const FILES: &str = "files";
 
 /// Sums since a process began, over the threads that it has.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -84,7 +80,7 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Begins now. Of processes with the same name the mean is what counts.
+    /// Begins now. Each has a name of its own.
     pub fn begin<'a>(
         processes: impl IntoIterator<Item = (&'static str, &'a Process)>,
     ) -> Result<Watch> {
@@ -103,7 +99,7 @@ impl Watch {
         self.begin
     }
 
-    /// Adds what each has used since the beginning, and holds now, to the figures of its name. Says how long that was, s.
+    /// Adds what each has used since the beginning to the figures of its name. Says how long that was, s.
     pub fn end(&self, round: &mut Round) -> Result<f64> {
         let elapsed_s = MonotonicNs::now().since(self.begin).as_secs_f64();
         let now: Vec<_> = self
@@ -111,23 +107,12 @@ impl Watch {
             .iter()
             .map(|(_, id, _)| Usage::of(*id))
             .collect();
-        for ((name, id, before), now) in self.before.iter().zip(now) {
+        for ((name, _, before), now) in self.before.iter().zip(now) {
             let now = now?;
-            let same = self.before.iter().filter(|(other, ..)| other == name);
-            let share = 1.0 / same.count() as f64;
-            let a_second = share / elapsed_s;
             let cpu_ns = now.cpu_ns.saturating_sub(before.cpu_ns) as f64;
             let wakes = now.wakes.saturating_sub(before.wakes) as f64;
-            let memory = fs::read_to_string(format!("/proc/{id}/smaps_rollup"))?;
-            let files = fs::read_dir(format!("/proc/{id}/fd"))?.count() as f64;
-            for (quantity, value) in [
-                (CPU, cpu_ns / 1e7 * a_second),
-                (WAKES, wakes * a_second),
-                (MEMORY, field(&memory, "Pss")? as f64 / 1024.0 * share),
-                (FILES, files * share),
-            ] {
-                round.add_figure(name, quantity, value);
-            }
+            round.add_figure(name, CPU, cpu_ns / 1e7 / elapsed_s);
+            round.add_figure(name, WAKES, wakes / elapsed_s);
         }
         Ok(elapsed_s)
     }
@@ -174,19 +159,5 @@ mod tests {
         assert_eq!(field(text, "VmRSS").unwrap(), 12);
         assert_eq!(field(text, "voluntary_ctxt_switches").unwrap(), 7);
         assert!(field(text, "ctxt_switches").is_err());
-    }
-
-    #[test]
-    fn processes_of_a_name_are_averaged() {
-        let id = std::process::id();
-        let before = Usage::of(id).unwrap();
-        let watch = Watch {
-            begin: MonotonicNs::now(),
-            before: vec![("a", id, before), ("a", id, before)],
-        };
-        let mut round = Round::default();
-        watch.end(&mut round).unwrap();
-        let files = round.figure("a", FILES);
-        assert!((3.0..1000.0).contains(&files) && round.figure("a", MEMORY) > 0.0);
     }
 }

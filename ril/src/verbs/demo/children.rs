@@ -17,7 +17,7 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 /// How long a process may take to end after SIGTERM before it is killed. It takes milliseconds; machines stall.
-const END_WITHIN: Duration = Duration::from_secs(10);
+pub const END_WITHIN: Duration = Duration::from_secs(10);
 
 /// Lines of a process's own output that are shown when it failed.
 const SHOWN_LINES: usize = 5;
@@ -146,12 +146,17 @@ impl ChildProcess {
         self.ended.is_some()
     }
 
+    /// Asks it to end.
+    pub fn ask_to_end(&self) {
+        self.signal(Signal::TERM);
+        // One that was stopped takes the signal when it goes on.
+        self.signal(Signal::CONT);
+    }
+
     /// Ends it with SIGTERM, by force if it takes too long; its exit code, `None` if it had to be killed.
     pub fn end(&mut self) -> Option<i32> {
         if !self.has_ended() {
-            self.signal(Signal::TERM);
-            // One that was stopped takes the signal when it goes on.
-            self.signal(Signal::CONT);
+            self.ask_to_end();
             if !self.wait_ended(END_WITHIN) {
                 let _ = self.child.kill();
             }

@@ -16,8 +16,25 @@ use super::flight::SCRIPT;
 use super::seen::Flown;
 use crate::recorded::topic_of;
 
-/// The newest log or record in the folder.
-pub(super) fn find_log(folder: &Path, kind: FileKind) -> Option<PathBuf> {
+/// The files of a flight; `None` where there is none.
+pub(super) struct FlightFiles {
+    /// The newest log in its folder.
+    pub log: Option<PathBuf>,
+    /// The newest record there.
+    pub record: Option<PathBuf>,
+}
+
+impl FlightFiles {
+    /// Looks for them.
+    pub fn find(folder: &Path) -> FlightFiles {
+        FlightFiles {
+            log: newest(folder, FileKind::Tsv),
+            record: newest(folder, FileKind::Mcap),
+        }
+    }
+}
+
+fn newest(folder: &Path, kind: FileKind) -> Option<PathBuf> {
     fs::read_dir(folder)
         .ok()?
         .filter_map(|entry| Some(entry.ok()?.path()))
@@ -32,24 +49,24 @@ pub(super) fn find_log(folder: &Path, kind: FileKind) -> Option<PathBuf> {
         })
 }
 
-/// Judges a flight of `robot` with its log and record in `folder`. So many processes were started, and so many files and segments are
-/// left in shared memory.
+/// Judges a flight of `robot` with its files. So many processes were started, and so many files and segments are left in shared memory.
 pub(super) fn judge_flight(
     flown: &Flown,
     robot: RobotId,
-    folder: &Path,
+    files: &FlightFiles,
     processes: usize,
     residue: usize,
 ) -> Vec<Finding> {
-    let log = find_log(folder, FileKind::Tsv);
-    let record = find_log(folder, FileKind::Mcap);
     judge(&Evidence {
         orders: SCRIPT.len(),
         orders_done: flown.orders_done,
         order_failed: flown.order_failed.as_deref(),
         seen: &flown.seen,
-        log_rows: log.as_deref().and_then(rows),
-        record: record.as_deref().and_then(|file| recorded(file, robot)),
+        log_rows: files.log.as_deref().and_then(rows),
+        record: files
+            .record
+            .as_deref()
+            .and_then(|file| recorded(file, robot)),
         exits: &flown.exits,
         processes,
         residue,

@@ -26,10 +26,9 @@ use std::path::{Path, PathBuf};
 use ipc_types::{Domain, RobotId};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
-use status::log::file_name::FileKind;
 
 use crate::options::EXIT_CODES;
-use files::{find_log, judge_flight};
+use files::{FlightFiles, judge_flight};
 use flight::{PROCESSES, fly};
 use screen::{KeptFiles, Screen, print_result};
 
@@ -114,14 +113,13 @@ fn demonstrate(args: &DemoArgs, folder: &Path, termination: &Termination) -> Res
     domain.remove_if_dead().map_err(Failure::internal)?;
     let flight = flown?;
     let residue = domain.residue().len();
-    let checks = judge_flight(&flight.flown, robot, folder, PROCESSES, residue);
-    let log = find_log(folder, FileKind::Tsv);
-    let record = find_log(folder, FileKind::Mcap);
+    let files = FlightFiles::find(folder);
+    let checks = judge_flight(&flight.flown, robot, &files, PROCESSES, residue);
     let kept = match args.folder {
         Some(_) => KeptFiles {
             folder: Some(folder),
-            log: log.as_deref(),
-            record: record.as_deref(),
+            log: files.log.as_deref(),
+            record: files.record.as_deref(),
         },
         None => KeptFiles::default(),
     };

@@ -1,6 +1,6 @@
-//! `relay`: what telemetry on another machine costs, beside plain Zenoh, and a star of many robots through one router.
+//! `relay`: what telemetry on another machine costs, beside plain Zenoh.
 
-use std::fmt::{self, Write};
+use std::fmt;
 use std::net::TcpListener;
 use std::process::Command;
 use std::time::Duration;
@@ -8,22 +8,19 @@ use std::time::Duration;
 use anyhow::{Context, Result};
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use relay::config::MAX_ROBOTS;
 use ril_tests::Process;
 use ril_tests::process::Signal;
 
 use super::Common;
 use crate::harness::{Placement, Site};
-use crate::measured::{LOST, Measured, Part, Ratio, Round, WARM_UP, median};
+use crate::measured::{Arrival, LOST, Measured, Part, Ratio, Round, WARM_UP, median};
 use crate::pace::sleep_until;
-use crate::relayed::Reading;
-use crate::report::{Bound, Section, percentiles};
-use crate::usage::{CPU, FILES, MEMORY, WAKES, Watch};
+use crate::report::{Bound, Section};
+use crate::usage::{CPU, WAKES, Watch};
 
 /// Names of the processes.
 const ROBOT_SIDE: &str = "relay, robot side";
 const STATION_SIDE: &str = "relay, station side";
-const ROUTER: &str = "router";
 const PUBLISHER: &str = "plain Zenoh, publisher";
 const CONSUMER: &str = "plain Zenoh, consumer";
 
@@ -31,10 +28,6 @@ const CONSUMER: &str = "plain Zenoh, consumer";
 const LINK: &str = "link";
 const OUT: &str = "out";
 const IN: &str = "in";
-
-/// Samples of all topics that got lost between two relays, and that the robots' relays did not read in time.
-const ON_AIR: &str = "lost on the air";
-const IN_RELAY: &str = "lost in a relay";
 
 /// Options of the command.
 #[derive(clap::Args)]
@@ -49,25 +42,9 @@ pub struct Args {
     /// Seconds that one way is measured for in one round
     #[arg(long, default_value_t = 6.0)]
     seconds: f64,
-
-    /// Robots of the star; 0 leaves it out
-    #[arg(long, default_value_t = 20)]
-    robots: u32,
-
-    /// Stations of the star
-    #[arg(long, default_value_t = 3)]
-    stations: u32,
-
-    /// Rates of the star, Hz
-    #[arg(long, value_delimiter = ',', default_values_t = [5, 10], value_parser = clap::value_parser!(u32).range(1..=1000))]
-    star_rates: Vec<u32>,
-
-    /// Seconds that the star is measured for at each rate
-    #[arg(long, default_value_t = 30.0)]
-    star_seconds: f64,
 }
 
-/// How telemetry gets from robots to consumers.
+/// How telemetry gets from a robot to a consumer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Way {
     /// Over the two sides of a relay, into another domain.
@@ -76,8 +53,6 @@ enum Way {
     Zenoh,
     /// Over shared memory alone, to a consumer on the robot.
     OneMachine,
-    /// Over relays and one router; each station has all robots.
-    Star { robots: u32, stations: u32 },
 }
 
 #[derive(Clone, Copy, PartialEq)]
@@ -92,22 +67,18 @@ impl fmt::Display for Case {
             Way::Relay => f.write_str("relay, to the station's domain"),
             Way::Zenoh => f.write_str("plain Zenoh"),
             Way::OneMachine => f.write_str("shared memory, on the robot"),
-            Way::Star { robots, stations } => {
-                let rate_hz = self.rate_hz;
-                write!(f, "{robots} robots × {rate_hz} Hz → {stations} stations")
-            }
         }
     }
 }
 
-/// The processes of a way, in the order in which they are ended. The consumers have their first samples.
+/// The processes of a way, in the order in which they are ended. The consumer has its first sample.
 struct Running {
-    /// With the number of the site of each.
-    consumers: Vec<(usize, Process)>,
+    consumer: Process,
     relays: Vec<(&'static str, Process)>,
-    robots: Process,
+    robot: Process,
     port: u16,
-    sites: Vec<Site>,
+    /// The robot's, and the one of the consumer.
+    sites: [Site; 2],
 }
 
 impl Running {
@@ -115,70 +86,31 @@ impl Running {
         let rate_hz = case.rate_hz;
         let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
         let endpoint = format!("tcp/127.0.0.1:{port}");
-        let (robots, stations) = match case.way {
-            Way::Star { robots, stations } => (robots, stations),
-            Way::Relay => (1, 1),
-            Way::Zenoh => {
-                let sites = vec![Site::new(Placement::Free)?];
-                let robot = sites[0].start(&format!("zenoh-robot {endpoint} {rate_hz}"))?;
-                let consumer = sites[0].start(&format!("consume-zenoh {endpoint} {samples}"))?;
-                return Ok(Running {
-                    consumers: vec![(0, consumer)],
-                    relays: Vec::new(),
-                    robots: robot,
-                    port,
-                    sites,
-                });
-            }
-            Way::OneMachine => (1, 0),
-        };
-        // The robots come first, then the stations.
-        let count = robots + stations;
-        let sites = (0..count).map(|_| Site::new(Placement::Free));
-        let sites = sites.collect::<Result<Vec<_>>>()?;
-        let (robot_sites, station_sites) = sites.split_at(robots as usize);
-        let mut role = format!("robots {rate_hz}");
-        for site in robot_sites {
-            write!(role, " {}", site.root().display())?;
-        }
-        let publishers = sites[0].start(&role)?;
-
-        let has_router = matches!(case.way, Way::Star { .. });
+        let sites = [Site::new(Placement::Free)?, Site::new(Placement::Free)?];
         let mut relays = Vec::new();
-        if case.way != Way::OneMachine {
-            for (site, number) in robot_sites.iter().zip(1..) {
-                let side = format!("robot --robot {number}");
-                relays.push((
-                    ROBOT_SIDE,
-                    start_relay(site, &side, &endpoint, has_router, &[])?,
-                ));
+        let (robot, consumer) = match case.way {
+            Way::Zenoh => (
+                sites[0].start(&format!("zenoh-robot {endpoint} {rate_hz}"))?,
+                sites[1].start(&format!("consume-zenoh {endpoint} {samples}"))?,
+            ),
+            Way::Relay => {
+                let robot = sites[0].start(&format!("robot {rate_hz}"))?;
+                let robot_side = start_relay(&sites[0], "robot", &endpoint)?;
+                let station_side = start_relay(&sites[1], "station", &endpoint)?;
+                // The station's is ended before the robot's.
+                relays = vec![(STATION_SIDE, station_side), (ROBOT_SIDE, robot_side)];
+                let consumer = sites[1].start(&format!("consume-robot {samples}"))?;
+                (robot, consumer)
             }
-        }
-        if has_router {
-            let router = start_relay(&sites[0], ROUTER, &endpoint, true, &[])?;
-            relays.push((ROUTER, router));
-        }
-        let numbers: Vec<u32> = (1..=robots).collect();
-        for (site, station) in station_sites.iter().zip(1..) {
-            for some in numbers.chunks(MAX_ROBOTS) {
-                let side = format!("station --name bench-{station}");
-                let relay = start_relay(site, &side, &endpoint, has_router, some)?;
-                relays.push((STATION_SIDE, relay));
-            }
-        }
-        // Stations are ended before robots.
-        relays.reverse();
-        let mut consumers = Vec::new();
-        for (index, site) in sites.iter().enumerate() {
-            if index >= robots as usize || case.way == Way::OneMachine {
-                let consumer = site.start(&format!("consume-robots {robots} {samples}"))?;
-                consumers.push((index, consumer));
-            }
-        }
+            Way::OneMachine => (
+                sites[0].start(&format!("robot {rate_hz}"))?,
+                sites[0].start(&format!("consume-robot {samples}"))?,
+            ),
+        };
         Ok(Running {
-            consumers,
+            consumer,
             relays,
-            robots: publishers,
+            robot,
             port,
             sites,
         })
@@ -186,56 +118,32 @@ impl Running {
 
     fn watched(&self, way: Way) -> Vec<(&'static str, &Process)> {
         if way == Way::Zenoh {
-            let consumers = self.consumers.iter();
-            let consumers = consumers.map(|(_, consumer)| (CONSUMER, consumer));
-            return consumers.chain([(PUBLISHER, &self.robots)]).collect();
+            return vec![(CONSUMER, &self.consumer), (PUBLISHER, &self.robot)];
         }
         let relays = self.relays.iter();
         relays.map(|(name, process)| (*name, process)).collect()
     }
 
     fn end(self) {
-        drop(self.consumers);
+        drop(self.consumer);
         let relays = self.relays.into_iter().map(|(_, relay)| relay);
-        for mut process in relays.chain([self.robots]) {
+        for mut process in relays.chain([self.robot]) {
             process.signal(Signal::TERM);
             process.wait_exit();
         }
     }
 }
 
-/// Starts a side of the relay, or the router, with a configuration of its own.
-fn start_relay(
-    site: &Site,
-    side: &str,
-    endpoint: &str,
-    has_router: bool,
-    robots: &[u32],
-) -> Result<Process> {
-    let side_name = side.split(' ').next().unwrap_or_default();
-    let file = format!("{side_name}-{}.toml", robots.first().unwrap_or(&0));
-    let text = config(endpoint, has_router, robots);
-    std::fs::write(site.folder().join(&file), text)?;
-    let (side, options) = side.split_once(' ').unwrap_or((side, ""));
-    site.spawn(&format!("relay {side} --config {file} {options}"))
+/// Starts a side of the relay, with a configuration of its own.
+fn start_relay(site: &Site, side: &str, endpoint: &str) -> Result<Process> {
+    let file = format!("{side}.toml");
+    std::fs::write(site.folder().join(&file), config(endpoint))?;
+    site.spawn(&format!("relay {side} --config {file}"))
 }
 
-fn config(endpoint: &str, has_router: bool, robots: &[u32]) -> String {
-    let (through, listen, connect) = match has_router {
-        true => ("router", String::new(), format!("\"{endpoint}\"")),
-        false => ("peers", format!("\"{endpoint}\""), String::new()),
-    };
-    let robots: Vec<String> = robots
-        .iter()
-        .map(|number| format!("{{ number = {number} }}"))
-        .collect();
-    format!(
-        "[network]\nthrough = \"{through}\"\n\
-         [robot]\nlisten = [{listen}]\nconnect = [{connect}]\n\
-         [station]\nconnect = [\"{endpoint}\"]\nrobots = [{}]\n\
-         [router]\nlisten = [\"{endpoint}\"]\n",
-        robots.join(", ")
-    )
+/// Of both sides.
+fn config(endpoint: &str) -> String {
+    format!("[robot]\nlisten = [\"{endpoint}\"]\n[station]\nconnect = [\"{endpoint}\"]\n")
 }
 
 /// Measures a way once, for about so many seconds.
@@ -257,14 +165,9 @@ fn measure(case: Case, seconds: f64) -> Result<Round> {
             round.add_figure(LINK, direction, bytes as f64 / elapsed_s / 1000.0);
         }
     }
-    for (site, consumer) in &mut running.consumers {
-        let readings: Vec<Reading> = running.sites[*site].result(consumer)?;
-        for reading in readings {
-            round.add("", &reading.arrivals);
-            round.add_figure("", ON_AIR, reading.lost_on_air as f64);
-            round.add_figure("", IN_RELAY, reading.lost_in_relay as f64);
-        }
-    }
+    let site = &running.sites[usize::from(case.way != Way::OneMachine)];
+    let arrivals: Vec<Arrival> = site.result(&mut running.consumer)?;
+    round.add("", &arrivals);
     running.end();
     Ok(round)
 }
@@ -297,17 +200,6 @@ pub fn run(args: &Args) -> Result<()> {
     })?;
     let mut section = Section::new("relay", "The relay: telemetry on another machine");
     describe_pair(&mut section, args, pair, &measured)?;
-    if args.robots > 0 {
-        let (robots, stations) = (args.robots, args.stations);
-        let way = Way::Star { robots, stations };
-        let of_rate = |rate_hz: &u32| Case {
-            way,
-            rate_hz: *rate_hz,
-        };
-        let star: Vec<Case> = args.star_rates.iter().map(of_rate).collect();
-        let measured = Measured::take(&star, 1, |case| measure(case, args.star_seconds))?;
-        describe_star(&mut section, args, &star, &measured);
-    }
     section.publish(args.common.out().as_deref())
 }
 
@@ -377,62 +269,14 @@ fn describe_pair(
     Ok(())
 }
 
-fn describe_star(section: &mut Section, args: &Args, star: &[Case], measured: &Measured<Case>) {
-    section.text(format!(
-        "A star on the same machine: {} robots, each in a domain of its own with a relay of its own (one process publishes for all \
-         of them, at moments that are spread over the period); one `ril-relay router`; {} stations, each with all robots, and a \
-         consumer that reads the `HeroTelemetry` of all. {} s at each rate. CPU, memory and files are those of one process, on \
-         average. Proportional memory (PSS) divides pages by the processes that share them. The link is that of the router.",
-        args.robots, args.stations, args.star_seconds,
-    ));
-    let processes = [ROBOT_SIDE, ROUTER, STATION_SIDE];
-    let rows = star
-        .iter()
-        .flat_map(|case| processes.map(|process| (*case, process)));
-    let rows: Vec<_> = rows.collect();
-    section.figures(measured, &rows, &[CPU, WAKES, MEMORY, FILES]);
-    let row = |case: &Case| {
-        let times = measured.times(*case, "", Part::Whole);
-        let mut row = vec![case.to_string()];
-        row.extend(percentiles(&times));
-        row.push(times.count().to_string());
-        for (name, quantity) in [("", LOST), ("", ON_AIR), ("", IN_RELAY)] {
-            row.push(format!("{:.0}", measured.sum(*case, name, quantity)));
-        }
-        for direction in [IN, OUT] {
-            row.push(format!("{:.1}", measured.sum(*case, LINK, direction)));
-        }
-        row
-    };
-    section.table(
-        &[
-            "rate",
-            "age p50, µs",
-            "age p99, µs",
-            "age p99.9, µs",
-            "samples read",
-            LOST,
-            "all topics: lost on the air",
-            IN_RELAY,
-            "router in, kB/s",
-            "router out, kB/s",
-        ],
-        &star.iter().map(row).collect::<Vec<_>>(),
-    );
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn the_configurations_are_some() {
-        let cases: [(bool, &[u32]); 3] = [(false, &[1]), (true, &[1, 2]), (true, &[])];
-        for (has_router, robots) in cases {
-            let text = config("tcp/127.0.0.1:7447", has_router, robots);
-            let config: relay::config::Config = runtime::config::parse(&text, "x.toml").unwrap();
-            config.check().unwrap();
-            assert_eq!(config.station.robots.len(), robots.len());
-        }
+    fn the_configuration_is_one() {
+        let text = config("tcp/127.0.0.1:7447");
+        let config: relay::config::Config = runtime::config::parse(&text, "x.toml").unwrap();
+        config.check().unwrap();
     }
 }

@@ -42,6 +42,9 @@ const LONGEST: Duration = Duration::from_secs(90);
 /// From the first sample of the last robot until measuring begins: each relay sends slowly at first.
 const WARM_UP: Duration = Duration::from_secs(5);
 
+/// When the player is so late, it leaves out what it is late by.
+const MOST_BEHIND: Duration = Duration::from_secs(1);
+
 /// Nothing but this program reaches the loopback interface's address that it takes.
 const OPEN: &str = "[security]\ninsecure = true\n";
 
@@ -426,9 +429,13 @@ fn play(played: &[Played], rate_hz: u32, is_over: &Receiver<()>) {
         if (count / played.len() as u32).is_multiple_of(rate_hz) {
             one.publish_state();
         }
-        // What a busy machine is late by is not made up for.
-        next = (next + turn).max(MonotonicNs::now());
-        match is_over.recv_timeout(next.since(MonotonicNs::now())) {
+        // What a busy machine is late by is made up for.
+        let now = MonotonicNs::now();
+        next = match now.since(next) < MOST_BEHIND {
+            true => next + turn,
+            false => now,
+        };
+        match is_over.recv_timeout(next.since(now)) {
             Err(RecvTimeoutError::Timeout) => {}
             Ok(()) | Err(RecvTimeoutError::Disconnected) => return,
         }
@@ -503,6 +510,8 @@ struct StationPorts {
     ipc: Ipc,
     telemetry: ipc_types::Subscriber<HeroTelemetry>,
     links: ipc_types::Subscriber<RelayLink>,
+    /// The last one of them.
+    link: RelayLink,
     waiter: Waiter,
 }
 
@@ -513,6 +522,7 @@ impl StationPorts {
             number,
             telemetry: ipc.subscriber().expect("a subscriber"),
             links: ipc.subscriber().expect("a subscriber"),
+            link: RelayLink::default(),
             waiter: Waiter::new(),
             ipc,
         }
@@ -537,9 +547,8 @@ impl StationPorts {
             ];
             self.waiter.wait(&mut sources, Some(left)).expect("a wait");
             // What cannot be received now can be by the next call, says the subscriber.
-            let _ = self
-                .links
-                .drain(|link| is_up = link.state() == Some(RelayLinkState::Up));
+            let _ = self.links.drain(|link| self.link = *link);
+            is_up = self.link.state() == Some(RelayLinkState::Up);
             let _ = states.drain(|state| has_dsp = state.link.state() == Some(LinkState::Up));
             let _ = self.telemetry.drain(|_| has_sample = true);
         }
@@ -555,7 +564,7 @@ impl StationPorts {
         loop {
             let now = MonotonicNs::now();
             if now >= begin && seen.links[0].published_ns == 0 {
-                seen.links[0] = self.next_link();
+                seen.links[0] = self.link;
             }
             if now >= end && open.is_none() {
                 break;
@@ -579,8 +588,11 @@ impl StationPorts {
                 Some((_, sent)) => sent + LONGEST,
                 None => next_order.min(end),
             };
-            let mut sources: [((), &mut dyn ipc_types::Source); 2] =
-                [((), &mut self.telemetry), ((), &mut client)];
+            let mut sources: [((), &mut dyn ipc_types::Source); 3] = [
+                ((), &mut self.telemetry),
+                ((), &mut self.links),
+                ((), &mut client),
+            ];
             let timeout = until.since(now) + Duration::from_millis(1);
             self.waiter
                 .wait(&mut sources, Some(timeout))
@@ -597,6 +609,7 @@ impl StationPorts {
                 // It is no report of this client's order.
                 _ => seen.unanswered += 1,
             });
+            let _ = self.links.drain(|link| self.link = *link);
             let home_deg = latitude_deg(self.number);
             let _ = self.telemetry.drain(|sample| {
                 if now < begin || now >= end {
@@ -610,15 +623,10 @@ impl StationPorts {
                 }
             });
         }
-        seen.links[1] = self.next_link();
-        seen
-    }
-
-    /// How the link is, as the next sample has it.
-    fn next_link(&mut self) -> RelayLink {
-        let _ = self.links.drain(|_| {});
+        // The next one tells of all that was measured.
         let link = self.links.recv_timeout(LONGEST).expect("a wait");
-        link.expect("the relay says how its link is")
+        seen.links[1] = link.expect("the relay says how its link is");
+        seen
     }
 }
 

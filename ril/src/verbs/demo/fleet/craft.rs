@@ -10,7 +10,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use rustix::process::Signal;
 
 use super::super::children::{ChildProcess, Readiness, Spawner};
-use super::super::files::judge_flight;
+use super::super::files::{FlightFiles, judge_flight};
 use super::super::flight::{BRIDGE_CONFIG, begun, status_config, waypoints_of, write_paths};
 use super::super::seen::{Flown, LossCounts};
 use runtime::finding::Finding;
@@ -230,19 +230,10 @@ impl Craft {
         self.ports = None;
     }
 
-    /// Asks its process of this kind to end.
-    pub fn ask_to_end(&self, kind: &str) {
-        let process = self.processes.iter().find(|one| one.name() == kind);
-        process.inspect(|process| process.signal(Signal::TERM));
-    }
-
-    /// Ends its process of this kind, and takes down its exit code.
-    pub fn end(&mut self, kind: &str) {
-        if let Some(at) = self.processes.iter().position(|one| one.name() == kind) {
-            let mut process = self.processes.swap_remove(at);
-            let code = process.end();
-            self.flown.exits.push((process.name(), code));
-        }
+    /// Hands over its process of this kind, if it has one.
+    pub fn take_process(&mut self, kind: &str) -> Option<ChildProcess> {
+        let at = self.processes.iter().position(|one| one.name() == kind)?;
+        Some(self.processes.swap_remove(at))
     }
 
     /// Leaves its shared memory; its processes have ended. Returns how many things are left there.
@@ -255,7 +246,8 @@ impl Craft {
     /// Judges its flight as that of a demonstration of one robot; it has ended.
     pub fn judge(&self, residue: usize) -> Vec<Finding> {
         let robot = RobotId::new(self.number).expect("robots are counted from 1");
-        judge_flight(&self.flown, robot, &self.folder, KINDS.len(), residue)
+        let files = FlightFiles::find(&self.folder);
+        judge_flight(&self.flown, robot, &files, KINDS.len(), residue)
     }
 }
 

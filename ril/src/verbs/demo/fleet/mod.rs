@@ -27,7 +27,7 @@ use runtime::signal::Termination;
 use rustix::process::Signal;
 
 use super::checks::check;
-use super::children::{ChildProcess, Readiness, Spawner};
+use super::children::{ChildProcess, END_WITHIN, Readiness, Spawner};
 use super::flight::{SCRIPT, begun, goes_on};
 use super::screen::Screen;
 use cost::Usage;
@@ -190,8 +190,9 @@ impl Fleet<'_> {
             self.until("the command has ended", Fleet::no_orders)?;
         }
         say(screen, "all processes end")?;
-        let exit = self.relay.take().map(|mut relay| relay.end());
-        let checks = self.judge(&silences, lost, exit.flatten());
+        let relay = self.relay.take();
+        let exits = self.end(relay.into_iter().collect())?;
+        let checks = self.judge(&silences, lost, exits.into_iter().next().flatten());
         let robots = self.end_robots(replacement)?;
         Ok(FleetResult {
             bytes_per_s: bytes as f64 / elapsed.as_secs_f64() / f64::from(self.robots),
@@ -383,16 +384,36 @@ impl Fleet<'_> {
         Ok(results)
     }
 
-    /// Ends the processes of all robots in the order of the data, so that no sample is missed: all of a kind at once.
+    /// Ends the processes of all robots in the order of the data, so that no sample is missed: all of a kind at once. Takes down their
+    /// exit codes.
     fn end_processes(&mut self) -> Result<(), Failure> {
         for kind in ENDS {
-            self.crafts.iter().for_each(|craft| craft.ask_to_end(kind));
-            for at in 0..self.crafts.len() {
-                self.crafts[at].end(kind);
-                self.crafts.iter_mut().try_for_each(Craft::drain)?;
+            let (places, processes): (Vec<_>, _) = self.take_processes(kind).into_iter().unzip();
+            for (at, code) in places.into_iter().zip(self.end(processes)?) {
+                self.crafts[at].flown.exits.push((kind, code));
             }
         }
         Ok(())
+    }
+
+    /// All robots' processes of this kind, each with the place of its robot. From here on they may end.
+    fn take_processes(&mut self, kind: &str) -> Vec<(usize, ChildProcess)> {
+        let crafts = self.crafts.iter_mut().enumerate();
+        let taken = crafts.filter_map(|(at, craft)| Some((at, craft.take_process(kind)?)));
+        taken.collect()
+    }
+
+    /// Ends these, all at once, and takes samples until they have ended: some take seconds. One that takes too long is killed. Returns
+    /// their exit codes, in their order.
+    fn end(&mut self, mut processes: Vec<ChildProcess>) -> Result<Vec<Option<i32>>, Failure> {
+        processes.iter().for_each(ChildProcess::ask_to_end);
+        let limit = Instant::now() + END_WITHIN;
+        self.until("processes have ended", |_| {
+            Instant::now() >= limit || processes.iter_mut().all(ChildProcess::has_ended)
+        })?;
+        // Those that have ended do not get it.
+        processes.iter().for_each(|one| one.signal(Signal::KILL));
+        Ok(processes.iter_mut().map(ChildProcess::end).collect())
     }
 
     /// What is judged of the fleet as a whole.
@@ -519,8 +540,11 @@ impl Fleet<'_> {
         self.views.clear();
         let domains = self.crafts.iter().map(|craft| craft.domain.clone());
         let domains: Vec<_> = domains.collect();
-        // What they end with is not judged.
-        let _ = self.end_processes();
+        for kind in ENDS {
+            // What they end with is not judged: each has ended when it is dropped.
+            let processes = self.take_processes(kind);
+            processes.iter().for_each(|(_, process)| process.ask_to_end());
+        }
         self.crafts.clear();
         domains
     }
