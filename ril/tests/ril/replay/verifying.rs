@@ -89,20 +89,30 @@ fn what_cannot_be_verified_is_told() {
     fs::write(rig.path("damaged.kept"), &bytes).unwrap();
     bytes[8] = 9;
     fs::write(rig.path("newer.kept"), &bytes).unwrap();
-    #[rustfmt::skip]
-    let cases = [
+    for (args, code, expected) in [
         ("replay flight.mcap --verify", 2, "has no journal"),
         ("replay flight.mcap --keep library", 2, "has no journal"),
         ("replay same.toml --verify", 2, "not an MCAP file"),
         ("replay none.mcap --verify", 2, "none.mcap cannot be read"),
         ("replay real.mcap --against wrong.toml", 78, "nonsense"),
-        ("replay damaged.kept --verify", 2, "damaged.kept: it is damaged"),
+        (
+            "replay damaged.kept --verify",
+            2,
+            "damaged.kept: it is damaged",
+        ),
         ("replay newer.kept --verify", 2, "its format is version 9"),
-        ("replay demo.kept --keep library", 2, "is a kept flight already"),
+        (
+            "replay demo.kept --keep library",
+            2,
+            "is a kept flight already",
+        ),
         ("replay demo.kept", 2, "has inputs, and no samples to play"),
-        ("replay real.mcap --verify --speed 2", 2, "cannot be used with"),
-    ];
-    for (args, code, expected) in cases {
+        (
+            "replay real.mcap --verify --speed 2",
+            2,
+            "cannot be used with",
+        ),
+    ] {
         rig.run(args, code).err_says(expected);
     }
     // A byte in the middle of a journal.
