@@ -212,7 +212,7 @@ impl Stations {
         known.map(touch).is_some()
     }
 
-    /// A command of a station became an order.
+    /// A command of a station became an order, or a hold is done already.
     pub fn count_command(&mut self, sender: StationAddress, now: MonotonicNs) {
         if let Some(one) = self.heard.iter_mut().find(|one| one.sender == sender) {
             one.commands += 1;

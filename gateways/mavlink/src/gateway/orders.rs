@@ -181,6 +181,7 @@ impl Gateway {
             && self.pending.iter().all(|one| one.kind == OrderKind::Hold)
             && !self.missions.is_running();
         if is_repeated {
+            self.stations.count_command(key.sender, now);
             return self.settle(&key, CommandAck::plain(MavResult::Accepted), now);
         }
         if self.pending.len() + usize::from(!kind.is_stop()) >= MAX_ORDERS {
