@@ -15,6 +15,7 @@ use ipc_types::code::{MovementKind, Reason};
 use ril_tests::process::Signal;
 use ril_tests::sandbox::free_port;
 use ril_tests::{Answer, Process, Sandbox, StandInBridge};
+use rustix::process::{Pid, Resource, Rlimit, prlimit};
 use serde_json::{Value, json};
 
 use crate::common::{FOR_SLOW_MACHINES, Flight, end, json as json_of, movement, sandbox};
@@ -306,10 +307,18 @@ fn a_view_without_descriptors_turns_away_and_goes_on() {
     let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let port = free_port();
-    let mut command = rig.shell(&format!("ulimit -n 64; exec \"$0\" run view --port {port}"));
+    let mut command = rig.command(["run", "view", "--port", &port.to_string()]);
     command.env("XDG_RUNTIME_DIR", rig.folder());
     let mut process = rig.spawn(command);
     process.wait_for_text("ready");
+    // Not before it starts: it has inherited this program's files of shared memory, which count.
+    let open = fs::read_dir(format!("/proc/{}/fd", process.id())).unwrap();
+    let most = Some(open.count() as u64 + 40);
+    let limits = Rlimit {
+        current: most,
+        maximum: most,
+    };
+    prlimit(Pid::from_raw(process.id() as i32), Resource::Nofile, limits).unwrap();
     let crowd: Vec<TcpStream> = (0..80)
         .map(|_| TcpStream::connect(("127.0.0.1", port)).expect("room in the backlog"))
         .collect();
