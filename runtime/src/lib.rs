@@ -11,6 +11,7 @@
 //! * [`notify`]: readiness and watchdog for a supervisor;
 //! * [`session`]: the session that a process belongs to;
 //! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on; limits on file sizes as errors;
+//! * [`usage`]: what a process uses of processors, memory and files;
 //! * [`wall_clock`]: whether anybody has set the clock of this machine.
 //!
 //! Nothing here knows the helicopter, the serial line or shared memory.
@@ -75,4 +76,5 @@ pub mod manual;
 pub mod notify;
 pub mod session;
 pub mod signal;
+pub mod usage;
 pub mod wall_clock;

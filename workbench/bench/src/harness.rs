@@ -107,12 +107,6 @@ impl Site {
         })
     }
 
-    /// The root of the domain.
-    #[cfg(feature = "peers")]
-    pub fn root(&self) -> &Path {
-        self.sandbox.domain.root()
-    }
-
     /// The folder.
     pub fn folder(&self) -> &Path {
         self.sandbox.folder()

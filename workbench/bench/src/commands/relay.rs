@@ -143,7 +143,9 @@ fn start_relay(site: &Site, side: &str, endpoint: &str) -> Result<Process> {
 
 /// Of both sides.
 fn config(endpoint: &str) -> String {
-    format!("[robot]\nlisten = [\"{endpoint}\"]\n[station]\nconnect = [\"{endpoint}\"]\n")
+    format!(
+        "[robot]\nlisten = [\"{endpoint}\"]\n[station]\nname = \"bench\"\nconnect = [\"{endpoint}\"]\n"
+    )
 }
 
 /// Measures a way once, for about so many seconds.

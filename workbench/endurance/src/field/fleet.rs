@@ -20,9 +20,10 @@ use ipc_types::{
 use ril_tests::relayed::STATION;
 use ril_tests::sandbox::{FOR_SLOW_MACHINES, Robot};
 use ril_tests::{Process, Received, Sandbox, Script, StandInBridge, StandInStatus};
+use runtime::usage::{Load, Usage};
 
 use crate::outcome::{Outcome, Times};
-use crate::usage::{Load, Machine, Usage};
+use crate::usage::{Machine, usage_of};
 
 /// How robots and station connect: with each other, or with a router.
 pub const TOPOLOGIES: [&str; 2] = ["peers", "router"];
@@ -642,15 +643,15 @@ impl Kinds {
         let mut kinds = Vec::new();
         for robot in robots {
             if let Some(whole) = &robot.whole {
-                kinds.push(("sim", Usage::of(&whole.sim)));
-                kinds.push(("bridge", Usage::of(&whole.bridge)));
-                kinds.push(("status", Usage::of(&whole.status)));
+                kinds.push(("sim", usage_of(&whole.sim)));
+                kinds.push(("bridge", usage_of(&whole.bridge)));
+                kinds.push(("status", usage_of(&whole.status)));
             }
             let relay = robot.relay.as_ref();
-            kinds.extend(relay.map(|relay| ("relay", Usage::of(relay))));
+            kinds.extend(relay.map(|relay| ("relay", usage_of(relay))));
         }
-        kinds.extend(relays.iter().map(|(kind, relay)| (*kind, Usage::of(relay))));
-        kinds.extend(router.map(|router| ("router", Usage::of(router))));
+        kinds.extend(relays.iter().map(|(kind, relay)| (*kind, usage_of(relay))));
+        kinds.extend(router.map(|router| ("router", usage_of(router))));
         Kinds(kinds)
     }
 

@@ -20,7 +20,7 @@ use ril_tests::sandbox::{Holdings, TopicWatch};
 use crate::outcome::{Outcome, Times};
 use crate::plan::Plan;
 use crate::site::{Site, count_lines};
-use crate::usage::Usage;
+use crate::usage::usage_of;
 use hostile::Hostile;
 use station::{Received, Station};
 
@@ -210,7 +210,7 @@ fn watch(site: &Site, plan: &Plan, ground: &mut Ground, case: &Case) -> Outcome 
     let mut telemetry = site.subscribe::<HeroTelemetry>(1);
     let _ = telemetry.next_sample();
     let duration = plan.duration(60);
-    let (before, begun) = (Usage::of(&ground.gateway), Instant::now());
+    let (before, begun) = (usage_of(&ground.gateway), Instant::now());
     let (heard, published) = thread::scope(|scope| {
         let listeners: Vec<_> = stations
             .iter_mut()
@@ -222,7 +222,7 @@ fn watch(site: &Site, plan: &Plan, ground: &mut Ground, case: &Case) -> Outcome 
         (heard.expect("stations that end"), published)
     });
     let seconds = begun.elapsed().as_secs_f64();
-    let cpu = Usage::of(&ground.gateway).since(&before).all_percent;
+    let cpu = usage_of(&ground.gateway).since(&before).all_percent;
 
     let mut outcome = Outcome::default();
     outcome.cell("stations", case.name);
@@ -341,7 +341,7 @@ fn fly_in_a_flood(site: &Site, plan: &Plan, ground: &mut Ground, bridge: &mut Pr
     let mut telemetry = site.subscribe::<HeroTelemetry>(1);
     let _ = telemetry.next_sample();
     let hostile = Hostile::start(ground.pilot().vehicle(), per_second, plan.seed);
-    let (before, begun) = (Usage::of(&ground.gateway), Instant::now());
+    let (before, begun) = (usage_of(&ground.gateway), Instant::now());
     let mut held = Vec::new();
     let mut most = Holdings::of(ground.gateway.id());
     let mut heard = Heard::default();
@@ -359,7 +359,7 @@ fn fly_in_a_flood(site: &Site, plan: &Plan, ground: &mut Ground, bridge: &mut Pr
         consumer.join().expect("a consumer that ends")
     });
     let seconds = begun.elapsed().as_secs_f64();
-    let cpu = Usage::of(&ground.gateway).since(&before).all_percent;
+    let cpu = usage_of(&ground.gateway).since(&before).all_percent;
     let sent = hostile.end();
     let drops = dropped(&ground.gateway, port) - drops_before;
     let copies: usize = held.iter().map(|one| one.copies).sum();

@@ -17,7 +17,7 @@ use serde_json::{Value, json};
 use crate::outcome::{Outcome, Times};
 use crate::plan::Plan;
 use crate::site::{Site, count_lines};
-use crate::usage::Usage;
+use crate::usage::usage_of;
 use client::{Client, Kind, Seen, Viewer};
 use hostile::Hostile;
 
@@ -146,11 +146,11 @@ fn measure(
     let hostile = case
         .is_attacked
         .then(|| Hostile::start(view.port, connections, per_second, plan.seed));
-    let (before, begun) = (Usage::of(&view.process), Instant::now());
+    let (before, begun) = (usage_of(&view.process), Instant::now());
     let first_report = case.is_attacked.then(|| land(view));
     let status_ages = ages(site, plan.duration(60));
     let seconds = begun.elapsed().as_secs_f64();
-    let cpu = Usage::of(&view.process).since(&before).all_percent;
+    let cpu = usage_of(&view.process).since(&before).all_percent;
     let memory_kib = Holdings::of(view.process.id()).memory_kib;
     let attack = hostile.map(Hostile::end);
     let seen: Vec<Seen> = viewers.into_iter().map(Viewer::end).collect();

@@ -1,46 +1,8 @@
-//! What processes cost: the time on processors and the memory, as the kernel counts them.
+//! What processes cost: the average of those of one kind.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::time::Duration;
 
-use rustix::param::clock_ticks_per_second;
-
-/// What one process has used so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Usage {
-    /// Time on processors, its own and the kernel's for it.
-    pub busy: Duration,
-    /// Memory, bytes; what several processes share counts for each in part.
-    pub memory_bytes: u64,
-}
-
-/// Of the process with this number; `None` when it has ended, or may not be looked at.
-pub fn of(process: u32) -> Option<Usage> {
-    let read = |file: &str| fs::read_to_string(format!("/proc/{process}/{file}")).ok();
-    Some(Usage {
-        busy: busy(&read("stat")?, clock_ticks_per_second())?,
-        memory_bytes: memory_bytes(&read("smaps_rollup")?)?,
-    })
-}
-
-/// From `/proc/N/stat`: the name of the program may have blanks and parentheses, and ends with the last of those.
-fn busy(stat: &str, ticks_per_second: u64) -> Option<Duration> {
-    let (_, behind_name) = stat.rsplit_once(')')?;
-    let mut fields = behind_name.split_whitespace().skip(11);
-    let mut next = || fields.next()?.parse::<u64>().ok();
-    let ticks = next()? + next()?;
-    Some(Duration::from_secs_f64(
-        ticks as f64 / ticks_per_second as f64,
-    ))
-}
-
-/// From `/proc/N/smaps_rollup`.
-fn memory_bytes(rollup: &str) -> Option<u64> {
-    let line = rollup.lines().find_map(|line| line.strip_prefix("Pss:"))?;
-    let kib: u64 = line.split_whitespace().next()?.parse().ok()?;
-    Some(kib * 1024)
-}
+use runtime::usage::Usage;
 
 /// What the processes of one kind cost on average.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,63 +23,72 @@ impl Share {
     }
 }
 
-/// The average of each kind between two looks, `elapsed` after one another. Each process stands with its kind and its number; one
-/// that is in one of them alone is left out.
-pub fn shares(
-    before: &BTreeMap<(&'static str, u32), Usage>,
-    after: &BTreeMap<(&'static str, u32), Usage>,
-    elapsed: Duration,
-) -> BTreeMap<&'static str, Share> {
-    let mut sums: BTreeMap<&'static str, (u32, Duration, u64)> = BTreeMap::new();
+/// Processes, each with its kind and its number.
+pub type Usages = BTreeMap<(&'static str, u32), Usage>;
+
+/// The average of each kind between two looks. A process that is in one of them alone is left out.
+pub fn shares(before: &Usages, after: &Usages) -> BTreeMap<&'static str, Share> {
+    let mut shares: BTreeMap<&'static str, Vec<Share>> = BTreeMap::new();
     for (process, later) in after {
         if let Some(earlier) = before.get(process) {
-            let (count, busy, memory) = sums.entry(process.0).or_default();
-            *count += 1;
-            *busy += later.busy.saturating_sub(earlier.busy);
-            *memory += later.memory_bytes;
+            shares.entry(process.0).or_default().push(Share {
+                processor_percent: later.since(earlier).all_percent,
+                memory_mib: later.memory_mib,
+            });
         }
     }
-    let share = |(count, busy, memory): (u32, Duration, u64)| Share {
-        processor_percent: 100.0 * busy.as_secs_f64() / (elapsed.as_secs_f64() * f64::from(count)),
-        memory_mib: memory as f64 / f64::from(count) / f64::from(1 << 20),
+    let average = |of_kind: Vec<Share>| {
+        let count = of_kind.len() as f64;
+        let sum = of_kind.into_iter().reduce(Share::and)?;
+        Some(Share {
+            processor_percent: sum.processor_percent / count,
+            memory_mib: sum.memory_mib / count,
+        })
     };
-    sums.into_iter()
-        .map(|(kind, sum)| (kind, share(sum)))
+    let shares = shares.into_iter();
+    shares
+        .filter_map(|(kind, of_kind)| Some((kind, average(of_kind)?)))
         .collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use std::time::{Duration, Instant};
+
+    use runtime::usage::ThreadUsage;
+
     use super::*;
 
     #[test]
-    fn times_and_memory_are_those_of_the_kernel() {
-        let stat = "42 (a b) c) S 1 42 42 0 -1 4194560 900 0 0 0 250 50 0 0 20 0 1 0 7 8 9";
-        assert_eq!(busy(stat, 100), Some(Duration::from_secs(3)));
-        assert_eq!(busy("42 (a", 100), None);
-        let rollup = "00-7f ---p 00 00:00 0 [rollup]\nRss: 900 kB\nPss:  12 kB\nPss_Dirty: 1 kB\n";
-        assert_eq!(memory_bytes(rollup), Some(12 * 1024));
-        assert_eq!(memory_bytes(""), None);
-        let own = of(std::process::id()).expect("this process");
-        assert!(own.memory_bytes > 0);
-        assert_eq!(of(u32::MAX), None);
-    }
-
-    #[test]
     fn a_kind_costs_the_average_of_those_that_lived_all_the_time() {
-        let usage = |seconds, mib: u64| Usage {
-            busy: Duration::from_secs(seconds),
-            memory_bytes: mib << 20,
+        let begin = Instant::now();
+        let usage = |at_s, busy_s, memory_mib| {
+            let thread = ThreadUsage {
+                busy: Duration::from_secs(busy_s),
+                wakes: 0,
+            };
+            Usage {
+                at: begin + Duration::from_secs(at_s),
+                threads: [(1, thread)].into(),
+                memory_mib,
+                files: 3,
+            }
         };
-        let before = [(("bridge", 1), usage(1, 1)), (("bridge", 2), usage(1, 1))];
-        let mut after =
-            BTreeMap::from([(("bridge", 1), usage(2, 10)), (("bridge", 2), usage(4, 20))]);
-        after.insert(("bridge", 3), usage(100, 100));
-        let shares = shares(&before.into(), &after, Duration::from_secs(10));
+        let before = Usages::from([
+            (("bridge", 1), usage(0, 1, 1.0)),
+            (("bridge", 2), usage(0, 1, 1.0)),
+            (("bridge", 4), usage(0, 1, 1.0)),
+        ]);
+        let after = Usages::from([
+            (("bridge", 1), usage(10, 2, 10.0)),
+            (("bridge", 2), usage(10, 4, 20.0)),
+            (("bridge", 3), usage(10, 100, 100.0)),
+        ]);
         let expected = Share {
             processor_percent: 20.0,
             memory_mib: 15.0,
         };
+        let shares = shares(&before, &after);
         assert_eq!(shares, BTreeMap::from([("bridge", expected)]));
         let twice = expected.and(expected);
         assert_eq!((twice.processor_percent, twice.memory_mib), (40.0, 30.0));

@@ -11,7 +11,6 @@ mod cost;
 mod craft;
 mod result;
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::net::{Ipv4Addr, TcpListener};
 use std::os::fd::AsFd;
@@ -24,13 +23,14 @@ use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::finding::Finding;
 use runtime::signal::Termination;
+use runtime::usage::Usage;
 use rustix::process::Signal;
 
 use super::checks::check;
 use super::children::{ChildProcess, END_WITHIN, Readiness, Spawner};
 use super::flight::{SCRIPT, begun, goes_on};
 use super::screen::Screen;
-use cost::Usage;
+use cost::Usages;
 use craft::{Craft, ENDS, KINDS, RELAY_CONFIG, STATION, View};
 use result::{Fate, FleetResult, RobotResult};
 
@@ -147,7 +147,7 @@ impl Fleet<'_> {
             &format!("starting {robots} robots, each with a relay, and a station"),
         )?;
         self.start()?;
-        let (before, flight) = (self.usage(), Instant::now());
+        let (before, flight) = (self.usages(), Instant::now());
         let bytes_before = self.bytes_received();
         let mut silences = Vec::new();
         for (place, command) in SCRIPT.into_iter().enumerate() {
@@ -171,7 +171,7 @@ impl Fleet<'_> {
             self.until("every command has ended", Fleet::no_orders)?;
         }
         let elapsed = flight.elapsed();
-        let shares = cost::shares(&before, &self.usage(), elapsed);
+        let shares = cost::shares(&before, &self.usages());
         let bytes = self.bytes_received().saturating_sub(bytes_before);
         // The one that stays away is the last one.
         let lost = self.views[robots as usize - 1].last_link;
@@ -457,12 +457,12 @@ impl Fleet<'_> {
     }
 
     /// Of each process that lives, by kind and number.
-    fn usage(&self) -> BTreeMap<(&'static str, u32), Usage> {
+    fn usages(&self) -> Usages {
         let processes = self.crafts.iter().flat_map(|craft| &craft.processes);
         let of_robots = processes.map(|process| (process.name(), process.id()));
         let station = self.relay.iter().map(|relay| ("station", relay.id()));
         let all = of_robots.chain(station);
-        all.filter_map(|(kind, id)| Some(((kind, id), cost::of(id)?)))
+        all.filter_map(|(kind, id)| Some(((kind, id), Usage::of(id).ok()?)))
             .collect()
     }
 
@@ -543,7 +543,9 @@ impl Fleet<'_> {
         for kind in ENDS {
             // What they end with is not judged: each has ended when it is dropped.
             let processes = self.take_processes(kind);
-            processes.iter().for_each(|(_, process)| process.ask_to_end());
+            processes
+                .iter()
+                .for_each(|(_, process)| process.ask_to_end());
         }
         self.crafts.clear();
         domains
