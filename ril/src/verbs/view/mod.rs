@@ -24,7 +24,6 @@ mod orders;
 mod page_lost;
 mod preflight;
 mod replay;
-mod run_file;
 pub mod server;
 mod shell;
 mod show_file;

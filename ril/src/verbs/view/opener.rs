@@ -10,8 +10,8 @@ use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
 use super::options::ViewArgs;
-use super::run_file::{self, RunEntry};
 use crate::render::json_line;
+use crate::view_setup::run_file::{self, RunEntry};
 
 /// A view that runs, for programs.
 #[derive(Serialize)]

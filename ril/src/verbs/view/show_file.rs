@@ -13,11 +13,11 @@ use super::files::Report;
 use super::fleet::Fleet;
 use super::options::ViewArgs;
 use super::replay::Playback;
-use super::run_file::{RunEntry, RunFile};
 use super::shell::ViewShell;
 use super::sockets::Sockets;
 use super::{opener, server};
 use crate::view_setup::config::ViewConfig;
+use crate::view_setup::run_file::{RunEntry, RunFile};
 use crate::view_setup::token_key::random_hex;
 
 /// Ports that are tried behind the wanted one, which the view of live robots may have.

@@ -1,4 +1,4 @@
-//! [`RunFile`]: what a running view leaves for `ril view` of the same user: its process, and the token with which a page may order.
+//! [`RunFile`]: what a running view leaves for `ril view` and `ril doctor` of the same user: its process, and the token with which a page may order.
 //!
 //! The server holds a lock on the file as long as it lives, which the kernel drops with it. So a file without a lock is one of a process
 //! that was killed, and the next server writes over it. Only this user can read it.
@@ -8,6 +8,7 @@ use std::io::{self, Read, Seek, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
+use runtime::durable;
 use runtime::exit::Failure;
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
@@ -18,7 +19,7 @@ const MAX_BYTES: u64 = 64 << 10;
 
 /// What is in the file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct RunEntry {
+pub(crate) struct RunEntry {
     /// The server's process.
     pub pid: u32,
     /// Its port on loopback.
@@ -44,7 +45,7 @@ impl RunEntry {
 }
 
 /// The file of a server that lives in this process; it is removed at the end.
-pub(super) struct RunFile {
+pub(crate) struct RunFile {
     path: PathBuf,
     file: File,
 }
@@ -56,9 +57,13 @@ impl RunFile {
     ///
     /// Code 1 when another view of this user has it, or the folder cannot be used.
     pub fn take(port: u16) -> Result<RunFile, Failure> {
-        let path = path(&folder()?, port);
         loop {
-            let file = open(&path, true).map_err(|error| unusable(&path, &error))?;
+            let path = path(&folder()?, port);
+            let file = match open(&path, true) {
+                // A server that just ended has removed the folder.
+                Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+                opened => opened.map_err(|error| unusable(&path, &error))?,
+            };
             match flock(&file, FlockOperation::NonBlockingLockExclusive) {
                 Ok(()) => {}
                 Err(Errno::WOULDBLOCK) => return Err(taken(port, read(&file).ok().as_ref())),
@@ -88,11 +93,16 @@ impl Drop for RunFile {
                 tracing::debug!(%error, path = %path.display(), "the file cannot be removed");
             }
         }
+        // It stays while another view of this user has a file in it, or one in the background a log.
+        let _ = std::fs::remove_dir(durable::folder_of(&self.path));
     }
 }
 
 /// The view of this user that runs on `port`; `None` if there is none, or it is not ready yet.
-pub(super) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
+pub(crate) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
+    if !place().exists() {
+        return Ok(None);
+    }
     let path = path(&folder()?, port);
     let file = match open(&path, false) {
         Ok(file) => file,
@@ -106,7 +116,7 @@ pub(super) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
 }
 
 /// Where a view of this port that runs in the background logs.
-pub(super) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
+pub(crate) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
     let path = folder()?.join(format!("view-{port}.log"));
     let file = OpenOptions::new()
         .write(true)
@@ -120,7 +130,7 @@ pub(super) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
 }
 
 /// Writes the page that leads a browser to the address with the token. A command line is no place for the token: other users can read it.
-pub(super) fn write_opener(running: &RunEntry) -> Result<PathBuf, Failure> {
+pub(crate) fn write_opener(running: &RunEntry) -> Result<PathBuf, Failure> {
     let path = opener(&folder()?, running.port);
     let address = running.address_with_token();
     let page = format!(
@@ -172,21 +182,35 @@ fn is_at(file: &File, path: &Path) -> bool {
     (open.dev(), open.ino()) == (there.dev(), there.ino())
 }
 
-/// This user's folder for files of running programs, which no other user can enter.
-fn folder() -> Result<PathBuf, Failure> {
+/// Where this user's folder for files of running programs is.
+fn place() -> PathBuf {
     let runtime = std::env::var_os("XDG_RUNTIME_DIR").filter(|path| !path.is_empty());
-    let uid = rustix::process::getuid().as_raw();
-    let folder = match runtime {
+    match runtime {
         Some(runtime) => PathBuf::from(runtime).join("ril"),
-        None => PathBuf::from(format!("/dev/shm/ril-{uid}")),
-    };
-    match DirBuilder::new().mode(0o700).create(&folder) {
-        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
-            return Err(unusable(&folder, &error));
-        }
-        _ => {}
+        None => PathBuf::from(format!(
+            "/dev/shm/ril-{}",
+            rustix::process::getuid().as_raw()
+        )),
     }
-    let there = std::fs::symlink_metadata(&folder).map_err(|error| unusable(&folder, &error))?;
+}
+
+/// That folder, which is made if there is none, and which no other user can enter.
+fn folder() -> Result<PathBuf, Failure> {
+    let uid = rustix::process::getuid().as_raw();
+    let folder = place();
+    let there = loop {
+        match DirBuilder::new().mode(0o700).create(&folder) {
+            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
+                return Err(unusable(&folder, &error));
+            }
+            _ => {}
+        }
+        match std::fs::symlink_metadata(&folder) {
+            // The last server has just removed it.
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            there => break there.map_err(|error| unusable(&folder, &error))?,
+        }
+    };
     if !there.is_dir() || there.uid() != uid || there.mode() & 0o077 != 0 {
         let text = format!(
             "{} is no folder of this user alone, and the token must not lie where others read it",
