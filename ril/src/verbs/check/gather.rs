@@ -32,7 +32,7 @@ use crate::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, Provi
 use crate::robot::running::{ConfigOrigin, RunningBridge, file_of};
 use crate::view_setup::config::{self, ViewConfig};
 use crate::view_setup::peer::holder;
-use crate::view_setup::{certificate, token_key};
+use crate::view_setup::{certificate, run_file, token_key};
 
 /// How long a sample of the relay's link is waited for, which is published once a second: twice that.
 const LINK_TIMEOUT: Duration = Duration::from_secs(2);
@@ -348,9 +348,12 @@ fn setup(config: &ViewConfig) -> ViewFacts {
         .into_iter()
         .flatten()
         .filter_map(|path| token_key::fault(&path).map(|fault| (path, fault)));
+    // Of a service that has a user namespace of its own, the system does not say which sockets it has.
+    let own_view = run_file::find(config.port).ok().flatten();
+    let own_view = own_view.map(|running| format!("ril (process {})", running.pid));
     ViewFacts {
         port: config.port,
-        holder: holder(config.port),
+        holder: own_view.or_else(|| holder(config.port)),
         is_open: config.is_open(),
         has_tokens: !config.tokens.is_empty(),
         certificate,

@@ -5,9 +5,9 @@
 mod tests;
 
 use std::fs::{File, Permissions};
-use std::io::{self, Write};
+use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
-use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::os::unix::fs::{FileExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
@@ -15,6 +15,7 @@ use std::thread;
 
 use ipc_types::{SchedulingRole, request_slice};
 use recording::{DiskError, DiskErrorKind, FileAction, Part};
+use runtime::durable;
 use rustix::event::{EventfdFlags, eventfd};
 use status::log::config::LogLimits;
 use status::log::file_name::Series;
@@ -326,18 +327,16 @@ impl<F: RecordFile> CurrentFile<F> {
     }
 }
 
-/// Writes the layout of viewers if there is none. A recording without it is as good, so that an error is no failure.
+/// Writes the layout of viewers if there is none, as a whole: half of one would stay. A recording without it is as good, so that an
+/// error is no failure.
 fn write_layout(folder: &Path, layout: &ViewerLayout) {
-    let mut options = File::options();
-    let options = options.write(true).create_new(true).mode(MODE);
-    let written = options
-        .open(folder.join(&layout.name))
-        .and_then(|mut file| file.write_all(layout.text.as_bytes()));
-    match written {
-        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
-            tracing::debug!(%error, file = layout.name, "the layout for viewers is not written");
-        }
-        _ => {}
+    let path = folder.join(&layout.name);
+    if path.exists() {
+        return;
+    }
+    let written = durable::replace(&path, layout.text.as_bytes());
+    if let Err(error) = written.and_then(|()| File::open(&path)?.restrict()) {
+        tracing::debug!(%error, file = layout.name, "the layout for viewers is not written");
     }
 }
 

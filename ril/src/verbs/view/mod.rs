@@ -1,7 +1,7 @@
 //! `ril view`, `ril run view`: robots in a browser, and for Foxglove; `ril view FILE`: a recording.
 //!
 //! The crate `view` speaks HTTP, WebSocket and the protocols on top, as pure values. Here are
-//! * `start`: the command that finds or starts the server; `run_file`: how it finds it, and opens its page;
+//! * `start`: the command that finds or starts the server; `opener`: opens its page;
 //! * [`server`]: the process; `shell`: its loop, `sockets`: its connections, `tls`: what hides them;
 //! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages`: the messages about one, `speaker`: when they are sent;
 //! * `foxglove`: what Foxglove and Lichtblick get and order;
@@ -16,10 +16,10 @@ mod fleet;
 mod foxglove;
 mod invitation;
 mod messages;
+mod opener;
 pub mod options;
 mod orders;
 mod replay;
-mod run_file;
 pub mod server;
 mod shell;
 mod show_file;

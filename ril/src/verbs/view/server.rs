@@ -16,12 +16,12 @@ use view::{Instance, Server, Settings, Token};
 use super::files::{Files, Report, TileFolder};
 use super::fleet::Fleet;
 use super::options::{RunViewArgs, ServerArgs};
-use super::run_file::{RunEntry, RunFile};
 use super::shell::ViewShell;
 use super::sockets::Sockets;
 use super::tls::Tls;
 use crate::view_setup::config::{self, DEFAULT_FILE, EXAMPLE, ViewConfig};
 use crate::view_setup::peer::holder;
+use crate::view_setup::run_file::{RunEntry, RunFile};
 use crate::view_setup::token_key::{self, TokenKey, random_hex};
 
 /// What the server would run with.

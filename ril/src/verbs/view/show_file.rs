@@ -13,11 +13,11 @@ use super::files::Report;
 use super::fleet::Fleet;
 use super::options::ViewArgs;
 use super::replay::Playback;
-use super::run_file::{self, RunEntry, RunFile};
-use super::server;
 use super::shell::ViewShell;
 use super::sockets::Sockets;
+use super::{opener, server};
 use crate::view_setup::config::ViewConfig;
+use crate::view_setup::run_file::{RunEntry, RunFile};
 use crate::view_setup::token_key::random_hex;
 
 /// Ports that are tried behind the wanted one, which the view of live robots may have.
@@ -62,7 +62,7 @@ pub(super) fn view(
     let mut shell = ViewShell::new(sockets, server, Fleet::none(domain), files, &config);
     shell.play(playback);
     tracing::info!(address = running.address(), "ready");
-    run_file::show(&running, args)?;
+    opener::show(&running, args)?;
     std::io::stdout().flush().map_err(Failure::output)?;
     process::run(&mut shell, &termination, &Notifier::from_env()).or_fail(ExitCode::Internal)
 }

@@ -18,9 +18,9 @@ use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 
 use super::invitation;
 use super::options::{ServerArgs, ViewArgs};
-use super::run_file::{self, RunEntry};
-use super::{server, show_file};
+use super::{opener, server, show_file};
 use crate::session::print_configuration;
+use crate::view_setup::run_file::{self, RunEntry};
 
 /// How long the server has to be ready, and to end. It takes a tenth of a second.
 const TIMEOUT: Duration = Duration::from_secs(10);
@@ -72,7 +72,7 @@ pub fn view(args: &ViewArgs, report: fn(&Path) -> Result<String, Failure>) -> Re
         }
         None => start(port, &args.server)?,
     };
-    run_file::show(&running, args)
+    opener::show(&running, args)
 }
 
 /// Panels for one robot, by default robot 1.

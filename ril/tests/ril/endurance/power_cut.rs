@@ -34,6 +34,17 @@ fn what_was_forced_onto_the_disk_survives_a_power_cut_at_any_moment() {
             ] {
                 assert!(outcome.count(kind) > 0, "{kind}: {outcome}");
             }
+            for replaced in [
+                "bridge.toml",
+                "hero1_layout.json",
+                "robot-1.timestamp",
+                "view.key",
+            ] {
+                assert!(
+                    outcome.to_string().contains(replaced),
+                    "{replaced}: {outcome}"
+                );
+            }
         }
     }
 }

@@ -480,7 +480,7 @@ fn a_view_that_was_killed_leaves_nothing_in_the_way() {
     again.wait_for_text("ready");
     assert_ne!(token(&rig, port), view.token);
     end(again, Signal::INT);
-    assert!(!run_file(&rig, port).exists());
+    assert!(!rig.path("ril").exists(), "its folder is gone as well");
     rig.write("view.toml", "\n[request]\ntimeout = 1\n");
     ril(&rig, "run view --check-config")
         .exits(78)

@@ -7,7 +7,7 @@
 //! |---|---|
 //! | a record | it has every message that was forced onto the disk; a whole file can be made of it |
 //! | a log of status | it has every row that was |
-//! | one that is replaced as a whole: fence, timestamp of signatures, key of tokens | it is the version that was forced onto the disk, or a later one |
+//! | one that is replaced as a whole: fence, timestamp of signatures, key of tokens, layout for viewers | it is the version that was forced onto the disk, or a later one |
 
 pub mod disk;
 pub mod trace;
@@ -68,11 +68,14 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Result<Outco
             *sizes.entry(group).or_default() += disk.states(index).len();
         }
     });
-    let total: usize = sizes.values().sum();
     let each = plan
         .count
         .map(|count| f64::from(count) / sizes.len() as f64);
     let share = |size: usize| each.map_or(1.0, |each| each / size as f64);
+    let of_kind = |kind| {
+        let groups = sizes.iter().filter(|((other, _), _)| *other == kind);
+        groups.map(|(_, size)| size).sum::<usize>()
+    };
     let mut chance = Random::new(plan.seed, 0);
     walk(&before, &steps, |disk, index| {
         let Some(group) = group(disk, index, &kept) else {
@@ -84,7 +87,7 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Result<Outco
             }
         }
     });
-    Ok(judge.outcome(total, steps.len()))
+    Ok(judge.outcome(&of_kind, steps.len()))
 }
 
 /// What a file is, and whether it was forced onto the disk before; `None` if it is not judged.
@@ -319,14 +322,17 @@ impl<'a> Judge<'a> {
         serde_json::from_str(line).map_err(|_| failed())
     }
 
-    fn outcome(self, total: usize, steps: usize) -> Outcome {
+    fn outcome(self, there_are: &dyn Fn(Kind) -> usize, steps: usize) -> Outcome {
         let mut outcome = Outcome::default();
-        let of = |kind| self.states.get(&kind).copied().unwrap_or(0);
         outcome.cell("steps", steps);
-        outcome.cell("states there are", total);
-        outcome.cell("of records", of(Kind::Record));
-        outcome.cell("of logs", of(Kind::Log));
-        outcome.cell("of replaced files", of(Kind::Replaced));
+        for (kind, tried, all) in [
+            (Kind::Record, "of records", "there are of them"),
+            (Kind::Log, "of logs", "there are of them"),
+            (Kind::Replaced, "of replaced files", "there are of them"),
+        ] {
+            outcome.cell(tried, self.states.get(&kind).copied().unwrap_or(0));
+            outcome.cell(all, there_are(kind));
+        }
         outcome.cell("read by `ril log`", self.by_programs);
         outcome.cell("messages forced", self.forced_messages);
         outcome.cell("rows forced", self.forced_rows);

@@ -1,32 +1,25 @@
-//! [`RunFile`]: what a running view leaves for `ril view` of the same user: its process, and the token with which a page may order.
+//! [`RunFile`]: what a running view leaves for `ril view` and `ril doctor` of the same user: its process, and the token with which a page may order.
 //!
 //! The server holds a lock on the file as long as it lives, which the kernel drops with it. So a file without a lock is one of a process
 //! that was killed, and the next server writes over it. Only this user can read it.
-//!
-//! [`show`]: what `ril view` does with a view that runs: it opens its page, or prints where that is.
 
-use std::ffi::OsStr;
 use std::fs::{DirBuilder, File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
-use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 
-use runtime::exit::{ExitCode, Failure};
+use runtime::durable;
+use runtime::exit::Failure;
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 use serde::{Deserialize, Serialize};
-
-use super::options::ViewArgs;
-use crate::render::json_line;
 
 /// More than any of these files has.
 const MAX_BYTES: u64 = 64 << 10;
 
 /// What is in the file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct RunEntry {
+pub(crate) struct RunEntry {
     /// The server's process.
     pub pid: u32,
     /// Its port on loopback.
@@ -52,7 +45,7 @@ impl RunEntry {
 }
 
 /// The file of a server that lives in this process; it is removed at the end.
-pub(super) struct RunFile {
+pub(crate) struct RunFile {
     path: PathBuf,
     file: File,
 }
@@ -64,9 +57,13 @@ impl RunFile {
     ///
     /// Code 1 when another view of this user has it, or the folder cannot be used.
     pub fn take(port: u16) -> Result<RunFile, Failure> {
-        let path = path(&folder()?, port);
         loop {
-            let file = open(&path, true).map_err(|error| unusable(&path, &error))?;
+            let path = path(&folder()?, port);
+            let file = match open(&path, true) {
+                // A server that just ended has removed the folder.
+                Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
+                opened => opened.map_err(|error| unusable(&path, &error))?,
+            };
             match flock(&file, FlockOperation::NonBlockingLockExclusive) {
                 Ok(()) => {}
                 Err(Errno::WOULDBLOCK) => return Err(taken(port, read(&file).ok().as_ref())),
@@ -96,11 +93,16 @@ impl Drop for RunFile {
                 tracing::debug!(%error, path = %path.display(), "the file cannot be removed");
             }
         }
+        // It stays while another view of this user has a file in it, or one in the background a log.
+        let _ = std::fs::remove_dir(durable::folder_of(&self.path));
     }
 }
 
 /// The view of this user that runs on `port`; `None` if there is none, or it is not ready yet.
-pub(super) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
+pub(crate) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
+    if !place().exists() {
+        return Ok(None);
+    }
     let path = path(&folder()?, port);
     let file = match open(&path, false) {
         Ok(file) => file,
@@ -114,7 +116,7 @@ pub(super) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
 }
 
 /// Where a view of this port that runs in the background logs.
-pub(super) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
+pub(crate) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
     let path = folder()?.join(format!("view-{port}.log"));
     let file = private(true).truncate(true).open(&path);
     file.map(|file| (file, path.clone()))
@@ -122,7 +124,7 @@ pub(super) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
 }
 
 /// Writes the page that leads a browser to the address with the token. A command line is no place for the token: other users can read it.
-pub(super) fn write_opener(running: &RunEntry) -> Result<PathBuf, Failure> {
+pub(crate) fn write_opener(running: &RunEntry) -> Result<PathBuf, Failure> {
     let path = opener(&folder()?, running.port);
     let address = running.address_with_token();
     let page = format!(
@@ -174,21 +176,35 @@ fn is_at(file: &File, path: &Path) -> bool {
     (open.dev(), open.ino()) == (there.dev(), there.ino())
 }
 
-/// This user's folder for files of running programs, which no other user can enter.
-fn folder() -> Result<PathBuf, Failure> {
+/// Where this user's folder for files of running programs is.
+fn place() -> PathBuf {
     let runtime = std::env::var_os("XDG_RUNTIME_DIR").filter(|path| !path.is_empty());
-    let uid = rustix::process::getuid().as_raw();
-    let folder = match runtime {
+    match runtime {
         Some(runtime) => PathBuf::from(runtime).join("ril"),
-        None => PathBuf::from(format!("/dev/shm/ril-{uid}")),
-    };
-    match DirBuilder::new().mode(0o700).create(&folder) {
-        Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
-            return Err(unusable(&folder, &error));
-        }
-        _ => {}
+        None => PathBuf::from(format!(
+            "/dev/shm/ril-{}",
+            rustix::process::getuid().as_raw()
+        )),
     }
-    let there = std::fs::symlink_metadata(&folder).map_err(|error| unusable(&folder, &error))?;
+}
+
+/// That folder, which is made if there is none, and which no other user can enter.
+fn folder() -> Result<PathBuf, Failure> {
+    let uid = rustix::process::getuid().as_raw();
+    let folder = place();
+    let there = loop {
+        match DirBuilder::new().mode(0o700).create(&folder) {
+            Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
+                return Err(unusable(&folder, &error));
+            }
+            _ => {}
+        }
+        match std::fs::symlink_metadata(&folder) {
+            // The last server has just removed it.
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            there => break there.map_err(|error| unusable(&folder, &error))?,
+        }
+    };
     if !there.is_dir() || there.uid() != uid || there.mode() & 0o077 != 0 {
         let text = format!(
             "{} is no folder of this user alone, and the token must not lie where others read it",
@@ -219,74 +235,4 @@ fn taken(port: u16, running: Option<&RunEntry>) -> Failure {
         "`ril view --port {port}` opens its page; another port runs another one: `--port {}`",
         port.saturating_add(1)
     ))
-}
-
-/// A view that runs, for programs.
-#[derive(Serialize)]
-struct ViewObject {
-    schema: &'static str,
-    pid: u32,
-    port: u16,
-    address: String,
-    address_with_token: String,
-}
-
-impl ViewObject {
-    fn of(running: &RunEntry) -> ViewObject {
-        ViewObject {
-            schema: "ril.View.v1",
-            pid: running.pid,
-            port: running.port,
-            address: running.address(),
-            address_with_token: running.address_with_token(),
-        }
-    }
-}
-
-/// Opens the page of a view, or prints where it is, as the command line wants it.
-///
-/// # Errors
-///
-/// Code 8 when no browser can be started.
-pub(super) fn show(running: &RunEntry, args: &ViewArgs) -> Result<(), Failure> {
-    let mut out = io::stdout().lock();
-    if args.json {
-        return json_line(&mut out, &ViewObject::of(running));
-    }
-    if args.no_browser {
-        return writeln!(out, "{}", running.address_with_token()).map_err(Failure::output);
-    }
-    writeln!(out, "the view is at {}", running.address()).map_err(Failure::output)?;
-    let file = write_opener(running)?;
-    if open_in_browser(&file) {
-        return Ok(());
-    }
-    let text = "no browser could be started: neither $BROWSER nor xdg-open";
-    Err(Failure::new(ExitCode::NotInOrder, text)
-        .with_next_step("`ril view --no-browser` prints the address for a browser of your choice"))
-}
-
-/// Opens a file in the browser that the user prefers. The browser goes on by itself.
-fn open_in_browser(file: &Path) -> bool {
-    let preferred = std::env::var_os("BROWSER").unwrap_or_default();
-    let preferred = preferred.to_str().unwrap_or_default().split(':');
-    let programs = preferred
-        .filter(|program| !program.is_empty())
-        .chain(["xdg-open"]);
-    programs.into_iter().any(|program| {
-        let mut words = program.split_whitespace();
-        let Some(program) = words.next() else {
-            return false;
-        };
-        let page: &OsStr = file.as_os_str();
-        let opened = Command::new(program)
-            .args(words.filter(|word| *word != "%s"))
-            .arg(page)
-            .process_group(0)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn();
-        opened.is_ok()
-    })
 }
