@@ -1,7 +1,7 @@
 //! `ril log …`: what status and `ril record` wrote. It needs no process and joins no shared memory.
 //!
 //! `files` finds and opens files, `list` lists them, `tail` follows one, `report` makes a page of one, `whole` checks and recovers
-//! records. `recording` reads their entries: its `Format` is the one place to add another format. `row` and `summary` are pure
+//! records. `recording` reads their entries: its `LogFormat` is the one place to add another format. `row` and `summary` are pure
 //! values that take entries.
 
 mod files;

@@ -1,7 +1,7 @@
 //! `ril plan check | show | fly`: plans of other programs.
 //!
 //! The crate `plans` reads and checks them. Here is what it is given: the file, the configurations, and what the robot says of
-//! itself (`gather`); how the results are shown (`report`, `table`); and how a plan is flown, step by step (`fly`).
+//! itself (`gather`); how the results are shown (`report`); and how a plan is flown, step by step (`fly`).
 
 mod fence;
 mod fly;

@@ -1,7 +1,8 @@
 //! `ril record`: every topic of the robot in files, until a signal.
 //!
-//! [`record`](crate::record) has what it decides. Here: `topics`, the ports; `sinks`, what is made of some topics; `disk`, the one thread
-//! that writes; `shell`, the loop around them; `facts`, what the files say of the flight; `report`, what is printed.
+//! The crate [`recording`] has what it decides. Here: `topics`, the ports, and `publisher`, what becomes of the processes behind them; `sinks`,
+//! what is made of some topics, with `journal`, `log` and `paths`; `disk`, the one thread that writes; `shell`, the loop around them, and
+//! `gather`, when it looks; `facts`, what the files say of the flight; `report`, what is printed.
 
 mod disk;
 mod facts;
