@@ -14,7 +14,7 @@ use ipc_types::payload::MovementData;
 
 use crate::missions::config::WorldConfig;
 use crate::missions::operator::{
-    Step, await_link, bring_home, carry_out, fly_through_trouble, follow, point,
+    Step, await_link, bring_home, carry_out, fly_through_trouble, point,
 };
 use crate::missions::witness::Outcome;
 use crate::missions::world::{Trouble, World};
@@ -371,42 +371,6 @@ fn a_dsp_without_time_is_believed_again_after_a_silence() {
         world.run_for(Duration::from_secs(2));
         assert!(world.witness.samples > samples + 90, "after {length_s} s");
         world.finish();
-    }
-}
-
-/// Asks for a landing every 10 ms until one is taken, and follows that.
-fn land_as_soon_as_it_is_taken(world: &mut World, take_off: u64) -> Outcome {
-    let end = world.now() + Duration::from_secs(60);
-    while world.now() < end {
-        let land = world.movement(MovementData::land(0));
-        let Some(refused) = world.witness.outcome(land) else {
-            return follow(world, land);
-        };
-        // While the rotor starts it does not fly, as far as the bridge knows.
-        let is_its = matches!(refused.reason, Reason::Busy | Reason::NotFlying);
-        assert!(is_its, "{refused:?}");
-        assert_eq!(world.witness.outcome(take_off), None, "{refused:?}");
-        world.run_for(Duration::from_millis(10));
-    }
-    panic!("no landing was taken");
-}
-
-#[test]
-fn a_landing_right_behind_a_take_off_waits_for_its_end_and_is_then_flown() {
-    for config in [WorldConfig::new(), WorldConfig::new().extended()] {
-        // Each moment at which status and flow control may come between the order, its acknowledgement and the readings of its port.
-        for offset_ms in (0..100).step_by(9) {
-            let mut world = World::new(&config);
-            await_link(&mut world);
-            world.run_for(Duration::from_millis(offset_ms));
-            carry_out(&mut world, &Step::Start);
-            let take_off = world.movement(MovementData::take_off(0, 2.0));
-            let landing = land_as_soon_as_it_is_taken(&mut world, take_off);
-            let took_off = world.witness.outcome(take_off);
-            check("take-off", took_off, Some((Stage::Done, Reason::None)));
-            check("landing", Some(landing), Some((Stage::Done, Reason::None)));
-            world.finish();
-        }
     }
 }
 
