@@ -77,3 +77,64 @@ fn keys_select_robots_and_those_that_are_not_there_are_nothing() {
     assert_eq!(two.selected, 0);
     assert_eq!(App::new(&[], Chart::default()).robots.len(), 1);
 }
+
+mod prompt {
+    use super::super::*;
+
+    const NOW: MonotonicNs = MonotonicNs(5_000_000_000);
+
+    fn answer(order: ScreenOrder, text: &str) -> PromptAnswer {
+        let mut prompt = Prompt::new(order, RobotId::DEFAULT, NOW);
+        let mut answer = PromptAnswer::Open;
+        for letter in text.chars() {
+            let key = match letter {
+                '\n' => Key::Enter,
+                '\x1b' => Key::Escape,
+                '\x7f' => Key::Backspace,
+                letter => Key::Char(letter),
+            };
+            answer = prompt.key(key, NOW);
+            if answer != PromptAnswer::Open {
+                break;
+            }
+        }
+        answer
+    }
+
+    #[test]
+    fn only_the_whole_word_and_enter_confirm() {
+        for (order, text, confirms) in [
+            (ScreenOrder::Hold, "hold\n", true),
+            (ScreenOrder::Land, "LAND\n", true),
+            (ScreenOrder::Stop, "stopp\x7f\n", true),
+            (ScreenOrder::Hold, "hold", false),
+            (ScreenOrder::Hold, "h\n", false),
+            (ScreenOrder::Hold, "\n", false),
+            (ScreenOrder::Hold, "old\n", false),
+            (ScreenOrder::Hold, "hhhhhhhhhhhhhhhhhhhh\n", false),
+            (ScreenOrder::Land, "hold\n", false),
+            (ScreenOrder::Land, "hold\x1bland\n", false),
+            (ScreenOrder::Land, "land land\n", false),
+        ] {
+            assert_eq!(
+                answer(order, text) == PromptAnswer::Confirmed,
+                confirms,
+                "{text:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn it_is_over_after_its_time() {
+        let mut prompt = Prompt::new(ScreenOrder::Land, RobotId::DEFAULT, NOW);
+        for letter in "land".chars() {
+            prompt.key(Key::Char(letter), NOW);
+        }
+        let late = NOW + TIMEOUT;
+        assert!(!prompt.is_over(NOW) && prompt.is_over(late));
+        assert!(matches!(
+            prompt.key(Key::Enter, late),
+            PromptAnswer::Cancelled(_)
+        ));
+    }
+}
