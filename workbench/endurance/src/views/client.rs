@@ -109,12 +109,23 @@ pub struct Client {
 }
 
 impl Client {
-    /// Connects as this kind.
+    /// Connects as this kind, as soon as the server has room: it may not have seen yet that others went.
     ///
     /// # Panics
     ///
     /// When the server does not take it.
     pub fn connect(port: u16, kind: &Kind) -> Client {
+        let begun = Instant::now();
+        loop {
+            if let Some(client) = Client::try_connect(port, kind) {
+                return client;
+            }
+            assert!(begun.elapsed() < WAIT_LIMIT, "no room at the server");
+        }
+    }
+
+    /// `None` if the server has too many others.
+    fn try_connect(port: u16, kind: &Kind) -> Option<Client> {
         let is_throttled = matches!(kind, Kind::Throttled);
         let stream = open(port, is_throttled).expect("a server");
         stream
@@ -140,11 +151,14 @@ impl Client {
             .expect("a server that reads");
         while !client.has_head() {
             assert!(client.fill(), "no upgrade to {protocol}");
+            if client.rest.starts_with(b"HTTP/1.1 503 ") {
+                return None;
+            }
         }
         if let Kind::Page(token) = kind {
             client.send(&json!({"type": "open", "token": token, "robot": 1, "rate_hz": 20}));
         }
-        client
+        Some(client)
     }
 
     /// Takes the head of the answer, once it is there.
