@@ -4,7 +4,7 @@
 //! [`answer`] prints what can follow. That never takes part in shared memory, so nothing is created there. It says nothing on
 //! standard error, and what cannot be found out in time is left out.
 //!
-//! [`Context`]: what the words that are on the command line already say about the word that is to be completed.
+//! `Context`: what the words that are on the command line already say about the word that is to be completed.
 
 use std::ffi::OsString;
 use std::io;
