@@ -13,7 +13,7 @@ use ipc_types::payload::{MavlinkStations, ModuleState};
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Process, Sandbox, languages, packages};
 
-use crate::common::{end, sandbox};
+use crate::common::{end, json, sandbox, shown_state};
 
 const NAN: f32 = f32::NAN;
 
@@ -245,17 +245,41 @@ fn mavsdk_brings_a_fence_into_force_that_the_flight_keeps_to() {
     });
 }
 
-/// Without what it needs for windows and maps.
+/// MAVProxy without what it needs for windows and maps.
+const MAVPROXY: &str = "--no-deps mavproxy==1.8.75 pymavlink==2.4.50 pyserial==3.5 fastcrc==0.5.0";
+
 #[test]
 fn mavproxy_brings_a_fence_into_force_reads_and_clears_it() {
-    let proxy = "--no-deps mavproxy==1.8.75 pymavlink==2.4.50 pyserial==3.5 fastcrc==0.5.0";
     let config = "[fence]\naccept = true\n";
-    judged("mavproxy_fence.py", proxy, &[], config, |rig| {
+    judged("mavproxy_fence.py", MAVPROXY, &[], config, |rig| {
         let areas = [
             "in force: 1 area",
             "exclusion plan: exclusion 1: circle of 25.0 m",
         ];
         shows_fence(rig, &areas);
+    });
+}
+
+/// It pauses the mission, and returns.
+#[test]
+fn mavproxy_fetches_parameters_and_flies_a_mission_that_it_has_loaded() {
+    judged("mavproxy_flies.py", MAVPROXY, &[], "", |rig| {
+        // Those of the DSP are the ports that can be written.
+        let listed = rig.run("param list --json", 0).stdout;
+        let is_writable = |line: &&String| json(line)["port"]["writable"] == true;
+        let writable = listed.iter().filter(is_writable).count();
+        let fetched = fs::read_to_string(rig.path("mav.parm")).expect("MAVProxy has saved it");
+        let ports = fetched.lines().filter(|row| row.starts_with("DSP_"));
+        assert_eq!(ports.count(), writable, "{fetched}");
+        // Set by the mission, after MAVProxy had set another one.
+        rig.run("param get cruise_speed_mps", 0)
+            .out_says("cruise_speed_mps = 7");
+        assert_eq!(shown_state(rig, 1)["flight"]["phase"], "on the ground");
+        // Arm, mission, hold, return. Counts alone are published once a second.
+        let mut stations = rig.subscribe::<MavlinkStations>(1);
+        stations.until("each command was taken once", |sample| {
+            sample.stations().iter().any(|one| one.commands == 4)
+        });
     });
 }
 
