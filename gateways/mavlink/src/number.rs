@@ -26,6 +26,8 @@ pub mod command {
     pub const MISSION_START: u16 = 300;
     /// Arm or disarm.
     pub const ARM_DISARM: u16 = 400;
+    /// Send HOME_POSITION once.
+    pub const GET_HOME_POSITION: u16 = 410;
     /// How often is a message sent?
     pub const GET_MESSAGE_INTERVAL: u16 = 510;
     /// Send a message so often.

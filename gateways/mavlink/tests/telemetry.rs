@@ -117,6 +117,7 @@ fn a_station_chooses_messages_and_rates() {
     world.command(QGC, 512, param(AVAILABLE_MODES.id, 2.0));
     world.command(QGC, 512, param(31, 0.0));
     world.command(QGC, 512, param(397, 0.0));
+    world.command(QGC, 410, param(0, 0.0));
     let sent = world.sent();
     let interval = sent
         .iter()
@@ -130,8 +131,9 @@ fn a_station_chooses_messages_and_rates() {
         8
     );
     assert_eq!(count(&sent, StreamId::AttitudeQuaternion), 1);
+    assert_eq!(count(&sent, StreamId::Home), 1);
     let results: Vec<u8> = acks(&sent).iter().map(|ack| ack.1).collect();
-    assert_eq!(results, [0, 0, 0, 0, 0, 3]);
+    assert_eq!(results, [0, 0, 0, 0, 0, 3, 0]);
 }
 
 #[test]

@@ -46,7 +46,8 @@ impl Gateway {
         let is_for_autopilot = matches!(asked.component, 0 | COMPONENT);
         let is_request = matches!(
             asked.command,
-            command::GET_MESSAGE_INTERVAL
+            command::GET_HOME_POSITION
+                | command::GET_MESSAGE_INTERVAL
                 | command::SET_MESSAGE_INTERVAL
                 | command::REQUEST_MESSAGE
                 | command::REQUEST_CAPABILITIES

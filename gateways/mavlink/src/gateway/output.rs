@@ -40,6 +40,9 @@ impl Gateway {
             (command::REQUEST_CAPABILITIES, _) => {
                 self.send_message(sender, message::AUTOPILOT_VERSION.id, 0)
             }
+            (command::GET_HOME_POSITION, _) => {
+                self.send_message(sender, message::HOME_POSITION.id, 0)
+            }
             (command::REQUEST_MESSAGE, _) => self.send_message(sender, id, asked.param(2) as usize),
             (command::SET_MESSAGE_INTERVAL, Some(stream)) => match stream.period(asked.param(2)) {
                 Ok(period) => {
