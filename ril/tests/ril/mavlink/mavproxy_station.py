@@ -8,6 +8,8 @@ import threading
 import time
 
 LIMIT_S = 90
+# After a standstill of this machine MAVProxy gives a transfer up and does not begin it again.
+AGAIN_S = 10
 
 program = pathlib.Path(sys.executable).with_name("mavproxy.py")
 modules = "fence,wp,param,mode,arm,cmdlong"
@@ -36,10 +38,14 @@ def command(text):
     mavproxy.stdin.write(text + "\n")
 
 
-def until(text):
-    """The next line with this text; those before are dropped. Prompts can stand before it, and behind it."""
-    give_up = time.monotonic() + LIMIT_S
-    while time.monotonic() < give_up:
+def until(text, again=None):
+    """The next line with this text; those before are dropped. Prompts can stand before it, and behind it. A command can be typed again."""
+    begun = time.monotonic()
+    typed = begun
+    while time.monotonic() < begun + LIMIT_S:
+        if again and time.monotonic() > typed + AGAIN_S:
+            command(again)
+            typed = time.monotonic()
         try:
             line = lines.get(timeout=1.0)
         except queue.Empty:
@@ -47,6 +53,12 @@ def until(text):
         if text in line:
             return line
     sys.exit(f"{text} did not come")
+
+
+def ask(text, answer):
+    """Types a command that may be repeated until the answer comes."""
+    command(text)
+    return until(answer, again=text)
 
 
 def plan(name, items):
