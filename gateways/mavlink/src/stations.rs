@@ -42,7 +42,7 @@ pub struct StationAddress {
 }
 
 impl StationAddress {
-    /// All who are at an address; no station has these numbers.
+    /// All stations at an address; no station has these numbers.
     pub fn all_at(address: SocketAddr) -> StationAddress {
         StationAddress {
             address,

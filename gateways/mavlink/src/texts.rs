@@ -26,7 +26,7 @@ const MAX_LOGGED: usize = 16;
 /// Which texts were said of late.
 #[derive(Clone, Debug, Default)]
 pub struct Texts {
-    /// Each to whom: what one station was told is not kept from another one.
+    /// Each text with its station: a text that one station got is still sent to another one.
     said: Recent<(StationAddress, String), MAX_SAID>,
     logged: Recent<String, MAX_LOGGED>,
     /// Names the chunks of one text.

@@ -7,14 +7,12 @@ use endurance::full::Lack;
 use endurance::plan::Plan;
 use endurance::site::Site;
 use endurance::{clients, flood, foreign_files, full, joiners, memory, namespaces};
-use ril_tests::Sandbox;
 
 /// Longer than that of other tests: some of these wait for a group of processes at a time.
 const LIMIT: Duration = Duration::from_secs(240);
 
 fn site(name: &str) -> Site {
-    let sandbox = Sandbox::new([env!("CARGO_BIN_EXE_ril")], name, LIMIT);
-    Site::new(sandbox, &Plan::short(0))
+    super::site(name, &Plan::short(0), LIMIT)
 }
 
 /// Runs `body` in a `/dev/shm` of its own: this test program again, with nothing but the test `name`.

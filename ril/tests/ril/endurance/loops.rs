@@ -3,13 +3,11 @@
 use endurance::plan::{Kind, Plan};
 use endurance::site::Site;
 use endurance::{crashes, gap, kills, port, records, starts, subscribers};
-use ril_tests::Sandbox;
 use ril_tests::readers::readers_or_skip;
 use ril_tests::watchdog::DEFAULT_LIMIT;
 
 fn site(name: &str, plan: &Plan) -> Site {
-    let sandbox = Sandbox::new([env!("CARGO_BIN_EXE_ril")], name, DEFAULT_LIMIT);
-    Site::new(sandbox, plan)
+    super::site(name, plan, DEFAULT_LIMIT)
 }
 
 fn kill(victim: Kind) {

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use endurance::mavlink;
 use endurance::plan::Plan;
-use endurance::site::Site;
-use ril_tests::Sandbox;
+
+use super::site;
 
 #[test]
 fn stations_get_telemetry_missions_are_whole_and_a_hold_is_done_once_in_a_flood() {
@@ -13,14 +13,7 @@ fn stations_get_telemetry_missions_are_whole_and_a_hold_is_done_once_in_a_flood(
         duration_s: Some(2),
         ..Plan::short(5)
     };
-    let site = Site::new(
-        Sandbox::new(
-            [env!("CARGO_BIN_EXE_ril")],
-            "mavlink",
-            Duration::from_secs(300),
-        ),
-        &plan,
-    );
+    let site = site("mavlink", &plan, Duration::from_secs(300));
     let mut rows = 0;
     mavlink::run(&site, &plan, &|| true, &mut |outcome| {
         assert!(outcome.is_good(), "{outcome}");

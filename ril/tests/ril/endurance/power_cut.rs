@@ -8,19 +8,15 @@ use endurance::plan::Plan;
 use endurance::power_cut;
 use endurance::power_cut::disk::Disk;
 use endurance::power_cut::trace::Step;
-use endurance::site::Site;
-use ril_tests::Sandbox;
 use ril_tests::languages::skip;
+
+use super::site;
 
 #[test]
 fn what_was_forced_onto_the_disk_survives_a_power_cut_at_any_moment() {
     let plan = Plan::short(600);
-    let sandbox = Sandbox::new(
-        [env!("CARGO_BIN_EXE_ril")],
-        "power-cut",
-        Duration::from_secs(300),
-    );
-    match power_cut::run(&Site::new(sandbox, &plan), &plan, &|| true) {
+    let site = site("power-cut", &plan, Duration::from_secs(300));
+    match power_cut::run(&site, &plan, &|| true) {
         Err(reason) => skip("power cuts", &reason),
         Ok(outcome) => {
             println!("{}\n{outcome}", outcome.head());

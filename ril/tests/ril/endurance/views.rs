@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use endurance::plan::Plan;
-use endurance::site::Site;
 use endurance::views;
-use ril_tests::Sandbox;
+
+use super::site;
 
 #[test]
 fn no_viewer_is_lost_and_an_order_is_given_once_whatever_others_do() {
@@ -13,14 +13,7 @@ fn no_viewer_is_lost_and_an_order_is_given_once_whatever_others_do() {
         duration_s: Some(2),
         ..Plan::short(1)
     };
-    let site = Site::new(
-        Sandbox::new(
-            [env!("CARGO_BIN_EXE_ril")],
-            "views",
-            Duration::from_secs(300),
-        ),
-        &plan,
-    );
+    let site = site("views", &plan, Duration::from_secs(300));
     let mut rows = 0;
     views::run(&site, &plan, &|| true, &mut |outcome| {
         assert!(outcome.is_good(), "{outcome}");
