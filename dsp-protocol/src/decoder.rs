@@ -4,9 +4,8 @@ use std::marker::PhantomData;
 
 use crate::decode_error::DecodeError;
 use crate::frame::MAX_FRAME_LEN;
-use crate::header::is_header;
-use crate::message::{FrameLen, Message};
-use crate::profile::{Profile, Received};
+use crate::profile::header::is_header;
+use crate::profile::{FrameLen, Message, Profile, Received};
 
 /// One direction of the line: which messages it carries and how long they are. Implemented by [`crate::Downlink`] and
 /// [`crate::Uplink`] and sealed: the decoder's buffer relies on the lengths that they give. Its functions are those of the

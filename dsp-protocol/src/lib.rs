@@ -5,9 +5,10 @@
 //!
 //! * [`downlink`]: messages of the DSP, [`uplink`]: messages of the PC; both encode and parse.
 //! * [`decoder`]: an incremental, resynchronising decoder for either direction.
-//! * [`profile`]: what stands around a message on the wire, in the *classic* and the *extended* profile.
-//! * [`group`]: the sixteen groups of a status message, their fields and limits; [`mask`]: sets of them.
-//! * [`header`]: the first byte of each message; [`port`]: the DSP's virtual ports; [`error_code`]: its errors.
+//! * [`profile`]: what stands around a message on the wire, in the *classic* and the *extended* profile; [`header`]: the first byte of
+//!   each message.
+//! * [`group`]: the sixteen groups of a status message, their fields and limits, and sets of them.
+//! * [`port`]: the DSP's virtual ports; [`error_code`]: its errors.
 //!
 //! `vectors/` holds frames and whole dialogues that were computed by hand from the contract, for implementers of either end.
 //!
@@ -50,22 +51,15 @@ pub mod downlink;
 pub mod error_code;
 mod frame;
 pub mod group;
-pub mod header;
-pub mod mask;
-mod message;
 pub mod port;
 pub mod profile;
-mod status;
 pub mod uplink;
 
 pub use decode_error::DecodeError;
 pub use decoder::{Decoded, Decoder, Direction, Framed};
-pub use downlink::{Downlink, FlowControl};
+pub use downlink::{Downlink, FlowControl, Status};
 pub use error_code::DspErrorCode;
 pub use frame::{Frame, MAX_CLASSIC_FRAME_LEN, MAX_FRAME_LEN, checksum, crc32};
-pub use group::{FieldSpec, Group};
-pub use mask::StatusMask;
-pub use message::FrameLen;
-pub use profile::{Profile, Received, Sequence};
-pub use status::Status;
+pub use group::{FieldSpec, Group, StatusMask};
+pub use profile::{FrameLen, Profile, Received, Sequence, header};
 pub use uplink::{Command, Uplink, Waypoint};

@@ -1,11 +1,11 @@
-//! The two profiles of the line (`docs/protocol.md` sections 2 and 11): what stands around a message on the wire.
+//! What stands around a message on the wire, in the two profiles (`docs/protocol.md` sections 2 and 11): header, numbers and check
+//! field, never the values, which are the same in both.
 //!
-//! A profile knows headers, numbers and check fields, never the values of a message: those are the same in both.
+//! A profile asks one thing of a direction's messages: [`Message`], a header and a payload of a known length. That is public only by
+//! name: it seals [`Direction`](crate::Direction), and no code outside this crate can reach it.
 
 use crate::decode_error::DecodeError;
 use crate::frame::{DIGIT_MASK, Frame, Reader, Writer, crc32};
-use crate::header;
-use crate::message::{FrameLen, Message};
 
 /// Classic: header and checksum.
 const CLASSIC_OVERHEAD: usize = 2;
@@ -15,6 +15,137 @@ const EXTENDED_FRONT: usize = 3;
 const CRC_LEN: usize = 5;
 /// Extended: the last field of an acknowledgement, the sequence of the command that it answers.
 const ACKNOWLEDGED_LEN: usize = 1;
+
+pub mod header {
+    //! The headers of both directions (`docs/protocol.md` section 2).
+    //!
+    //! | constant | byte | direction | message | length in bytes |
+    //! |---|---|---|---|---|
+    //! | [`STATUS`] | `0xE9` | DSP → PC | status | 6 + groups of its mask |
+    //! | [`FLOW_CONTROL`] | `0xAA` | DSP → PC | flow control | 3 |
+    //! | [`ACK`] | `0xC3` | DSP → PC | acknowledgement without data | 3 |
+    //! | [`ACK_16`] | `0xCC` | DSP → PC | acknowledgement with 16 bits | 6 |
+    //! | [`ACK_32`] | `0xA5` | DSP → PC | acknowledgement with 32 bits | 8 |
+    //! | [`ERROR`] | `0xE6` | DSP → PC | error | 5 |
+    //! | [`COMMAND`] | `0xF0` | PC → DSP | command | 3 … 11, by its code |
+    //! | [`WAYPOINT`] | `0x99` | PC → DSP | waypoint | 17 |
+    //!
+    //! | [`EXTENDED_DOWNLINK`] | `0xDA` | DSP → PC | any, in the extended profile | 6 or 7 more |
+    //! | [`EXTENDED_UPLINK`] | `0xB3` | PC → DSP | any, in the extended profile | 6 more |
+    //!
+    //! The seven low bits of each are a word of the Hamming(7,4) code: at least three bits differ between any two. In the
+    //! extended profile the seven low bits of a message's header are its *kind*.
+
+    /// DSP → PC: status (`ESTADOS`).
+    pub const STATUS: u8 = 0xE9;
+    /// DSP → PC: flow control (`CONTROLFLUJO`).
+    pub const FLOW_CONTROL: u8 = 0xAA;
+    /// DSP → PC: acknowledgement without data (`COMMANDACK`).
+    pub const ACK: u8 = 0xC3;
+    /// DSP → PC: acknowledgement with 16 bits (`COMMANDACK16`).
+    pub const ACK_16: u8 = 0xCC;
+    /// DSP → PC: acknowledgement with 32 bits (`COMMANDACK32`).
+    pub const ACK_32: u8 = 0xA5;
+    /// DSP → PC: error (`DSPERROR`).
+    pub const ERROR: u8 = 0xE6;
+    /// PC → DSP: command.
+    pub const COMMAND: u8 = 0xF0;
+    /// PC → DSP: waypoint.
+    pub const WAYPOINT: u8 = 0x99;
+    /// DSP → PC: every message in the extended profile.
+    pub const EXTENDED_DOWNLINK: u8 = 0xDA;
+    /// PC → DSP: every message in the extended profile.
+    pub const EXTENDED_UPLINK: u8 = 0xB3;
+
+    /// Whether `byte` is a header: the only bytes with their most significant bit set.
+    pub const fn is_header(byte: u8) -> bool {
+        byte & 0x80 != 0
+    }
+
+    /// Whether `header` is that of one of the three acknowledgements.
+    pub const fn is_acknowledgement(header: u8) -> bool {
+        matches!(header, ACK | ACK_16 | ACK_32)
+    }
+
+    /// The kind, in the extended profile, of the message with the classic `header`.
+    pub const fn kind_of(header: u8) -> u8 {
+        header & 0x7F
+    }
+
+    /// The classic header of the message with this kind in the extended profile.
+    pub const fn of_kind(kind: u8) -> u8 {
+        kind | 0x80
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn any_two_headers_differ_in_at_least_three_bits() {
+            let all = [
+                STATUS,
+                FLOW_CONTROL,
+                ACK,
+                ACK_16,
+                ACK_32,
+                ERROR,
+                COMMAND,
+                WAYPOINT,
+                EXTENDED_DOWNLINK,
+                EXTENDED_UPLINK,
+            ];
+            for (i, a) in all.iter().enumerate() {
+                assert!(is_header(*a));
+                for b in &all[..i] {
+                    assert!((a ^ b).count_ones() >= 3, "{a:#04x} and {b:#04x}");
+                }
+            }
+        }
+    }
+}
+
+/// What a direction's messages are between the bytes that a profile puts around them. Messages are distinguished by
+/// their classic header, in either profile.
+pub trait Message: Sized {
+    /// The header of all messages of this direction in the extended profile.
+    const EXTENDED_HEADER: u8;
+
+    /// The message's classic header.
+    fn header(&self) -> u8;
+
+    /// Appends the payload.
+    fn write(&self, writer: &mut Writer);
+
+    /// How long the payload of the message with this `header` is, as far as its first bytes show. `payload` may be
+    /// shorter than that, or reach beyond it.
+    fn payload_len(header: u8, payload: &[u8]) -> FrameLen;
+
+    /// Takes the message with this `header` out of its payload; the errors are those of [`crate::Direction::parse`].
+    fn read(header: u8, reader: Reader<'_>) -> Result<Self, DecodeError>;
+}
+
+/// What is known of the length of a frame, or of its payload, from the first bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameLen {
+    /// The whole frame has this many bytes, at most [`MAX_FRAME_LEN`](crate::MAX_FRAME_LEN).
+    Exactly(usize),
+    /// The length is known once this many bytes are there; more than the prefix has.
+    AtLeast(usize),
+    /// No message begins like this.
+    Unknown(DecodeError),
+}
+
+impl FrameLen {
+    /// The length of a frame whose payload has this length: `front` bytes lie before it, `overhead` bytes around it.
+    pub(crate) fn within(self, front: usize, overhead: usize) -> FrameLen {
+        match self {
+            FrameLen::Exactly(len) => FrameLen::Exactly(len + overhead),
+            FrameLen::AtLeast(len) => FrameLen::AtLeast(len + front),
+            FrameLen::Unknown(error) => FrameLen::Unknown(error),
+        }
+    }
+}
 
 /// How messages are framed. Both ends of a line are configured to speak the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

@@ -4,9 +4,7 @@ use crate::decode_error::DecodeError;
 use crate::decoder::Direction;
 use crate::frame::{Frame, Layout, Reader, Steps, Writer, record};
 use crate::group::{ALTITUDE, LATITUDE, LONGITUDE};
-use crate::header;
-use crate::message::{FrameLen, Message};
-use crate::profile::{Profile, Sequence};
+use crate::profile::{FrameLen, Message, Profile, Sequence, header};
 
 /// Lengths of the commands' payloads, by code.
 const COMMAND_PAYLOAD_LEN: [usize; 8] = [4, 7, 4, 9, 1, 1, 1, 2];
