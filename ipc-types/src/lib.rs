@@ -54,7 +54,6 @@
 #[cfg(feature = "tokio")]
 mod async_io;
 pub mod client;
-mod client_port;
 pub mod code;
 pub mod discovery;
 pub mod domain;
