@@ -95,7 +95,6 @@ pub mod server;
 pub mod service;
 mod serving_port;
 pub mod session;
-mod source;
 pub mod subscriber;
 pub mod time;
 pub mod waiter;

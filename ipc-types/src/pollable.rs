@@ -18,8 +18,8 @@ use rustix::time::{
     timerfd_settime,
 };
 
-use crate::source::{SAFETY_BOUND, WaitError};
 use crate::time::MonotonicNs;
+use crate::waiter::{SAFETY_BOUND, WaitError};
 use crate::wake::WakeReceiver;
 
 /// The first moment that a timer takes: it makes the descriptor readable at once.

@@ -31,8 +31,8 @@ use crate::service::{
     RESPONSE_BUFFER, service_name, word,
 };
 use crate::session::Session;
-use crate::source::sealed::Look;
 use crate::time::MonotonicNs;
+use crate::waiter::sealed::Look;
 use crate::wake::{Event, WakeReceiver, WakeSender};
 
 /// Channels that iceoryx2 makes for the reports to one client: for each server, requests that are open and as many that the
