@@ -27,8 +27,9 @@ use crate::pollable::Pollable;
 use crate::port::{self, Payload, Port};
 use crate::provider::LockWatch;
 use crate::random::fresh_request_id;
+use crate::sequence::word;
 use crate::service::{
-    MAX_CLIENTS, MAX_OUTSTANDING, REQUEST_ID_OFFSET, RESPONSE_BUFFER, service_name, word,
+    MAX_CLIENTS, MAX_OUTSTANDING, REQUEST_ID_OFFSET, RESPONSE_BUFFER, service_name,
 };
 use crate::session::Session;
 use crate::time::MonotonicNs;

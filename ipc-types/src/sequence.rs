@@ -1,4 +1,25 @@
-//! Counts what a subscriber missed, by the sequence numbers and starts of its samples' publishers. A pure value.
+//! The two numbers that every sample begins with: its publisher writes its count and its own start, by which a subscriber notices
+//! what it missed. Pure values.
+
+/// Where `sequence` lies in every sample of a topic, bytes.
+pub const SEQUENCE_OFFSET: usize = 0;
+
+/// Where `epoch_ns` lies in every sample of a topic, bytes.
+pub const EPOCH_OFFSET: usize = 8;
+
+/// The number at an offset of a sample or a request; 0 when it is too short, which no schema allows.
+pub(crate) fn word(payload: &[u8], offset: usize) -> u64 {
+    let bytes = payload.get(offset..offset + 8);
+    bytes
+        .and_then(|bytes| bytes.try_into().ok())
+        .map_or(0, u64::from_ne_bytes)
+}
+
+/// Writes a publisher's count and identity into a sample.
+pub(crate) fn stamp(sample: &mut [u8], sequence: u64, epoch_ns: u64) {
+    sample[SEQUENCE_OFFSET..][..8].copy_from_slice(&sequence.to_ne_bytes());
+    sample[EPOCH_OFFSET..][..8].copy_from_slice(&epoch_ns.to_ne_bytes());
+}
 
 /// What a subscriber got and what it missed since it began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -26,9 +26,10 @@ use crate::iox::{AnyRequest, Members, RequestService, Svc};
 use crate::open::{self, Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::provider::ProviderLock;
+use crate::sequence::word;
 use crate::service::{
     MAX_BORROWED_REPORTS, MAX_CLIENTS, MAX_OUTSTANDING, MAX_PROVIDERS, REQUEST_ID_OFFSET,
-    RESPONSE_BUFFER, service_name, word,
+    RESPONSE_BUFFER, service_name,
 };
 use crate::session::Session;
 use crate::time::MonotonicNs;

@@ -18,10 +18,8 @@ use crate::iox::Svc;
 use crate::open::{self, Offer, OpenError};
 use crate::pollable::Pollable;
 use crate::port::{self, Payload, Port};
-use crate::sequence::{Losses, SequenceTracker};
-use crate::service::{
-    EPOCH_OFFSET, HISTORY, SEQUENCE_OFFSET, SUBSCRIBER_BUFFER, Topic, service_name, word,
-};
+use crate::sequence::{EPOCH_OFFSET, Losses, SEQUENCE_OFFSET, SequenceTracker, word};
+use crate::service::{HISTORY, SUBSCRIBER_BUFFER, Topic, service_name};
 use crate::session::Session;
 use crate::time::MonotonicNs;
 use crate::waiter::{WaitError, sealed};

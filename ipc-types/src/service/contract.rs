@@ -6,6 +6,7 @@ use crate::iox::Wire;
 use crate::payload::{Layout, RequestReport, SharedStruct};
 use crate::robot::RobotId;
 use crate::schema::{self, Schema};
+use crate::sequence::{EPOCH_OFFSET, SEQUENCE_OFFSET, stamp, word};
 
 /// How a service carries its data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -285,25 +286,5 @@ macro_rules! request {
     };
 }
 
-/// Where `sequence` lies in every sample of a topic, bytes.
-pub const SEQUENCE_OFFSET: usize = 0;
-
-/// Where `epoch_ns` lies in every sample of a topic, bytes.
-pub const EPOCH_OFFSET: usize = 8;
-
 /// Where `request_id` lies in every request, bytes.
 pub const REQUEST_ID_OFFSET: usize = 0;
-
-/// The number at an offset of a sample or a request; 0 when it is too short, which no schema allows.
-pub(crate) fn word(payload: &[u8], offset: usize) -> u64 {
-    let bytes = payload.get(offset..offset + 8);
-    bytes
-        .and_then(|bytes| bytes.try_into().ok())
-        .map_or(0, u64::from_ne_bytes)
-}
-
-/// Writes a publisher's count and identity into a sample.
-pub(crate) fn stamp(sample: &mut [u8], sequence: u64, epoch_ns: u64) {
-    sample[SEQUENCE_OFFSET..][..8].copy_from_slice(&sequence.to_ne_bytes());
-    sample[EPOCH_OFFSET..][..8].copy_from_slice(&epoch_ns.to_ne_bytes());
-}

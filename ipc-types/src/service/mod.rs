@@ -8,13 +8,11 @@ mod contract;
 mod key;
 mod table;
 
+pub use crate::sequence::{EPOCH_OFFSET, SEQUENCE_OFFSET};
 pub use bounds::*;
-pub use contract::{
-    Contract, EPOCH_OFFSET, Pattern, REQUEST_ID_OFFSET, Request, SEQUENCE_OFFSET, Topic,
-};
+pub use contract::{Contract, Pattern, REQUEST_ID_OFFSET, Request, Topic};
 #[doc(hidden)]
 pub use contract::{check_request, check_topic};
-pub(crate) use contract::{stamp, word};
 #[doc(hidden)]
 pub use key::check_outside;
 pub(crate) use key::folder_name;
