@@ -22,11 +22,12 @@ use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
 use ipc_types::{Client, MonotonicNs, Request, SendError, Source, fresh_request_id};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
+use crate::options::RequestArgs;
 use crate::render::json_line;
 use crate::render::messages::object::ReportObject;
 use crate::render::messages::{self, FinalReport, Verb};
 use crate::robot::absence::absent;
-use crate::session::Session;
+use crate::session::{OrderContext, Session};
 
 /// When the exchange is over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,6 +36,16 @@ pub enum Until {
     Final,
     /// As soon as the last request was accepted.
     Accepted,
+}
+
+impl Until {
+    /// What the operator asked for.
+    pub(crate) fn of(args: &RequestArgs) -> Until {
+        match args.no_wait {
+            true => Until::Accepted,
+            false => Until::Final,
+        }
+    }
 }
 
 /// What to do next.
@@ -248,6 +259,24 @@ pub(crate) fn complete(request: MovementData, preempt: bool, deadline_ms: u32) -
         preempt: u16::from(preempt),
         ..request
     }
+}
+
+/// A command that makes its requests and only follows them: over the service `key`, with what `requests` makes.
+///
+/// # Errors
+///
+/// As [`Conversation::follow`], and what `requests` fails with.
+pub(crate) fn ask<R: Request>(
+    verb: Verb,
+    key: &'static str,
+    args: &RequestArgs,
+    requests: impl FnOnce(&OrderContext) -> Result<Vec<R>, Failure>,
+) -> Result<(), Failure> {
+    let asked = OrderContext::of(&args.ask)?;
+    let requests = requests(&asked)?;
+    Conversation::open_at(&asked.session, key, verb, asked.timeout)?
+        .follow(&requests, Until::of(args), Format::of(args.ask.json))
+        .map(drop)
 }
 
 /// Something that a command looks at while it follows a request.

@@ -6,12 +6,11 @@ use ipc_types::payload::{ModuleControl, ModuleState, RelayStations};
 use ipc_types::{MonotonicNs, Request, Topic};
 use runtime::exit::Failure;
 
-use super::asked::run;
 use crate::options::{RequestArgs, SampleArgs};
 use crate::render::fields::{JsonLine, Tree};
 use crate::render::messages::Verb;
 use crate::render::print_as;
-use crate::request::control_request;
+use crate::request::{ask, control_request};
 use crate::robot::absence::{absent, nothing_came};
 use crate::robot::controller::{Senders, own_session};
 use crate::session::{Latest, Session, is_relayed};
@@ -54,7 +53,7 @@ pub fn control(command: &HolderCommand) -> Result<(), Failure> {
         }
         HolderCommand::Pass(args) => (Verb::PassControl, ControlCommand::PassControl, args),
     };
-    run(verb, ModuleControl::KEY, args, |asked| {
+    ask(verb, ModuleControl::KEY, args, |asked| {
         Ok(vec![control_request(code, asked.deadline_ms)])
     })
 }

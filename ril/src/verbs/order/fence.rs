@@ -11,12 +11,11 @@ use runtime::config::ConfigError;
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
-use super::asked::until;
 use crate::options::{RequestArgs, SampleArgs};
 use crate::render::messages::Verb;
 use crate::render::print_as;
 use crate::render::words::count;
-use crate::request::{Conversation, Format, control_request};
+use crate::request::{Conversation, Format, Until, control_request};
 use crate::robot::absence::{absent, nothing_came};
 use crate::robot::running;
 use crate::session::{OrderContext, Session, is_relayed};
@@ -133,7 +132,7 @@ pub fn reload(args: &RequestArgs) -> Result<(), Failure> {
     let request = control_request(ControlCommand::ReloadFence, asked.deadline_ms);
     let mut bridge =
         Conversation::<ModuleControl>::open(&asked.session, Verb::ReloadFence, asked.timeout)?;
-    let reloaded = bridge.follow(&[request], until(args), Format::of(args.ask.json));
+    let reloaded = bridge.follow(&[request], Until::of(args), Format::of(args.ask.json));
     let failed = bridge.failed();
     reloaded.map(drop).map_err(|failure| match failed {
         // The bridge says only that the fence is not valid, and its log why.

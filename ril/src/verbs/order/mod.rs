@@ -2,10 +2,8 @@
 //!
 //! A conversation sends and follows them, and [`messages`](crate::render::messages) has the texts and exit codes.
 //!
-//! * `asked`: one command as a whole; `path`: goto and rtl, with `progress` beside; `fence`: the geofence that is in force;
-//!   `control`: who commands.
+//! * `path`: goto and rtl, with `progress` beside; `fence`: the geofence that is in force; `control`: who commands.
 
-mod asked;
 mod control;
 mod fence;
 mod path;
@@ -22,9 +20,8 @@ use runtime::exit::{ExitCode, Failure};
 use crate::config::Config;
 use crate::options::{RequestArgs, SampleArgs, take_off_height};
 use crate::render::messages::Verb;
-use crate::request::{Conversation, Format, complete, control_request};
+use crate::request::{Conversation, Format, Until, ask, complete, control_request};
 use crate::session::{OrderContext, Session, commandable_here, other_domains};
-use asked::{run, until};
 
 pub use control::{HolderArgs, control as command_of};
 pub use path::{GotoArgs, RtlArgs, go_to, rtl};
@@ -216,7 +213,7 @@ fn hold_all(args: &RequestArgs) -> Result<(), Failure> {
         let requests = [complete(request, true, own.deadline_ms)];
         let sent = Conversation::open(session, Verb::Hold, own.timeout).and_then(|bridge| {
             let mut bridge = bridge.name_robot();
-            let exchange = bridge.begin(&requests, until(args))?;
+            let exchange = bridge.begin(&requests, Until::of(args))?;
             Ok((bridge, exchange))
         });
         match sent {
@@ -252,7 +249,7 @@ fn control(
         // Once in the life of the process; the ports take keys that live as long as it.
         Some(module) => format!("{module}/control").leak(),
     };
-    run(verb, key, &args.request, |asked| {
+    ask(verb, key, &args.request, |asked| {
         before(asked)?;
         Ok(vec![control_request(command, asked.deadline_ms)])
     })
@@ -265,7 +262,7 @@ fn movement(
     preempt: bool,
     args: &RequestArgs,
 ) -> Result<(), Failure> {
-    run(verb, MovementData::KEY, args, |asked| {
+    ask(verb, MovementData::KEY, args, |asked| {
         Ok(vec![complete(request, preempt, asked.deadline_ms)])
     })
 }

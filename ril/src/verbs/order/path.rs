@@ -8,7 +8,6 @@ use ipc_types::payload::{ModuleState, MovementData, WaypointPosition};
 use ipc_types::{MonotonicNs, fresh_request_id};
 use runtime::exit::{ExitCode, Failure};
 
-use super::asked::until;
 use super::progress::ProgressLine;
 use crate::options::{
     Height, Move, RequestArgs, Target, Targets, height, number, read_text, targets, waypoints,
@@ -263,7 +262,7 @@ impl PathOrder {
             .hold_on_exit(self.hold_on_exit)
             .follow_beside(
                 &requests,
-                until(args),
+                Until::of(args),
                 Format::of(json),
                 Some(&mut progress),
             )
