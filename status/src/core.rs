@@ -16,10 +16,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::Calibration;
 use crate::estimator::Estimator;
+use crate::fields::plausible;
 use crate::group::GroupSet;
 use crate::log::Logs;
 use crate::log::event::{LogEvent, LogSummary};
-use crate::plausible::plausible;
 use crate::rate_limited::RateLimitedCounter;
 use crate::translate::translate;
 

@@ -1,12 +1,20 @@
-//! The fields of a sample by group: what they are called in a log, and where their values are.
+//! The fields of a sample by group: what they are called in a log, where their values are, and which are plausible
+//! (`docs/protocol.md` section 9).
 //!
 //! Values are those that the bridge published, in the DSP's own units: a log is of the input (`log.conf`).
+//!
+//! The bridge publishes no implausible values. But any bit pattern may be in shared memory when a neighbour is faulty, and status is
+//! the last check before upper layers fly by it. A group with an implausible value is treated as one that was not
+//! transmitted: not valid, zero, and reported to the operator once. The limits are those of the wire's table of groups.
 
 use std::fmt;
 use std::str::FromStr;
 
+use dsp_protocol::Group as WireGroup;
 use ipc_types::TelemetryGroup as Group;
 use ipc_types::payload::DspTelemetry;
+
+use crate::group::GroupSet;
 
 /// One field, which is a column of a log.
 pub struct Field {
@@ -205,6 +213,39 @@ pub fn of(group: Group) -> &'static [Field] {
     }
 }
 
+/// Most fields of a group.
+const MAX_FIELDS: usize = 6;
+
+/// The sample without its implausible groups, and those groups: they are marked as valid and hold a value outside the
+/// limits.
+pub fn plausible(dsp: &DspTelemetry) -> (DspTelemetry, GroupSet) {
+    let implausible = Group::in_mask(dsp.valid_groups)
+        .filter(|group| !is_plausible(dsp, *group))
+        .fold(0, |mask, group| mask | group.bit());
+    let plausible = DspTelemetry {
+        valid_groups: dsp.valid_groups & !implausible,
+        flying: u8::from(dsp.is_flying()),
+        ..*dsp
+    };
+    (plausible, GroupSet(implausible))
+}
+
+/// Whether all values of `group` lie within the limits.
+fn is_plausible(dsp: &DspTelemetry, group: Group) -> bool {
+    let fields = of(group);
+    let mut values = [0.0; MAX_FIELDS];
+    for (place, field) in values.iter_mut().zip(fields) {
+        *place = field.value(dsp).number();
+    }
+    let values = values.get(..fields.len());
+    values.is_some_and(|values| wire_group(group).accepts(values))
+}
+
+/// The same group in the table of the wire: both are in the order of the mask's bits.
+fn wire_group(group: Group) -> WireGroup {
+    WireGroup::ALL[group as usize]
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
@@ -212,6 +253,7 @@ mod tests {
     use ipc_types::payload::{FieldKind, FieldLayout, SharedStruct};
 
     use super::*;
+    use crate::test_samples::full_sample;
 
     fn leaves(fields: &[FieldLayout]) -> usize {
         let leaf = |field: &FieldLayout| match field.kind {
@@ -252,6 +294,72 @@ mod tests {
             (Value::from(None::<u32>), ""),
         ] {
             assert_eq!(value.to_string(), expected);
+        }
+    }
+
+    fn implausible(dsp: &DspTelemetry) -> GroupSet {
+        plausible(dsp).1
+    }
+
+    #[test]
+    fn the_table_of_the_wire_has_the_same_groups_with_the_same_fields_in_the_same_order() {
+        for group in Group::ALL {
+            let wire = wire_group(group);
+            assert_eq!(group.name(), wire.name());
+            assert!(wire.limits().len() <= MAX_FIELDS);
+            let columns: Vec<_> = of(group).iter().map(|field| field.name).collect();
+            let names: Vec<_> = wire.limits().iter().map(|field| field.name).collect();
+            assert_eq!(columns.len(), names.len(), "{group}");
+            // A column's name may have a prefix that distinguishes it from those of other groups.
+            let same = |(column, name): (&&str, &&str)| column.ends_with(*name);
+            assert!(
+                columns.iter().zip(&names).all(same),
+                "{columns:?}: {names:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn implausible_values_are_found_and_others_left_alone() {
+        assert_eq!(implausible(&full_sample()), GroupSet::default());
+        type Change = fn(&mut DspTelemetry);
+        let cases: [(Group, &[Change]); 10] = [
+            (
+                Group::Geographic,
+                &[
+                    |dsp| dsp.geographic.latitude_deg = 4e4,
+                    |dsp| dsp.geographic.longitude_deg = f64::NAN,
+                    |dsp| dsp.geographic.altitude_m = f64::INFINITY,
+                ],
+            ),
+            (Group::Xy, &[|dsp| dsp.xy.y_m = -1e6]),
+            (
+                Group::GpsVelocity,
+                &[
+                    |dsp| dsp.gps_velocity.horizontal_speed_mps = -1.0,
+                    |dsp| dsp.gps_velocity.heading_deg = 361.0,
+                ],
+            ),
+            (Group::GpsQuality, &[|dsp| dsp.gps_quality = 9]),
+            (Group::Attitude, &[|dsp| dsp.attitude.pitch_deg = -91.0]),
+            (Group::PilotPwm, &[|dsp| dsp.pilot_pwm.tail_us = u32::MAX]),
+            (Group::Sonar, &[|dsp| dsp.sonar_adc = 4096]),
+            (Group::Supply, &[|dsp| dsp.supply.auto_switch = 2]),
+            (Group::RotorSpeed, &[|dsp| dsp.rotor_rpm = 4001]),
+            (
+                Group::References,
+                &[|dsp| dsp.references.yaw_deg = f32::NAN],
+            ),
+        ];
+        for (group, changes) in cases {
+            for change in changes {
+                let mut dsp = full_sample();
+                change(&mut dsp);
+                assert_eq!(implausible(&dsp), GroupSet::from_iter([group]));
+                // A group that is not valid holds nothing that could be implausible.
+                dsp.valid_groups &= !group.bit();
+                assert_eq!(implausible(&dsp), GroupSet::default());
+            }
         }
     }
 }

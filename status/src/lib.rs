@@ -8,7 +8,7 @@
 //! ```
 //!
 //! * [`translate`](mod@translate) is the one seam between the DSP's units and the robot's, with [`calibration`] for raw numbers;
-//! * [`plausible`] finds implausible values, which a faulty neighbour may have published; [`fields`] names all values;
+//! * [`fields`] names all values, and finds implausible ones, which a faulty neighbour may have published;
 //! * [`estimator`] estimates what no single sensor measures well, if one is chosen;
 //! * [`log`] writes tab-separated values, several logs at once, none of which can delay the telemetry: neither on a full
 //!   disk nor on one that hangs. Each sample is a row in a file, or counted as lost;
@@ -55,7 +55,6 @@ pub mod fields;
 pub mod group;
 pub mod journal;
 pub mod log;
-pub mod plausible;
 pub mod rate_limited;
 pub mod shell;
 #[cfg(test)]

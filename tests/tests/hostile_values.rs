@@ -13,8 +13,8 @@ use ipc_types::{MonotonicNs, TelemetryGroup};
 use ril_tests::Garbage;
 use status::calibration::Calibration;
 use status::core::{InputCounts, Status};
+use status::fields::plausible;
 use status::log::Logs;
-use status::plausible::plausible;
 
 const SEEDS: u64 = 20_000;
 

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::calibration::Calibration;
-use crate::plausible::plausible;
+use crate::fields::plausible;
 use crate::translate::translate;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspGeographic, DspGpsVelocity};
