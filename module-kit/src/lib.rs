@@ -22,15 +22,13 @@ mod manager;
 pub mod process;
 pub mod requests;
 pub mod rules;
-mod schedule;
 mod work;
 
-pub use manager::Manager;
+pub use manager::{Manager, STATE_PERIOD, StateSchedule};
 pub use process::{SetUp, Sources};
 pub use requests::Requests;
 pub use rules::OnStop;
 pub use runtime::{self, ranged};
-pub use schedule::{STATE_PERIOD, StateSchedule};
 pub use work::{Work, main, options, run, run_with};
 
 /// The configuration of a module that has none: an empty file.

@@ -16,10 +16,9 @@ use runtime::notify::Notifier;
 use runtime::signal::Termination;
 use serde::de::DeserializeOwned;
 
-use crate::manager::Manager;
+use crate::manager::{Manager, StateSchedule};
 use crate::process::{self, Process, SetUp, Sources};
 use crate::requests::Requests;
-use crate::schedule::StateSchedule;
 
 /// The work of a module: its ports, and what it does with what comes through them.
 ///
