@@ -3,12 +3,11 @@
 //! One thread, one wait. A wake drains what it is about: the line alone, or the line to its end, the three request services and the
 //! core's deadlines. The bound of each wait drains everything: the safety net for a wake-up that the shared-memory library can lose.
 //!
-//! This file has the loop; [`serial`] the port; `publish` the core's outputs on shared memory; `outline` what it
-//! holds; `controller` who sends; `audit` what the log has.
+//! This file has the loop; [`serial`] the port; `publish` the core's outputs on shared memory, and what it holds; `controller` who
+//! sends; `audit` what the log has.
 
 mod audit;
 mod controller;
-mod outline;
 mod publish;
 pub mod serial;
 
@@ -29,8 +28,7 @@ use crate::journal::Journaled;
 use crate::link::commands::ATTEMPTS;
 use crate::safety::fence::Fence;
 use controller::Controller;
-use outline::OutlinePort;
-use publish::BridgeServices;
+use publish::{BridgeServices, OutlinePort};
 use serial::SerialPort;
 
 /// Bytes of one read. At 115200 baud a third of a second; at most 32 full status frames.
