@@ -39,8 +39,7 @@
 
 mod area;
 mod config;
-mod plane;
-mod span;
+mod leg;
 
 use std::cmp::Ordering;
 
@@ -49,11 +48,10 @@ use serde::{Deserialize, Serialize};
 
 pub use area::{Area, AreaConfig, AreaKind};
 pub use config::{FenceConfig, MAX_AREAS, MAX_VERTICES};
-pub use plane::{MAX_EXTENT_M, MAX_LATITUDE_DEG, TOUCH_M};
+pub use leg::{MAX_EXTENT_M, MAX_LATITUDE_DEG, TOUCH_M};
 
 use area::Band;
-use plane::{ground_length_m, point_between};
-use span::{Span, rest, where_between};
+use leg::{Span, ground_length_m, point_between, rest, where_between};
 
 /// How many points of the part of a leg in breach are looked at to find the worst one.
 const SAMPLES: u32 = 128;

@@ -5,8 +5,9 @@ use geo::{Contains, Coord, Distance, Euclidean, Point, Polygon};
 use runtime::config::{Deserializer, in_range};
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::plane::{Leg, Plane, TOUCH_M};
-use super::span::{Span, join, rest, where_between, where_in_disc, where_near_edge};
+use super::leg::{
+    Leg, Plane, Span, TOUCH_M, join, rest, where_between, where_in_disc, where_near_edge,
+};
 
 /// Whether the helicopter must be inside an area or outside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]

@@ -11,7 +11,7 @@ use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Serialize};
 
 use super::area::{Area, AreaConfig, Band, Shape, altitude_m};
-use super::plane::{MAX_EXTENT_M, MAX_LATITUDE_DEG, Plane};
+use super::leg::{MAX_EXTENT_M, MAX_LATITUDE_DEG, Plane};
 use crate::geodesy::longitude_difference_deg;
 
 /// Most areas of a fence: several times what an airfield or a town needs. Judging a leg takes at most about 15 ns for each
