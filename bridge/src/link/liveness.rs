@@ -1,27 +1,17 @@
-//! Whether the DSP is there, and what is done when it is not, or is not the one it was. Its path buffer is emptied until it is known to
-//! be empty, and what it holds is kept while the PC is there.
+//! Whether the DSP is there, and what is done when it is not, or is not the one it was: probing and start-up. Its path buffer is emptied
+//! until it is known to be empty, and what it holds is kept while the PC is there.
 
 use std::time::Duration;
 
-use dsp_protocol::{Command, Status, StatusMask, port};
+use dsp_protocol::Command;
 use ipc_types::MonotonicNs;
 
 use super::commands::AckData;
-use super::session::{DspPath, DspSession, READ_PC_TIMEOUT, StartUp, StartupStep, write_mask};
+use super::session::{DspPath, DspSession, READ_MASK, READ_PC_TIMEOUT, StartUp, StartupStep};
 use super::{Link, LinkEvent, LinkTimer, Purpose, State, increment};
-
-/// A status in another mask that comes so often in a row is no noise.
-const ODD_STATUSES: u32 = 2;
-
-/// Probes that are answered without any other message before the DSP counts as rebooted.
-pub(super) const PROBE_ONLY_REPLIES: u32 = 2;
 
 /// The keep-alive goes out so many times within the DSP's time-out for the PC.
 const KEEP_ALIVES: u32 = 3;
-
-const READ_MASK: Command = Command::Read16 {
-    port: port::STATUS_MASK,
-};
 
 impl Link {
     /// Any valid message shows that the DSP is there.
@@ -37,109 +27,6 @@ impl Link {
             let fresh_for = self.messages.fresh_for(self.config.link.silent_after());
             self.timers.arm(LinkTimer::Silence, now + fresh_for);
         }
-    }
-
-    /// The next status must come within twice the time for which one counts as recent, so that a DSP that says nothing at
-    /// all is probed first.
-    pub(super) fn expect_status(&mut self, now: MonotonicNs) {
-        if self.is_up() {
-            self.timers
-                .arm(LinkTimer::Status, now + 2 * self.status_fresh_for());
-        }
-    }
-
-    /// The DSP sends other messages, but no status. Its mask shows whether it has rebooted, or has only stopped sending.
-    pub(super) fn status_overdue(&mut self, now: MonotonicNs) {
-        self.ask_for_status(READ_MASK, Purpose::StatusProbe { instead: None });
-        self.expect_status(now);
-    }
-
-    /// Whether a status has the groups that were asked for, or others that are taken instead. One that comes with others again and again makes the link ask for
-    /// the DSP's mask; when that is ours all the same, the groups are taken as they come.
-    pub(super) fn takes_mask(&mut self, now: MonotonicNs, status: &Status) -> bool {
-        let ours = self.config.status.mask();
-        let groups = status.mask();
-        let (State::Up(session) | State::Silent(session)) = &mut self.state else {
-            // Nothing can be asked yet: only what cannot be wrong is taken.
-            return groups == ours;
-        };
-        if groups == ours {
-            session.odd_mask = None;
-            return true;
-        }
-        if session.accepted_masks.contains(&Some(groups)) {
-            return true;
-        }
-        let count = match session.odd_mask {
-            Some((mask, count)) if mask == groups => count.saturating_add(1),
-            _ => 1,
-        };
-        session.odd_mask = Some((groups, count));
-        session.odd_mask_at = now;
-        if count == ODD_STATUSES {
-            let instead = Some(groups);
-            self.ask_for_status(READ_MASK, Purpose::StatusProbe { instead });
-        }
-        false
-    }
-
-    /// Why status comes in another mask, or not at all, is not known: the next one makes the link ask again.
-    pub(super) fn mask_not_read(&mut self) {
-        if let State::Up(session) | State::Silent(session) = &mut self.state {
-            session.odd_mask = None;
-        }
-    }
-
-    /// The DSP's mask was read because no status came, or one with the groups `instead` of ours.
-    pub(super) fn mask_read(
-        &mut self,
-        now: MonotonicNs,
-        instead: Option<StatusMask>,
-        data: AckData,
-    ) {
-        // Status that has been coming in another mask all the time is what came instead.
-        let instead = instead.or_else(|| self.odd_groups(now));
-        match (instead, self.is_our_mask(data)) {
-            (None, true) => self.ask_for_status(Command::ActivateStatus, Purpose::ReactivateStatus),
-            (None, false) => self.lost_its_mask(now),
-            (Some(groups), true) => {
-                if let State::Up(session) | State::Silent(session) = &mut self.state {
-                    session.accept(groups);
-                    self.events.push_back(LinkEvent::OddStatus { groups });
-                }
-            }
-            // It goes on sending, so it has not booted: a reboot switches the status off.
-            (Some(_), false) => {
-                let write = write_mask(&self.config);
-                self.ask_for_status(write, Purpose::RewriteMask);
-            }
-        }
-    }
-
-    /// The groups of the status that comes now, if it comes in another mask again and again.
-    fn odd_groups(&self, now: MonotonicNs) -> Option<StatusMask> {
-        let State::Up(session) = self.state else {
-            return None;
-        };
-        let is_recent = now.since(session.odd_mask_at) <= self.status_fresh_for();
-        match session.odd_mask {
-            Some((groups, count)) if is_recent && count >= ODD_STATUSES => Some(groups),
-            _ => None,
-        }
-    }
-
-    /// A queue that is full now has room when the next status is overdue, or comes in another mask again.
-    fn ask_for_status(&mut self, command: Command, purpose: Purpose) {
-        if !self.commands.has(|other| *other == purpose)
-            && self.commands.push(command, purpose).is_err()
-        {
-            self.mask_not_read();
-        }
-    }
-
-    /// Whether a read of the mask gave the one that was written.
-    pub(super) fn is_our_mask(&self, data: AckData) -> bool {
-        data == AckData::Bits16(self.config.status.mask().0)
     }
 
     /// The DSP has lost our mask, or says nothing but answers.

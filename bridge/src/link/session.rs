@@ -194,6 +194,11 @@ pub const READ_PC_TIMEOUT: Command = Command::Read16 {
     port: port::PC_TIMEOUT_MS,
 };
 
+/// Reads which groups the DSP sends.
+pub const READ_MASK: Command = Command::Read16 {
+    port: port::STATUS_MASK,
+};
+
 /// Writes the mask of the configuration.
 pub fn write_mask(config: &BridgeConfig) -> Command {
     Command::Write16 {
