@@ -11,7 +11,7 @@ use ipc_types::payload::MovementState;
 use super::dsp_order::{Doubt, DspOrder};
 use super::motion::{Action, Event, Motion, MovementOrder, PathStep, Rest};
 use super::report::{Detail, Verdict};
-use super::verification::Counted;
+use super::route::Counted;
 use super::{Context, Flight, FlightTimer};
 use crate::geodesy::{distance_m, here};
 use crate::link::FlightCommand;

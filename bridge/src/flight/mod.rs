@@ -16,7 +16,6 @@ pub mod report;
 pub mod request;
 pub mod route;
 pub mod trajectory;
-pub mod verification;
 
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
