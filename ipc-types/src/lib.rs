@@ -70,7 +70,6 @@ pub mod inspect;
 mod iox;
 pub mod ipc;
 pub mod journal;
-mod journal_tail;
 mod limits;
 mod lock_file;
 // What the macros make is unsafe to implement by hand: they check what makes it safe.
@@ -116,8 +115,7 @@ pub use forked::Forked;
 pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
 pub use ipc::Ipc;
-pub use journal::JournalPiece;
-pub use journal_tail::{JournalTail, LeftTail};
+pub use journal::{JournalPiece, JournalTail, LeftTail};
 pub use limits::{LowLimit, allow_many_files, low_limits};
 pub use module::{ControlOf, Module, RelayModule, StateOf, StatusModule};
 pub use open::OpenError;
