@@ -10,7 +10,7 @@ use ipc_types::code::{ImiError, LinkState, ModuleId, Reason};
 use ipc_types::payload::{
     ControlSender, DspErrorCounters, ModuleControl, ModuleState, MovementData, ParameterRequest,
 };
-use module_kit::journal::raw;
+use module_kit::journal::{NotASnapshot, raw};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{BridgeConfig, MovementLimits, ParametersConfig};
@@ -18,7 +18,6 @@ use crate::flight::control::{Sender, Who};
 use crate::flight::request::{
     Parsed, Request, RequestKey, parse_control, parse_movement, parse_parameter,
 };
-use crate::flight::route::NotASnapshot;
 use crate::flight::trajectory::{Trajectory, generator};
 use crate::flight::{Context, Flight};
 use crate::link::last_minute::LastMinute;

@@ -9,12 +9,11 @@ use std::ops::Deref;
 
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport};
-use module_kit::journal::JournalWriter;
+use module_kit::journal::{JournalWriter, NotASnapshot, snapshot};
 use serde::{Deserialize, Serialize};
 
 use crate::config::BridgeConfig;
 use crate::core::{Bridge, Input};
-pub use crate::flight::route::NotASnapshot;
 use crate::outputs::{AsValues, Notice, Output, Outputs, RequestKey};
 use crate::safety::fence::Fence;
 
@@ -156,7 +155,6 @@ pub struct Snapshot {
 
 #[derive(Serialize)]
 struct Saved<'a> {
-    version: u32,
     config: &'a str,
     fence: Option<&'a str>,
     bridge: &'a Bridge,
@@ -164,7 +162,6 @@ struct Saved<'a> {
 
 #[derive(Deserialize)]
 struct Loaded {
-    version: u32,
     config: String,
     fence: Option<String>,
     bridge: Bridge,
@@ -192,26 +189,16 @@ impl Snapshot {
         toml::to_string(config).unwrap_or_default()
     }
 
-    /// The configuration that is this text.
-    ///
-    /// # Errors
-    /// It is none of this version.
-    pub fn config_of(text: &str) -> Result<BridgeConfig, NotASnapshot> {
-        runtime::config::parse(text, "the journal").map_err(|_| NotASnapshot)
-    }
-
     /// The bytes of `bridge`; `config` is what it was made with, and `text` the same as a text.
     pub fn take(bridge: &Bridge, config: &BridgeConfig, text: &str) -> Vec<u8> {
         let fence = (*bridge.fence() != config.fence)
             .then(|| toml::to_string(bridge.fence()).unwrap_or_default());
         let saved = Saved {
-            version: VERSION,
             config: text,
             fence: fence.as_deref(),
             bridge,
         };
-        // Writing into memory does not fail, and every type of the core can be written.
-        postcard::to_allocvec(&saved).unwrap_or_default()
+        snapshot::to_bytes(VERSION, &saved)
     }
 
     /// The bridge that these bytes are.
@@ -219,18 +206,10 @@ impl Snapshot {
     /// # Errors
     /// They are no snapshot, or one of another version.
     pub fn restore(bytes: &[u8]) -> Result<Snapshot, NotASnapshot> {
-        let (version, _) = postcard::take_from_bytes::<u32>(bytes).map_err(|_| NotASnapshot)?;
-        if version != VERSION {
-            return Err(NotASnapshot);
-        }
-        let (loaded, rest) =
-            postcard::take_from_bytes::<Loaded>(bytes).map_err(|_| NotASnapshot)?;
-        if !rest.is_empty() || loaded.version != VERSION {
-            return Err(NotASnapshot);
-        }
-        let config = Snapshot::config_of(&loaded.config)?;
+        let loaded: Loaded = snapshot::from_bytes(VERSION, bytes)?;
+        let config: BridgeConfig = snapshot::config_of(&loaded.config)?;
         let fence: Fence = match loaded.fence {
-            Some(text) => runtime::config::parse(&text, "the journal").map_err(|_| NotASnapshot)?,
+            Some(text) => snapshot::config_of(&text)?,
             None => config.fence.clone(),
         };
         let mut bridge = loaded.bridge;

@@ -6,7 +6,7 @@
 //! * [`Record`]: what a [`JournalReader`](module_kit::journal::JournalReader) finds in the pieces of the topic `status/journal`.
 
 use ipc_types::MonotonicNs;
-use module_kit::journal::JournalWriter;
+use module_kit::journal::{JournalWriter, NotASnapshot, snapshot};
 use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
@@ -102,11 +102,6 @@ impl Journaled {
 /// The version of the bytes. Another version of the core has another one.
 const VERSION: u32 = 2;
 
-/// The bytes are no snapshot of this version's core, or its estimator could not say what it knows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("these bytes are no snapshot of a status of this version that can be gone on with")]
-pub struct NotASnapshot;
-
 /// Status and its configuration.
 pub struct Snapshot {
     /// The configuration, but for the logs.
@@ -117,7 +112,6 @@ pub struct Snapshot {
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
-    version: u32,
     config: String,
     kept: CoreSnapshot,
 }
@@ -150,39 +144,22 @@ impl Snapshot {
         is_fresh.then_some(began)
     }
 
-    /// The configuration that is this text.
-    ///
-    /// # Errors
-    /// It is none of this version.
-    pub fn config_of(text: &str) -> Result<Config, NotASnapshot> {
-        runtime::config::parse(text, "the journal").map_err(|_| NotASnapshot)
-    }
-
     /// The bytes of `status`; `text` is its configuration.
     pub fn take(status: &Status, text: &str) -> Vec<u8> {
         let saved = Saved {
-            version: VERSION,
             config: text.to_owned(),
             kept: status.keep(),
         };
-        // Writing into memory does not fail, and every type of the core can be written.
-        postcard::to_allocvec(&saved).unwrap_or_default()
+        snapshot::to_bytes(VERSION, &saved)
     }
 
     /// The core that these bytes are.
     ///
     /// # Errors
-    /// They are no snapshot, or one of another version.
+    /// They are no snapshot, or one of another version, or its estimator could not say what it knows.
     pub fn restore(bytes: &[u8]) -> Result<Snapshot, NotASnapshot> {
-        let (version, _) = postcard::take_from_bytes::<u32>(bytes).map_err(|_| NotASnapshot)?;
-        if version != VERSION {
-            return Err(NotASnapshot);
-        }
-        let (saved, rest) = postcard::take_from_bytes::<Saved>(bytes).map_err(|_| NotASnapshot)?;
-        if !rest.is_empty() {
-            return Err(NotASnapshot);
-        }
-        let config = Snapshot::config_of(&saved.config)?;
+        let saved: Saved = snapshot::from_bytes(VERSION, bytes)?;
+        let config: Config = snapshot::config_of(&saved.config)?;
         let calibration = config.calibration.clone();
         let status = Status::from_kept(saved.kept, calibration, config.estimator.build());
         let status = status.ok_or(NotASnapshot)?;

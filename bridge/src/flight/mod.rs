@@ -22,7 +22,7 @@ use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, Reason, Stage};
 use ipc_types::payload::{MovementState, RequestReport, SafetyState};
-use module_kit::journal::raw;
+use module_kit::journal::{NotASnapshot, raw};
 use serde::{Deserialize, Serialize};
 
 use crate::config::BridgeConfig;
@@ -41,7 +41,7 @@ use observation::{Observation, known_position};
 use parameters::ParameterRequests;
 use report::{Answers, Detail, Verdict, in_time};
 use request::{Movement, Request, RequestHeader, RequestKey, Segment};
-use route::{NotASnapshot, Route};
+use route::Route;
 use trajectory::Trajectory;
 
 timers! {

@@ -24,6 +24,7 @@ use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{DspErrorCode, Uplink, Waypoint};
 use ipc_types::MonotonicNs;
 use ipc_types::code::Reason;
+use module_kit::journal::NotASnapshot;
 use serde::{Deserialize, Serialize};
 
 use super::arrival::Tracker;
@@ -37,11 +38,6 @@ use crate::link::Link;
 /// Error 30 so often since a waypoint was first sent means that a DSP that counts refuses it. One may be the answer to a waypoint
 /// that was damaged on its way.
 const REFUSALS: u32 = 2;
-
-/// The bytes are no snapshot of this version's core.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("these bytes are no snapshot of a bridge of this version")]
-pub struct NotASnapshot;
 
 /// So many points are never sent for one path: fifty a second for a day. A snapshot with more is none.
 const MAX_ADVANCED: u64 = 50 * 86_400;

@@ -11,7 +11,7 @@ use ipc_types::payload::{
     RefusedCounters, RequestReport,
 };
 use ipc_types::{MonotonicNs, Topic};
-use module_kit::journal::JournalWriter;
+use module_kit::journal::{JournalWriter, snapshot};
 use serde::{Deserialize, Serialize};
 
 use crate::difference::{Values, of_bytes, of_structs};
@@ -75,7 +75,7 @@ impl Core for BridgeCore {
     }
 
     fn fresh(_: MonotonicNs, config: &str, against: Option<&BridgeConfig>) -> Option<BridgeCore> {
-        let own = Snapshot::config_of(config).ok()?;
+        let own = snapshot::config_of(config).ok()?;
         Some(BridgeCore::of(Snapshot::fresh(against.unwrap_or(&own))))
     }
 

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use ipc_types::payload::{HeroTelemetry, StatusJournal};
 use ipc_types::{MonotonicNs, StateOf, StatusModule, Topic};
-use module_kit::journal::JournalWriter;
+use module_kit::journal::{JournalWriter, snapshot};
 use serde::{Deserialize, Serialize};
 use status::config::Config;
 use status::journal::Snapshot;
@@ -54,7 +54,7 @@ impl Core for Snapshot {
     }
 
     fn fresh(began: MonotonicNs, config: &str, against: Option<&Config>) -> Option<Snapshot> {
-        let own = Snapshot::config_of(config).ok()?;
+        let own = snapshot::config_of(config).ok()?;
         Some(Snapshot::fresh(against.unwrap_or(&own), began))
     }
 

@@ -13,12 +13,13 @@
 //! * [`JournalWriter`]: entries to pieces, bounded; a pure value;
 //! * [`JournalPort`]: publishes the pieces, while there is a subscriber, and adds the lines of the process's log;
 //! * [`JournalReader`]: pieces to entries, however many were lost; a pure value;
-//! * [`raw`]: structs of shared memory as values of serde.
+//! * [`raw`]: structs of shared memory as values of serde; [`snapshot`]: a whole core as bytes.
 
 mod codec;
 mod port;
 pub mod raw;
 mod reader;
+pub mod snapshot;
 #[cfg(test)]
 mod tests;
 mod writer;
@@ -26,4 +27,5 @@ mod writer;
 pub use codec::{Entry, JournalRecord, LogLine, MAX_RECORD, Malformed};
 pub use port::JournalPort;
 pub use reader::{Break, JournalReader};
+pub use snapshot::NotASnapshot;
 pub use writer::{CHECKPOINT, DELAY, JournalWriter, MAX_WAITING, Piece};
