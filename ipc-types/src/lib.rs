@@ -116,7 +116,7 @@ pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
 pub use ipc::Ipc;
 pub use journal::{JournalPiece, JournalTail, LeftTail};
-pub use limits::{LowLimit, allow_many_files, low_limits};
+pub use limits::{FreeMemory, LowLimit, allow_many_files, free_memory, low_limits};
 pub use module::{ControlOf, Module, RelayModule, StateOf, StatusModule};
 pub use open::OpenError;
 pub use pollable::PortSet;

@@ -1,11 +1,14 @@
-//! The limits of this process: `ulimit` of a shell, `Limit…=` of a service. iceoryx2 does not say when one of them is the cause of a
-//! failure.
+//! The limits of this process: `ulimit` of a shell, `Limit…=` of a service; and what is free in `/dev/shm`. iceoryx2 does not say when
+//! one of them is the cause of a failure.
 
 use std::fs;
+use std::io;
 
 use rustix::event::{EventfdFlags, eventfd};
 use rustix::io::Errno;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+
+use crate::domain::SHM_DIR;
 
 /// Files that a process opens to make or enter a service, rounded up.
 const FILES: u64 = 32;
@@ -72,6 +75,36 @@ pub(crate) fn too_low() -> String {
         .iter()
         .map(|low| format!("{} {}", low.name, low.value));
     named.collect::<Vec<_>>().join(", ")
+}
+
+/// What is free in `/dev/shm`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FreeMemory {
+    /// Bytes.
+    pub bytes: u64,
+    /// Inodes: each file, folder, segment and socket takes one. `None` if their number is not limited.
+    pub inodes: Option<u64>,
+}
+
+impl FreeMemory {
+    /// Whether so much is free.
+    pub(crate) fn has(self, bytes: u64, inodes: u64) -> bool {
+        self.bytes >= bytes && self.inodes.is_none_or(|free| free >= inodes)
+    }
+}
+
+/// What is free in `/dev/shm`.
+///
+/// # Errors
+///
+/// When the operating system does not say.
+pub fn free_memory() -> io::Result<FreeMemory> {
+    let status = rustix::fs::statvfs(SHM_DIR)?;
+    Ok(FreeMemory {
+        bytes: status.f_bavail.saturating_mul(status.f_frsize),
+        // A file system without a limit of inodes has none in all.
+        inodes: (status.f_files > 0).then_some(status.f_favail),
+    })
 }
 
 /// Raises the limit of open files, usually 1,024, to what the system allows: for a process with more services than one robot has.

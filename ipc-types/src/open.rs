@@ -4,7 +4,6 @@
 //! it; a service that carries another layout is refused, and the error names both layouts.
 
 use std::fmt::Debug;
-use std::io;
 
 use iceoryx2::prelude::{
     AttributeSpecifier, AttributeVerifier, MessagingPattern, Service, ServiceName,
@@ -15,7 +14,6 @@ use iceoryx2::service::builder::request_response::{self, RequestResponseOpenErro
 use iceoryx2::service::marker::{CustomHeaderMarker, CustomPayloadMarker};
 use iceoryx2::service::static_config::message_type_details::{TypeDetail, TypeVariant};
 
-use crate::domain::SHM_DIR;
 use crate::domain_error::DomainError;
 use crate::doorbell::{DoorbellSlot, doorbell_slot};
 use crate::files;
@@ -170,11 +168,7 @@ const LOW_INODES: u64 = 32;
 
 /// Whether `/dev/shm` is as good as full.
 pub(crate) fn is_memory_full() -> bool {
-    rustix::fs::statvfs(SHM_DIR).is_ok_and(|status| {
-        let bytes = status.f_bavail.saturating_mul(status.f_frsize);
-        // A file system without a limit of inodes has none in all.
-        bytes < LOW_BYTES || (status.f_files > 0 && status.f_favail < LOW_INODES)
-    })
+    limits::free_memory().is_ok_and(|free| !free.has(LOW_BYTES, LOW_INODES))
 }
 
 /// A failure of iceoryx2, which does not say when memory is full or a limit is reached.
@@ -543,14 +537,4 @@ fn full(service: &str, (what, max): (&'static str, usize)) -> OpenError {
         max,
         members: String::new(),
     }
-}
-
-/// Bytes free in `/dev/shm`.
-///
-/// # Errors
-///
-/// When the operating system does not say.
-pub fn free_memory() -> io::Result<u64> {
-    let status = rustix::fs::statvfs(SHM_DIR)?;
-    Ok(status.f_bavail.saturating_mul(status.f_frsize))
 }

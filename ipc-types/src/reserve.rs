@@ -16,8 +16,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rustix::event::{EventfdFlags, eventfd};
 use rustix::fs::{FallocateFlags, fallocate};
 
-use crate::domain::SHM_DIR;
 use crate::files;
+use crate::limits;
 use crate::lock_file::make_folder;
 
 /// The folder in that of the robot.
@@ -90,11 +90,8 @@ fn make(robot_folder: &Path) -> io::Result<()> {
 }
 
 fn has_room() -> bool {
-    rustix::fs::statvfs(SHM_DIR).is_ok_and(|status| {
-        let bytes = status.f_bavail.saturating_mul(status.f_frsize);
-        bytes >= BYTES + LEFT_BYTES
-            && (status.f_files == 0 || status.f_favail >= FILES as u64 + LEFT_FILES)
-    })
+    let needed = (BYTES + LEFT_BYTES, FILES as u64 + LEFT_FILES);
+    limits::free_memory().is_ok_and(|free| free.has(needed.0, needed.1))
 }
 
 /// Deletes the reserve, so that this process finds room. Says whether there was one.

@@ -31,6 +31,7 @@ use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate, open};
 use rustix::io::Errno;
 
 use crate::domain::SHM_DIR;
+use crate::limits;
 
 /// Free space that must be left when a segment is made, beside its own size, bytes.
 ///
@@ -70,8 +71,10 @@ impl<T: Content> Builder<'_, T> {
         Path::new(SHM_DIR).join(String::from_utf8_lossy(name.as_bytes()).as_ref())
     }
 
-    fn needed_bytes(&self) -> u64 {
-        (size_of::<T>() + self.supplementary_size) as u64 + MARGIN_BYTES
+    /// Whether there is room for it; none if the kernel does not say.
+    fn has_room(&self) -> bool {
+        let needed = (size_of::<T>() + self.supplementary_size) as u64 + MARGIN_BYTES;
+        limits::free_memory().is_ok_and(|free| free.bytes >= needed)
     }
 }
 
@@ -124,7 +127,7 @@ impl<'builder, T: Content> DynamicStorageBuilder<'builder, T, Segment<T>> for Bu
 
     fn create(self) -> Result<Segment<T>, DynamicStorageCreateError> {
         let path = self.path();
-        if free_bytes().is_none_or(|free| free < self.needed_bytes()) {
+        if !self.has_room() {
             return Err(DynamicStorageCreateError::InternalError);
         }
         let segment = Segment(self.inner.create()?);
@@ -150,7 +153,7 @@ impl<'builder, T: Content> DynamicStorageBuilder<'builder, T, Segment<T>> for Bu
         if is_empty(&path) {
             return Err(DynamicStorageOpenError::InitializationNotYetFinalized.into());
         }
-        if !path.exists() && free_bytes().is_none_or(|free| free < self.needed_bytes()) {
+        if !path.exists() && !self.has_room() {
             return Err(DynamicStorageCreateError::InternalError.into());
         }
         let segment = Segment(self.inner.open_or_create()?);
@@ -197,12 +200,6 @@ fn is_empty(path: &Path) -> bool {
         std::thread::sleep(EMPTY_PAUSE);
     }
     true
-}
-
-/// Bytes free in `/dev/shm`; `None` if the kernel does not say.
-fn free_bytes() -> Option<u64> {
-    let status = rustix::fs::statvfs(SHM_DIR).ok()?;
-    Some(status.f_bavail.saturating_mul(status.f_frsize))
 }
 
 impl<T: Content> Abandonable for Segment<T> {
