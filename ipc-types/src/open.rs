@@ -21,7 +21,7 @@ use crate::forked::Forked;
 use crate::generation::{EnterError, Generation};
 use crate::iox::{AnyRequest, BytesService, RequestService, Svc, TopicService};
 use crate::limits;
-use crate::payload::{Number, RequestReport, SharedStruct};
+use crate::payload::{Number, RequestReport};
 use crate::provider::Provider;
 use crate::robot::RobotId;
 use crate::schema::{self, Schema};
@@ -312,17 +312,8 @@ impl Offer {
 
     /// The attributes `layout` and `layout_hash`: what both sides must agree on.
     fn layout(&self) -> [String; 2] {
-        let (type_name, hash) = match self.pattern {
-            Pattern::PublishSubscribe => {
-                let name = self.schema.type_name().to_owned();
-                (name, self.schema.layout_hash())
-            }
-            Pattern::RequestResponse => {
-                let name = format!("{}/{}", self.schema.type_name(), RequestReport::TYPE_NAME);
-                (name, self.schema.request_layout_hash())
-            }
-        };
-        [type_name, format!("{hash:016x}")]
+        let hash = self.pattern.layout_hash(&self.schema);
+        [self.pattern.layout(&self.schema), format!("{hash:016x}")]
     }
 
     /// The attributes that a service is made with.

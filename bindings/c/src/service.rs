@@ -75,10 +75,7 @@ impl<'a> ServiceName<'a> {
     ///
     /// [`Error::Layout`] when it is not.
     fn check(&self, schema: &Schema, pattern: Pattern) -> Result<(), Error> {
-        let hash = hex(match pattern {
-            Pattern::PublishSubscribe => schema.layout_hash(),
-            Pattern::RequestResponse => schema.request_layout_hash(),
-        });
+        let hash = hex(pattern.layout_hash(schema));
         if self.layout_hash.is_some_and(|wanted| wanted != hash) {
             return Err(Error::Layout(format!(
                 "`{}` carries `{} {hash}`, this program was built for {}: use header and library of the same version",

@@ -17,6 +17,26 @@ pub enum Pattern {
     RequestResponse,
 }
 
+impl Pattern {
+    /// The attribute `layout` of a service that carries `schema` in this way: its type name; of requests both, joined by `/`.
+    pub fn layout(self, schema: &Schema) -> String {
+        match self {
+            Pattern::PublishSubscribe => schema.type_name().to_owned(),
+            Pattern::RequestResponse => {
+                format!("{}/{}", schema.type_name(), RequestReport::TYPE_NAME)
+            }
+        }
+    }
+
+    /// The attribute `layout_hash` of such a service, as a number.
+    pub fn layout_hash(self, schema: &Schema) -> u64 {
+        match self {
+            Pattern::PublishSubscribe => schema.layout_hash(),
+            Pattern::RequestResponse => schema.request_layout_hash(),
+        }
+    }
+}
+
 /// What all processes that open a service must agree on: a service of the robot's own, or a module's.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contract {
@@ -60,21 +80,14 @@ impl Contract {
         service_name(robot, self.key)
     }
 
-    /// The attribute `layout`: the payload's type name; for requests both, joined by `/`.
+    /// See [`Pattern::layout`].
     pub fn layout(&self) -> String {
-        match self.report {
-            None => self.payload.type_name.to_owned(),
-            Some(report) => format!("{}/{}", self.payload.type_name, report.type_name),
-        }
+        self.pattern.layout(&Schema::from_layout(self.payload))
     }
 
-    /// The attribute `layout_hash`, as a number.
+    /// See [`Pattern::layout_hash`].
     pub fn layout_hash(&self) -> u64 {
-        let schema = Schema::from_layout(self.payload);
-        match self.pattern {
-            Pattern::PublishSubscribe => schema.layout_hash(),
-            Pattern::RequestResponse => schema.request_layout_hash(),
-        }
+        self.pattern.layout_hash(&Schema::from_layout(self.payload))
     }
 
     /// The schema of the payload; of a request service that of the request.
