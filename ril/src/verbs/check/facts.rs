@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use bridge::BridgeConfig;
 use bridge::shell::serial::holders::Holders;
+pub use ipc_types::FreeMemory;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::{LowLimit, MonotonicNs, Repair};
 use runtime::wall_clock::WallClock;
@@ -80,15 +81,6 @@ pub struct MavlinkFacts {
     pub has_commanders: bool,
     /// The key's file, and why it cannot be used; `None` without one.
     pub key: Option<(PathBuf, Option<String>)>,
-}
-
-/// What is free in `/dev/shm`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FreeMemory {
-    /// Bytes.
-    pub bytes: u64,
-    /// Inodes: each file, folder, segment and socket takes one. `None` if their number is not limited.
-    pub inodes: Option<u64>,
 }
 
 /// A configuration file.

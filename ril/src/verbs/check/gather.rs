@@ -44,9 +44,6 @@ const RUNNING_TIMEOUT: Duration = Duration::from_secs(3);
 /// up ends with this process, as if killed: what it had set aside for deletion, the next start or repair deletes.
 const REPAIR_TIMEOUT: Duration = Duration::from_secs(15);
 
-/// Where shared memory lies.
-const SHARED_MEMORY: &str = "/dev/shm";
-
 /// What the time service of systemd makes when the clock is synchronized.
 const SYNCHRONIZED: &str = "/run/systemd/timesync/synchronized";
 
@@ -212,16 +209,7 @@ fn repair(domain: &Domain) -> Look<Repair> {
 
 /// What is free in `/dev/shm`.
 fn memory() -> Look<FreeMemory> {
-    Looking::attempt(free_memory).end(LOOK_TIMEOUT)
-}
-
-fn free_memory() -> io::Result<FreeMemory> {
-    let status = rustix::fs::statvfs(SHARED_MEMORY)?;
-    Ok(FreeMemory {
-        bytes: status.f_bavail.saturating_mul(status.f_frsize),
-        // A file system without a limit of inodes has none in all.
-        inodes: (status.f_files > 0).then_some(status.f_favail),
-    })
+    Looking::attempt(ipc_types::free_memory).end(LOOK_TIMEOUT)
 }
 
 /// Reads the configuration of each process with the process's own code: the file that is named, or that the live process of `domain` has
