@@ -243,13 +243,6 @@ impl Link {
         self.grants.begin_input(now);
     }
 
-    /// All bytes that the line had were taken: the newest flow control may count.
-    pub fn end_read(&mut self, now: MonotonicNs) {
-        if self.grants.end_read(now) {
-            self.events.push_back(LinkEvent::Grant);
-        }
-    }
-
     /// The time for a sign of life has come.
     pub(super) fn keep_alive(&mut self, now: MonotonicNs) {
         let State::Up(session) = self.state else {

@@ -181,11 +181,6 @@ impl Link {
         }
     }
 
-    /// The next thing that happened; call until there is nothing after every other call.
-    pub fn poll_event(&mut self) -> Option<LinkEvent> {
-        self.events.pop_front()
-    }
-
     /// Handles the next deadline that has passed; false when none has. Events must be polled in between.
     pub fn expire(&mut self, now: MonotonicNs) -> bool {
         let Some(timer) = self.timers.expired(now) else {

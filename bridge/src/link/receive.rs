@@ -31,6 +31,18 @@ impl Link {
         }
     }
 
+    /// All bytes that the line had were taken: the newest flow control may count.
+    pub fn end_read(&mut self, now: MonotonicNs) {
+        if self.grants.end_read(now) {
+            self.events.push_back(LinkEvent::Grant);
+        }
+    }
+
+    /// The next thing that happened; call until there is nothing after every other call.
+    pub fn poll_event(&mut self) -> Option<LinkEvent> {
+        self.events.pop_front()
+    }
+
     fn received(&mut self, now: MonotonicNs, received: &Received<Downlink>) {
         if let Some(number) = received.sequence
             && let Some(last) = self.last_received.replace(number)
