@@ -322,6 +322,7 @@ pub(crate) struct Conversation<'a, R: Request> {
     holds_on_exit: bool,
     /// Not what is sent because a signal came.
     is_interruptible: bool,
+    companion: Option<&'a mut (dyn Companion + 'a)>,
 }
 
 impl<'a, R: Request> Conversation<'a, R> {
@@ -353,12 +354,19 @@ impl<'a, R: Request> Conversation<'a, R> {
             names_robot: false,
             holds_on_exit: false,
             is_interruptible: true,
+            companion: None,
         })
     }
 
     /// Whether a hold is sent when the command ends before its requests do.
     pub fn hold_on_exit(mut self, holds_on_exit: bool) -> Self {
         self.holds_on_exit = holds_on_exit;
+        self
+    }
+
+    /// Beside a companion, which looks whenever the command wakes, and once before the end. The command ends with what it fails with.
+    pub fn beside(mut self, companion: &'a mut (dyn Companion + 'a)) -> Self {
+        self.companion = Some(companion);
         self
     }
 
@@ -391,26 +399,11 @@ impl<'a, R: Request> Conversation<'a, R> {
         until: Until,
         format: Format,
     ) -> Result<Option<RequestReport>, Failure> {
-        self.follow_beside(requests, until, format, None)
-    }
-
-    /// The same, beside a companion, which looks whenever the command wakes, and once before the end.
-    ///
-    /// # Errors
-    ///
-    /// As [`Conversation::follow`], and what the companion fails with.
-    pub fn follow_beside(
-        &mut self,
-        requests: &[R],
-        until: Until,
-        format: Format,
-        mut companion: Option<&mut dyn Companion>,
-    ) -> Result<Option<RequestReport>, Failure> {
         let ids = requests.iter().map(Request::request_id);
         let exchange = Exchange::new(ids, until, self.timeout);
-        let ended = self.follow_exchange(exchange, requests, format, &mut companion);
+        let ended = self.follow_begun(exchange, requests, format);
         // When the reader of the output has gone, the outcome is known all the same.
-        let _ = companion.map(|companion| companion.clear());
+        let _ = self.companion.as_mut().map(|one| one.clear());
         ended
     }
 
@@ -436,24 +429,14 @@ impl<'a, R: Request> Conversation<'a, R> {
     /// As [`Conversation::follow`].
     pub fn follow_begun(
         &mut self,
-        exchange: Exchange,
-        requests: &[R],
-        format: Format,
-    ) -> Result<Option<RequestReport>, Failure> {
-        self.follow_exchange(exchange, requests, format, &mut None)
-    }
-
-    fn follow_exchange(
-        &mut self,
         mut exchange: Exchange,
         requests: &[R],
         format: Format,
-        companion: &mut Option<&mut dyn Companion>,
     ) -> Result<Option<RequestReport>, Failure> {
         loop {
             let now = MonotonicNs::now();
-            let printed = self.receive(&mut exchange, requests.len(), format, now, companion);
-            let looked = companion.as_mut().map_or(Ok(()), |one| one.look());
+            let printed = self.receive(&mut exchange, requests.len(), format, now);
+            let looked = self.companion.as_mut().map_or(Ok(()), |one| one.look());
             // A terminal that is gone must not keep a hold from being sent.
             let is_closed = printed.is_err() || self.holds_on_exit && looked.is_err();
             match exchange.next(now) {
@@ -472,7 +455,7 @@ impl<'a, R: Request> Conversation<'a, R> {
                 }
                 Next::Wait(until) => {
                     let client: &mut dyn Source = &mut self.client;
-                    let beside = companion.as_mut().map(|companion| companion.source());
+                    let beside = self.companion.as_mut().map(|one| one.source());
                     self.session
                         .wait([client].into_iter().chain(beside), until)?;
                 }
@@ -487,14 +470,13 @@ impl<'a, R: Request> Conversation<'a, R> {
         total: usize,
         format: Format,
         now: MonotonicNs,
-        companion: &mut Option<&mut dyn Companion>,
     ) -> Result<(), Failure> {
         self.client.drain(|report| self.inbox.push(*report));
         let mut printed = Ok(());
         for report in std::mem::take(&mut self.inbox) {
             if let Some(index) = exchange.take(&report, now) {
                 let place = (index, total);
-                printed = printed.and_then(|()| self.print(place, &report, format, companion));
+                printed = printed.and_then(|()| self.print(place, &report, format));
             }
         }
         printed
@@ -502,11 +484,10 @@ impl<'a, R: Request> Conversation<'a, R> {
 
     /// Prints a report about the request of this index, of so many.
     fn print(
-        &self,
+        &mut self,
         (index, total): (usize, usize),
         report: &RequestReport,
         format: Format,
-        companion: &mut Option<&mut dyn Companion>,
     ) -> Result<(), Failure> {
         let robot = self.names_robot.then(|| self.session.ipc.robot().get());
         let mut out = io::stdout().lock();
@@ -523,8 +504,8 @@ impl<'a, R: Request> Conversation<'a, R> {
                 None => Ok(()),
                 Some(line) => {
                     let was = messages::previous(report, self.previous_value);
-                    let remark = companion.as_ref().map(|companion| companion.remark(report));
-                    if let Some(companion) = companion {
+                    let remark = self.companion.as_ref().map(|one| one.remark(report));
+                    if let Some(companion) = &mut self.companion {
                         companion.clear()?;
                     }
                     let robot = robot.map_or_else(String::new, |robot| format!("robot {robot}: "));

@@ -260,12 +260,8 @@ impl PathOrder {
             ProgressLine::open(&asked.session, self.verb, path_id, waypoints, !json)?;
         Conversation::open(&asked.session, self.verb, asked.timeout)?
             .hold_on_exit(self.hold_on_exit)
-            .follow_beside(
-                &requests,
-                Until::of(args),
-                Format::of(json),
-                Some(&mut progress),
-            )
+            .beside(&mut progress)
+            .follow(&requests, Until::of(args), Format::of(json))
             .map(drop)
     }
 }

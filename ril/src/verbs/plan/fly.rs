@@ -186,10 +186,10 @@ impl Flyer<'_> {
         let requests = MovementData::path(path_id, &waypoints, fresh_request_id).collect();
         let requests = self.with_deadline(requests);
         let format = Flyer::format(self.json);
-        let mut bridge =
-            Conversation::<MovementData>::open(self.session, Verb::GoTo, self.timeout)?;
         let mut watch = PathWatch::open(self.session, path_id, &mut self.executor, self.json)?;
-        let report = bridge.follow_beside(&requests, Until::Final, format, Some(&mut watch))?;
+        let report = Conversation::open(self.session, Verb::GoTo, self.timeout)?
+            .beside(&mut watch)
+            .follow(&requests, Until::Final, format)?;
         let reached = report.map_or(0, |report| report.waypoints_reached);
         watch.reached(reached as usize, None)?;
         Ok(())
