@@ -8,7 +8,7 @@
 //! * [`process`]: the start ([`SetUp`]) and the loop of every process, those of bridge and status too: one wait, deadlines,
 //!   watchdog, the end;
 //! * [`journal`]: the inputs of a module's core in order, from which a recording replays its decisions;
-//! * [`completed`]: final reports that are remembered.
+//! * [`answers`]: which requests are under way, and final reports that are remembered.
 //!
 //! [`runtime`] is what it stands on, and is there under this name too: options, [`ranged!`] values of a configuration, exit
 //! codes.
@@ -16,7 +16,7 @@
 //! Nothing here knows the helicopter; the id and the name of a module are its own, and the contract's structs are those of
 //! `ipc-types`.
 
-pub mod completed;
+pub mod answers;
 pub mod journal;
 mod manager;
 pub mod process;

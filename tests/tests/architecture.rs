@@ -176,7 +176,7 @@ const BANS: [Ban; 5] = [
             "plans/src",
             "module-kit/src/rules.rs",
             "module-kit/src/manager.rs",
-            "module-kit/src/completed.rs",
+            "module-kit/src/answers.rs",
             "flight-record/recording/src",
             "flight-record/replay/src",
             "flight-record/ros-messages/src",

@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 use ipc_types::payload::RequestReport;
 use ipc_types::service::REQUEST_ID_OFFSET;
 use ipc_types::{DynamicServer, Ipc, MonotonicNs, ReportError, Schema, Ticket, Wake};
-use module_kit::requests::{Answers, late};
+use module_kit::answers::Answers;
+use module_kit::requests::late;
 
 use crate::error::Error;
 use crate::service::ServiceName;

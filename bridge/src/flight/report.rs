@@ -5,7 +5,7 @@ use dsp_protocol::port::{Access, PORTS_16, PORTS_32, Port};
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, PortKind, Reason, Stage};
 use ipc_types::payload::{PortInfo, RequestReport};
-use module_kit::completed::Completed;
+use module_kit::answers::Completed;
 use module_kit::rules::Refused;
 use serde::{Deserialize, Serialize};
 
