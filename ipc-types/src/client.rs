@@ -1,5 +1,5 @@
 //! [`Client`]: sends requests, several at once, and follows the reports about each to its final report. [`RequestHandle`] follows
-//! one of them: what an action's goal handle is in ROS 2. [`ClientPort`] is a client's part in one generation, and what iceoryx2
+//! one of them: what an action's goal handle is in ROS 2. `ClientPort` is a client's part in one generation, and what iceoryx2
 //! asks of it.
 //!
 //! Nothing is fire-and-forget: a request without a server is refused here, and one whose server vanishes ends with
