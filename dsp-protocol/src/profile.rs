@@ -76,33 +76,6 @@ pub mod header {
     pub const fn of_kind(kind: u8) -> u8 {
         kind | 0x80
     }
-
-    #[cfg(test)]
-    mod tests {
-        use super::*;
-
-        #[test]
-        fn any_two_headers_differ_in_at_least_three_bits() {
-            let all = [
-                STATUS,
-                FLOW_CONTROL,
-                ACK,
-                ACK_16,
-                ACK_32,
-                ERROR,
-                COMMAND,
-                WAYPOINT,
-                EXTENDED_DOWNLINK,
-                EXTENDED_UPLINK,
-            ];
-            for (i, a) in all.iter().enumerate() {
-                assert!(is_header(*a));
-                for b in &all[..i] {
-                    assert!((a ^ b).count_ones() >= 3, "{a:#04x} and {b:#04x}");
-                }
-            }
-        }
-    }
 }
 
 /// What a direction's messages are between the bytes that a profile puts around them. Messages are distinguished by
@@ -353,6 +326,29 @@ mod tests {
         for (previous, this, missed) in [(0, 1, 0), (127, 0, 0), (126, 2, 3), (5, 5, 127)] {
             let this = Sequence::new(this);
             assert_eq!(this.missed_since(Sequence::new(previous)), missed);
+        }
+    }
+
+    #[test]
+    fn any_two_headers_differ_in_at_least_three_bits() {
+        use header::*;
+        let all = [
+            STATUS,
+            FLOW_CONTROL,
+            ACK,
+            ACK_16,
+            ACK_32,
+            ERROR,
+            COMMAND,
+            WAYPOINT,
+            EXTENDED_DOWNLINK,
+            EXTENDED_UPLINK,
+        ];
+        for (i, a) in all.iter().enumerate() {
+            assert!(is_header(*a));
+            for b in &all[..i] {
+                assert!((a ^ b).count_ones() >= 3, "{a:#04x} and {b:#04x}");
+            }
         }
     }
 }
