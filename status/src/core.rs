@@ -281,8 +281,8 @@ impl Status {
         }
     }
 
-    /// What to publish for `dsp` at `now`. To be called once for each sample: the estimator goes on with it.
-    pub fn translate(&mut self, dsp: &DspTelemetry, now: MonotonicNs) -> HeroTelemetry {
+    /// What to publish for `dsp` at `now`. Called once for each sample: the estimator goes on with it.
+    fn translate(&mut self, dsp: &DspTelemetry, now: MonotonicNs) -> HeroTelemetry {
         self.checked = plausible(dsp);
         let (dsp, _) = &self.checked;
         let mut hero = translate(dsp, &self.calibration, now);
@@ -293,7 +293,7 @@ impl Status {
     }
 
     /// Takes note at `now` of the sample that was [translated](Self::translate) last: what that gave was published or could not be.
-    pub fn record(&mut self, outcome: Result<(), String>, now: MonotonicNs) {
+    fn record(&mut self, outcome: Result<(), String>, now: MonotonicNs) {
         if self.input.flowing_since.replace(now).is_none() {
             self.events.push(Event::InputStarted);
             self.input_flows(true, now);
@@ -326,7 +326,7 @@ impl Status {
     }
 
     /// Takes note of what the subscriber has counted by `now`.
-    pub fn count(&mut self, counts: InputCounts, now: MonotonicNs) {
+    fn count(&mut self, counts: InputCounts, now: MonotonicNs) {
         if counts.publisher_restarts > self.input.counts.publisher_restarts {
             self.events.push(Event::PublisherRestarted);
         }
@@ -336,7 +336,7 @@ impl Status {
     }
 
     /// Does what is due at `now`.
-    pub fn on_time(&mut self, now: MonotonicNs) {
+    fn on_time(&mut self, now: MonotonicNs) {
         let log_events = self.logs.on_time(now);
         self.events.extend(log_events.into_iter().map(Event::Log));
         self.report_losses(now);
@@ -347,7 +347,7 @@ impl Status {
         }
     }
 
-    /// When [`on_time`](Self::on_time) wants to be called next; nothing means not before the next sample.
+    /// When an [`Input::Step`] has something to do; `None` if not before the next sample.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         let report_losses = self.input.lost.deadline();
         [self.logs.deadline(), self.input.silent_at(), report_losses]

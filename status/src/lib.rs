@@ -24,7 +24,7 @@
 //! use ipc_types::payload::DspTelemetry;
 //! use ipc_types::{MonotonicNs, TelemetryGroup};
 //! use status::calibration::Calibration;
-//! use status::core::Status;
+//! use status::core::{Input, Output, Status};
 //! use status::log::Logs;
 //!
 //! let mut status = Status::new(Calibration::default(), Logs::default(), MonotonicNs(1));
@@ -36,13 +36,15 @@
 //! dsp.attitude.yaw_deg = 90.0;
 //!
 //! let now = MonotonicNs(1_000);
-//! let hero = status.translate(&dsp, now);
+//! let Some(Output::Telemetry(hero)) = status.apply(now, Input::Sample(dsp)) else {
+//!     panic!("each sample is translated");
+//! };
 //! assert_eq!(hero.sonar_height_m, 1.0);
 //! assert_eq!(hero.attitude.yaw_rad, std::f32::consts::FRAC_PI_2);
 //! // A group that is not valid is zero, whatever its calibration makes of zero.
 //! assert_eq!(hero.barometer_altitude_m, 0.0);
 //!
-//! status.record(Ok(()), now);
+//! status.apply(now, Input::Published(Ok(())));
 //! assert_eq!(status.finish().published, 1);
 //! ```
 

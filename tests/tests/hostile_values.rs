@@ -12,7 +12,7 @@ use ipc_types::payload::{DspErrorCounters, DspTelemetry, HeroTelemetry};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 use ril_tests::Garbage;
 use status::calibration::Calibration;
-use status::core::{InputCounts, Status};
+use status::core::{Input, InputCounts, Output, Status};
 use status::fields::plausible;
 use status::log::Logs;
 
@@ -46,7 +46,9 @@ fn nothing_that_cannot_be_is_translated_whatever_was_published() {
     for seed in 0..SEEDS {
         let dsp: DspTelemetry = Garbage::new(seed).payload();
         let now = MonotonicNs(seed);
-        let hero = status.translate(&dsp, now);
+        let Some(Output::Telemetry(hero)) = status.apply(now, Input::Sample(dsp)) else {
+            panic!("seed {seed}: each sample is translated");
+        };
         let floats = floats(&hero);
         assert!(
             floats.iter().all(|value| value.is_finite()),
@@ -70,14 +72,13 @@ fn nothing_that_cannot_be_is_translated_whatever_was_published() {
         kept += hero.valid_groups.count_ones();
         left_out += u32::from(dsp.valid_groups).count_ones() - hero.valid_groups.count_ones();
 
-        status.record(Ok(()), now);
+        status.apply(now, Input::Published(Ok(())));
         let counts = InputCounts {
             received: dsp.sequence,
             lost: dsp.epoch_ns,
             publisher_restarts: dsp.received_ns,
         };
-        status.count(counts, now);
-        status.on_time(now);
+        status.apply(now, Input::Step(counts));
         assert!(status.take_events().len() <= 8, "seed {seed}");
     }
     assert!(

@@ -9,7 +9,7 @@ use dsp_sim::simulator::{Setup, Simulator};
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RequestReport};
 use status::calibration::Calibration;
-use status::core::Status;
+use status::core::{Output, Status};
 use status::log::Logs;
 
 use crate::bytes::heap::Heap;
@@ -30,8 +30,12 @@ impl Outputs for Behind {
         fill(&mut sample);
         self.samples += 1;
         (sample.sequence, sample.epoch_ns) = (self.samples, 1);
-        self.latest = self.status.translate(&sample, self.now);
-        self.status.record(Ok(()), self.now);
+        let translated = self.status.apply(self.now, status::Input::Sample(sample));
+        if let Some(Output::Telemetry(hero)) = translated {
+            self.latest = hero;
+        }
+        self.status
+            .apply(self.now, status::Input::Published(Ok(())));
     }
 
     fn state(&mut self, _state: &ModuleState) {}

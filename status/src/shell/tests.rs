@@ -183,8 +183,11 @@ fn record(status: &mut Status, sequences: RangeInclusive<u64>) {
     for sequence in sequences {
         let dsp = sample(1, sequence);
         let now = MonotonicNs(sequence);
-        assert_eq!(status.translate(&dsp, now).source_sequence, sequence);
-        status.record(Ok(()), now);
+        let Some(Output::Telemetry(hero)) = status.apply(now, Input::Sample(dsp)) else {
+            panic!("each sample is translated");
+        };
+        assert_eq!(hero.source_sequence, sequence);
+        status.apply(now, Input::Published(Ok(())));
     }
 }
 
@@ -273,7 +276,7 @@ fn a_log_thread_that_panics_is_reported_as_such_and_telemetry_goes_on() {
     assert_eq!(end, Err(RecvTimeoutError::Disconnected));
 
     record(&mut status, 1..=3);
-    status.on_time(MonotonicNs(4));
+    status.apply(MonotonicNs(4), Input::Step(InputCounts::default()));
     let events = status.take_events();
     let failures = events
         .iter()
