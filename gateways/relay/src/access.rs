@@ -179,12 +179,9 @@ fn robots(config: &Config) -> impl Iterator<Item = Peer> {
 }
 
 fn stations(config: &Config) -> impl Iterator<Item = Peer> {
-    let commanding = &config.commands.stations;
-    let watching = config.security.stations.iter();
-    let watching = watching.filter(|name| !commanding.contains(name));
-    commanding.iter().chain(watching).map(|name| {
+    config.stations().map(|(name, may_command)| {
         let mut sends = vec![names::ask("*", name)];
-        if commanding.contains(name) {
+        if may_command {
             sends.push(names::order("*", name));
         }
         Peer {

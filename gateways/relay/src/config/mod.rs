@@ -63,6 +63,17 @@ pub struct Config {
     pub ros2: Ros2Config,
 }
 
+impl Config {
+    /// The stations that are named, each once, and whether they may command.
+    pub fn stations(&self) -> impl Iterator<Item = (&String, bool)> {
+        let commanding = &self.commands.stations;
+        let watching = self.security.stations.iter();
+        let watching = watching.filter(|name| !commanding.contains(name));
+        let commanding = commanding.iter().map(|name| (name, true));
+        commanding.chain(watching.map(|name| (name, false)))
+    }
+}
+
 /// Which side a relay is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {

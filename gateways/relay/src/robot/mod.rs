@@ -81,12 +81,7 @@ impl RobotSide {
             mailbox: Mailbox::open(&network, robot, &config)?,
             services: CarriedServices::new(instance, robot, ros2)?,
             stations: Stations::new(config.network.silent_after()),
-            admission: Admission::new(
-                names::ask(robot, ""),
-                names::order(robot, ""),
-                &config.commands.stations,
-                &config.security.stations,
-            ),
+            admission: Admission::new(robot, config.stations()),
             orders: orders::RobotOrders::new(order_config, fresh()),
             reaction: Reaction::open(&ipc, config.commands.link_loss)?,
             newcomers: network.watch(names::tell(robot, "*")),
@@ -99,14 +94,6 @@ impl RobotSide {
             is_latest_wanted: false,
             ipc,
         })
-    }
-
-    fn may_command(&self, station: &str) -> bool {
-        self.config
-            .commands
-            .stations
-            .iter()
-            .any(|name| name == station)
     }
 
     fn take_messages(&mut self, out: &mut Vec<Output>) {
@@ -143,7 +130,7 @@ impl RobotSide {
     }
 
     fn pong(&mut self, station: &str, ping: &Ping, at: MonotonicNs, out: &mut Vec<Output>) -> Pong {
-        let may_command = self.may_command(station);
+        let may_command = self.admission.may_command(station);
         let is_changed = self
             .stations
             .hear(station, ping.station_instance, may_command, at);

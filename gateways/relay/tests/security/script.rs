@@ -1,5 +1,6 @@
 //! Bytes of any kind as messages, and as scripts of what strangers do to the pure parts of both sides.
 
+use std::num::NonZeroU32;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
@@ -164,7 +165,7 @@ pub fn robot_side(data: &[u8]) {
     let names = [NAMES[0].to_owned(), NAMES[1].to_owned()];
     let (ask, order) = ("hero/1/ask/", "hero/1/order/");
     let mut side = RobotSide {
-        admission: Admission::new(ask.to_owned(), order.to_owned(), &names[..1], &names),
+        admission: Admission::new(NonZeroU32::MIN, names.iter().zip([true, false])),
         stations: Stations::new(Duration::from_millis(2500)),
         orders: RobotOrders::new(
             RobotConfig {
