@@ -98,6 +98,16 @@ impl Side {
         }
     }
 
+    /// All of them, each with the key that names it.
+    pub fn all_endpoints(
+        self,
+        config: &Config,
+    ) -> impl Iterator<Item = (&String, &'static [&'static str])> {
+        let (listen, connect) = self.endpoints(config);
+        let lists = [listen, connect].into_iter().zip(self.keys());
+        lists.flat_map(|(list, keys)| list.iter().map(move |endpoint| (endpoint, keys)))
+    }
+
     /// The keys of the same, those where it listens first.
     pub const fn keys(self) -> [&'static [&'static str]; 2] {
         match self {
