@@ -12,7 +12,7 @@ use relay::orders::message::{Answer, NO_PLACE, Order, WINDOW};
 use relay::orders::robot::{
     Config as RobotConfig, NotSent, ORPHANS, Output, RobotOrders, SESSIONS, Traits,
 };
-use relay::orders::station::{ClientRequest, Config as StationConfig, OPEN_ORDERS, StationOrders};
+use relay::orders::station::{ClientRequest, OPEN_ORDERS, StationOrders};
 use relay::robot::mailbox::Admission;
 use relay::robot::stations::Stations;
 use relay::station::link::RobotLink;
@@ -239,9 +239,7 @@ pub fn station_side(data: &[u8]) {
     const INSTANCE: u64 = 5;
     let mut script = Script { data };
     let mut link = RobotLink::new(INSTANCE, Duration::from_millis(2500), BEGIN);
-    let mut orders = StationOrders::new(StationConfig {
-        give_up: Duration::from_secs(60),
-    });
+    let mut orders = StationOrders::new(Duration::from_secs(60));
     let (mut receiver, mut out, mut handle, mut now) =
         (SampleReceiver::default(), Vec::new(), 0, BEGIN);
     let mut moments = Moments::default();

@@ -2,6 +2,7 @@
 //! stations and a program on the robot, through loss, delay, repetition, reordering, outages, stalls and clocks that are not known exactly.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use bridge::flight::request::{IssueMark, Issued};
 use fastrand::Rng;
@@ -121,7 +122,7 @@ impl Sky {
         let mut random = Rng::with_seed(seed);
         let stations = 1 + random.u64(..3) as usize;
         let slot = |_| Slot {
-            station: StationOrders::new(station::Config::default()),
+            station: StationOrders::new(Duration::from_secs(60)),
             clock: Clock::new(),
             moments: Moments::default(),
             heard: None,

@@ -132,7 +132,7 @@ impl World {
             let instance = world.random.u64(..);
             world.slots.push(Slot {
                 instance,
-                station: StationOrders::new(station::Config::default()),
+                station: StationOrders::new(Duration::from_secs(60)),
                 heard: None,
                 outage_until: 0,
                 is_over: false,
@@ -169,7 +169,7 @@ impl World {
     fn end_those_that_are_too_many(&mut self) {
         for slot in SESSIONS..self.slots.len() {
             self.cases.station_gone(slot);
-            self.slots[slot].station = StationOrders::new(station::Config::default());
+            self.slots[slot].station = StationOrders::new(Duration::from_secs(60));
             self.slots[slot].is_over = true;
         }
     }
@@ -266,7 +266,7 @@ impl World {
                 self.cases.station_gone(slot);
                 let station = &mut self.slots[slot];
                 station.instance = self.random.u64(..);
-                station.station = StationOrders::new(station::Config::default());
+                station.station = StationOrders::new(Duration::from_secs(60));
                 station.heard = None;
                 self.fault(faults.station_restart_every, Event::StationRestart(slot));
             }
