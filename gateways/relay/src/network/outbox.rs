@@ -138,7 +138,7 @@ impl Watch {
     }
 
     /// Whether somebody has come since the last call.
-    pub fn has_one_come(&self) -> bool {
+    pub fn take_arrival(&self) -> bool {
         self.has_come.swap(false, Ordering::AcqRel)
     }
 }

@@ -131,7 +131,7 @@ const DESCRIPTIONS: (u64, u64) = (65_536, 262_144);
 /// Lines of the log a second about stations that come, and at once.
 const LINES: (u64, u64) = (1, 20);
 
-/// Who is heard, and how often.
+/// Which messages are read, and how many of each station.
 #[derive(Clone, Debug)]
 pub struct Admission {
     ask_prefix: String,

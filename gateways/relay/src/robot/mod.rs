@@ -131,9 +131,9 @@ impl RobotSide {
 
     fn pong(&mut self, station: &str, ping: &Ping, at: MonotonicNs, out: &mut Vec<Output>) -> Pong {
         let may_command = self.admission.may_command(station);
-        let is_changed = self
-            .stations
-            .hear(station, ping.station_instance, may_command, at);
+        let is_changed =
+            self.stations
+                .note_message(station, ping.station_instance, may_command, at);
         if is_changed {
             if self.admission.logs(at) {
                 tracing::info!(station, may_command, "a station is there");
@@ -143,8 +143,8 @@ impl RobotSide {
         self.is_latest_wanted |= ping.wants_latest;
         let pace = &mut self.services.pace;
         match ping.has_all {
-            true => pace.hear(ping.station_instance, ping.late_ms, at),
-            false => pace.hear_describing(ping.station_instance, at),
+            true => pace.note_exchange(ping.station_instance, ping.late_ms, at),
+            false => pace.note_describing(ping.station_instance, at),
         }
         let session = match may_command {
             true => self
@@ -298,8 +298,8 @@ impl Process for RobotSide {
     fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
         let mut out = Vec::new();
         let now = MonotonicNs::now();
-        if self.newcomers.has_one_come() {
-            self.services.pace.meet(now);
+        if self.newcomers.take_arrival() {
+            self.services.pace.note_newcomer(now);
         }
         // Before the first question of a station is answered.
         if now >= self.next_look {
@@ -316,9 +316,9 @@ impl Process for RobotSide {
         if let Some(reaction) = &mut self.reaction {
             reaction.drain();
         }
-        for station in self.stations.pass(now) {
+        for station in self.stations.tick(now) {
             if self.admission.logs(now) {
-                tracing::warn!(station, "a station is heard no more");
+                tracing::warn!(station, "a station is silent");
             }
             self.own_topics.hasten(now);
         }

@@ -218,7 +218,7 @@ impl Remote {
         if self.link.shown_state() != was_shown {
             self.topics.hasten(now);
         }
-        if self.link.pass(now) {
+        if self.link.tick(now) {
             tracing::warn!(robot = %self.robot.number, "the link to the robot is down");
             self.topics.hasten(now);
         }
@@ -270,7 +270,7 @@ impl Remote {
             }
             let key = names::last(incoming.key);
             if mirrors.publish(key, &header, incoming.payload, link.clock(), incoming.at) {
-                link.hear_sample();
+                link.note_sample();
             }
         });
     }

@@ -135,7 +135,7 @@ impl RobotSide {
         let may_command = name == NAMES[0];
         let _ = self
             .stations
-            .hear(name, ping.station_instance, may_command, now);
+            .note_message(name, ping.station_instance, may_command, now);
         if may_command {
             let instance = ping.station_instance;
             let session = self.orders.session_for(instance, name, now, &mut self.out);
@@ -220,7 +220,7 @@ pub fn robot_side(data: &[u8]) {
             }
         }
         side.orders.tick(now, &mut side.out);
-        let _ = side.stations.pass(now);
+        let _ = side.stations.tick(now);
         let _ = (side.orders.deadline(), side.stations.deadline());
         assert!(side.orders.remembered() <= SESSIONS * WINDOW as usize + ORPHANS);
         assert!(side.stations.rows(0, |_| None).len() <= MAX_STATIONS);
@@ -324,7 +324,7 @@ pub fn station_side(data: &[u8]) {
             Some(Reply::UnknownSession(session)) => orders.unknown_session(session),
             None => {}
         }
-        let _ = link.pass(now);
+        let _ = link.tick(now);
         let _ = (link.ping(now, 0), link.question(now), link.deadline());
         let _ = link
             .clock()
