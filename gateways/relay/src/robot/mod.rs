@@ -166,7 +166,6 @@ impl RobotSide {
     }
 
     fn order(&mut self, station: &str, order: &Order, out: &mut Vec<Output>) {
-        let from = out.len();
         let requests = self.services.requests_of(order.service);
         // Its service would refuse it, and until then it would be remembered.
         let len = requests
@@ -180,15 +179,8 @@ impl RobotSide {
         }
         let traits = requests.map(|requests| requests.fields.traits(&order.request));
         let traits = traits.unwrap_or_default();
-        self.orders.order(order, traits, MonotonicNs::now(), out);
-        // Only the sender of this order gets the answer that its session is not known.
-        for output in out.split_off(from) {
-            match output {
-                Output::UnknownSession(session) => {
-                    self.reply(station, &Reply::UnknownSession(session));
-                }
-                output => out.push(output),
-            }
+        if !self.orders.order(order, traits, MonotonicNs::now(), out) {
+            self.reply(station, &Reply::UnknownSession(order.session));
         }
     }
 
@@ -242,7 +234,6 @@ impl RobotSide {
                             self.reply(name, &Reply::Answer(answer));
                         }
                     }
-                    Output::UnknownSession(_) => {}
                     Output::LinkLost { station } => {
                         let name = self.orders.name_of(station);
                         tracing::warn!(station = name, "lost, with a request open");

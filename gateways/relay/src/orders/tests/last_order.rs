@@ -319,9 +319,8 @@ impl Sky {
                     is_repeatable: true,
                     ends_movement: order.request[HOLD] == 1,
                 };
-                robot.order(order, traits, now, out);
-                if let [robot::Output::UnknownSession(session)] = out[..] {
-                    down = Some(Down::UnknownSession(session));
+                if !robot.order(order, traits, now, out) {
+                    down = Some(Down::UnknownSession(order.session));
                 }
             }
         });

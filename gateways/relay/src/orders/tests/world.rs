@@ -338,9 +338,8 @@ impl World {
         self.with_robot(|robot, now, out| match message {
             Up::Ping => down = Some(Down::Pong(robot.session_for(instance, "gcs", now, out))),
             Up::Order(order) => {
-                robot.order(order, traits_of(order), now, out);
-                if let [robot::Output::UnknownSession(session)] = out[..] {
-                    down = Some(Down::UnknownSession(session));
+                if !robot.order(order, traits_of(order), now, out) {
+                    down = Some(Down::UnknownSession(order.session));
                 }
             }
         });
@@ -442,7 +441,6 @@ impl World {
                     });
                 }
             }
-            robot::Output::UnknownSession(_) => {}
             robot::Output::LinkLost { .. } => self.links_lost += 1,
         }
     }
