@@ -141,7 +141,7 @@ fn minute(bytes_per_ms: u64) -> Seen {
             }
         }
         link.note_complete();
-        seen.outages += u32::from(link.pass(now));
+        seen.outages += u32::from(link.tick(now));
         let is_shown_up = link.shown_state() == ipc_types::code::RelayLinkState::Up;
         if is_shown_up && seen.up_after == 0 {
             seen.up_after = ms;
