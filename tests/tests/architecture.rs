@@ -126,7 +126,7 @@ const BANS: [Ban; 5] = [
             "flight-record/ros-messages/src",
         ],
         // Between the threads of Zenoh and the relay's own.
-        except: &["queue.rs"],
+        except: &["inbox.rs"],
         words: &["Mutex", "RwLock", "Condvar"],
         why: "every state has one owner; nothing is shared between threads",
     },

@@ -82,8 +82,9 @@ pub fn check(config: &Config, side: Side) -> Result<Option<String>, Fault> {
                  `[security]`, those of stations in `[security]` or `[commands]`",
             ));
         }
-        let plain = endpoints(config, side).find(|endpoint| !is_encrypted(endpoint));
-        return Ok(plain.map(|endpoint| {
+        let mut endpoints = side.all_endpoints(config);
+        let plain = endpoints.find(|(endpoint, _)| !is_encrypted(endpoint));
+        return Ok(plain.map(|(endpoint, _)| {
             format!("nothing passes through `{endpoint}`: certificates are configured, and it shows none")
         }));
     }
@@ -140,24 +141,17 @@ fn open_door(config: &Config, side: Side) -> Option<Door<'_>> {
             endpoint: None,
         });
     }
-    let (listen, connect) = side.endpoints(config);
-    let lists = [listen, connect].into_iter().zip(side.keys());
-    let mut endpoints = lists.flat_map(|(list, keys)| list.iter().map(move |text| (text, keys)));
     let is_open = |text: &str| {
         let endpoint = Endpoint::parse(text);
         !endpoint.is_ok_and(|endpoint| endpoint.is_encrypted() || endpoint.is_on_this_machine())
     };
+    let mut endpoints = side.all_endpoints(config);
     let (text, keys) = endpoints.find(|(text, _)| is_open(text))?;
     Some(Door {
         shown: format!("`{text}`"),
         keys,
         endpoint: Some(text.as_str()),
     })
-}
-
-fn endpoints(config: &Config, side: Side) -> impl Iterator<Item = &String> {
-    let (listen, connect) = side.endpoints(config);
-    listen.iter().chain(connect)
 }
 
 fn is_encrypted(text: &str) -> bool {
@@ -179,12 +173,9 @@ fn robots(config: &Config) -> impl Iterator<Item = Peer> {
 }
 
 fn stations(config: &Config) -> impl Iterator<Item = Peer> {
-    let commanding = &config.commands.stations;
-    let watching = config.security.stations.iter();
-    let watching = watching.filter(|name| !commanding.contains(name));
-    commanding.iter().chain(watching).map(|name| {
+    config.stations().map(|(name, may_command)| {
         let mut sends = vec![names::ask("*", name)];
-        if commanding.contains(name) {
+        if may_command {
             sends.push(names::order("*", name));
         }
         Peer {

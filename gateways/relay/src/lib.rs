@@ -17,7 +17,6 @@
 //! [`robot`] and [`station`] put these together and move bytes; [`network`] is Zenoh.
 
 pub mod access;
-mod background;
 mod budget;
 mod certificate_files;
 pub mod certify;
@@ -31,7 +30,6 @@ pub mod network;
 pub mod orders;
 mod own_topics;
 pub mod pace;
-mod queue;
 mod random;
 pub mod request;
 pub mod robot;

@@ -41,8 +41,9 @@ impl fmt::Display for ConfigOrigin {
 pub(crate) struct RunningBridge {
     port: Subscriber<BridgeJournal>,
     reader: JournalReader,
-    /// What a subscriber gets first is the last piece of before, perhaps with the snapshot that another one has asked for.
-    opened: MonotonicNs,
+    /// When this program asked. What a subscriber gets first is the last piece of before, perhaps with the snapshot that another one
+    /// has asked for.
+    asked: MonotonicNs,
     config: Option<BridgeConfig>,
 }
 
@@ -53,10 +54,18 @@ impl RunningBridge {
     ///
     /// See [`OpenError`].
     pub fn open(ipc: &Ipc) -> Result<RunningBridge, OpenError> {
+        RunningBridge::open_with(|| ipc.subscriber())
+    }
+
+    fn open_with(
+        subscribe: impl FnOnce() -> Result<Subscriber<BridgeJournal>, OpenError>,
+    ) -> Result<RunningBridge, OpenError> {
+        // Before subscribing, which asks: the bridge may answer before this process runs again, and answers once.
+        let asked = MonotonicNs::now();
         Ok(RunningBridge {
-            port: ipc.subscriber()?,
+            port: subscribe()?,
             reader: JournalReader::new(),
-            opened: MonotonicNs::now(),
+            asked,
             config: None,
         })
     }
@@ -89,7 +98,7 @@ impl Topics for RunningBridge {
         let RunningBridge {
             port,
             reader,
-            opened,
+            asked,
             config,
         } = self;
         let drained = port.drain(|piece| {
@@ -97,7 +106,7 @@ impl Topics for RunningBridge {
             while let Ok(Some(record)) = reader.next() {
                 let record: Record<'_> = record;
                 if let Entry::Snapshot(bytes) = record.entry
-                    && record.at >= *opened
+                    && record.at >= *asked
                 {
                     *config = of_snapshot(bytes);
                 }
@@ -189,7 +198,35 @@ fn named_file(args: &[PathBuf], environment: &[PathBuf]) -> Option<PathBuf> {
 mod tests {
     use std::os::unix::fs::MetadataExt;
 
+    use bridge::Input;
+    use bridge::journal::Journaled;
+    use ipc_types::{Domain, RobotId, Waiter};
+    use module_kit::journal::JournalPort;
+
     use super::*;
+
+    /// One thread is both, so the bridge answers while the asker subscribes.
+    #[test]
+    fn an_answer_that_comes_while_the_program_subscribes_is_taken() {
+        let domain = Domain::isolated();
+        let ipc = Ipc::join(&domain, RobotId::DEFAULT, "test").unwrap();
+        let mut journal = JournalPort::<BridgeJournal>::open(&ipc).unwrap();
+        let config = BridgeConfig::default();
+        let mut bridge = Journaled::new(&config, JournalPort::<BridgeJournal>::writer());
+        let running = RunningBridge::open_with(|| {
+            let port = ipc.subscriber()?;
+            let serve: &mut [((), &mut dyn Source)] = &mut [((), journal.source())];
+            Waiter::new().wait(serve, Some(Duration::ZERO)).unwrap();
+            journal.follow(bridge.writer());
+            let now = MonotonicNs::now();
+            bridge.apply(now, Input::Advance, &mut ());
+            journal.finish(bridge.writer(), MonotonicNs::now());
+            Ok(port)
+        });
+        let mut running = running.unwrap();
+        running.drain();
+        assert_eq!(running.take(), Some(config));
+    }
 
     #[test]
     fn the_configuration_of_a_relay_or_of_another_namespace_is_not_taken_for_that_of_the_bridge() {

@@ -151,7 +151,8 @@ fn an_acknowledgement_behind_a_backlog_is_found_before_its_time_is_over() {
     let rig = sandbox();
     let mut dsp = CableEnd::open();
     dsp.plug_in(&rig, "dsp-1");
-    rig.write("bridge.toml", "[link]\nack_timeout_ms = 400\n");
+    // Longer than a stall of the machine between the command and the standstill.
+    rig.write("bridge.toml", "[link]\nack_timeout_ms = 2000\n");
     let bridge = rig.bridge(1);
     let mut decoder = Decoder::new();
     let first = next_command(&mut dsp, &mut decoder);
@@ -164,7 +165,7 @@ fn an_acknowledgement_behind_a_backlog_is_found_before_its_time_is_over() {
     };
     said.extend_from_slice(acknowledgement.encode().as_bytes());
     dsp.master.write_all(&said).expect("room for it");
-    assert!(!has_said_something(&dsp, Duration::from_millis(600)));
+    assert!(!has_said_something(&dsp, Duration::from_millis(2400)));
     bridge.signal(Signal::CONT);
     let second = next_command(&mut dsp, &mut decoder);
     assert_ne!(second, first, "the start-up goes on");
@@ -174,9 +175,12 @@ fn an_acknowledgement_behind_a_backlog_is_found_before_its_time_is_over() {
 #[test]
 fn a_request_after_a_standstill_is_judged_by_what_the_dsp_has_said_meanwhile() {
     let rig = sandbox();
-    // Positions are known for a second; the rest is patient.
-    let times = "ack_timeout_ms = 2000\npc_timeout_ms = 30000\nsilent_after_ms = 1000\n";
-    rig.write("bridge.toml", &format!("[link]\n{times}"));
+    // Positions are known for less than the standstill, and for longer than a stall of the machine.
+    let known = "silent_after_ms = 3000";
+    rig.write(
+        "bridge.toml",
+        &FOR_SLOW_MACHINES.replace("silent_after_ms = 20000", known),
+    );
     let flight = Flight::begin(&rig);
     let ipc = rig.domain.join("operator");
     let mut client = ipc.client::<MovementData>().expect("a client");
@@ -203,7 +207,7 @@ fn a_request_after_a_standstill_is_judged_by_what_the_dsp_has_said_meanwhile() {
         altitude_m: altitude,
     };
     let path = MovementData::waypoint(fresh_request_id(), 7, far, true, true);
-    let standstill = Duration::from_millis(1500);
+    let standstill = Duration::from_millis(3500);
     let accepted = Some((Stage::Accepted, Reason::None));
     assert_eq!(ask(path, standstill), accepted);
     let land = MovementData::land(fresh_request_id()).preempting();

@@ -100,12 +100,9 @@ impl Config {
 
     fn check_endpoints(&self, is_secured: bool) -> Result<(), Fault> {
         for side in Side::ALL {
-            let (listen, connect) = side.endpoints(self);
-            for (endpoints, keys) in [listen, connect].into_iter().zip(side.keys()) {
-                for endpoint in endpoints {
-                    check_endpoint(endpoint, is_secured)
-                        .map_err(|reason| Fault::at(keys, reason).of(endpoint.as_str()))?;
-                }
+            for (endpoint, keys) in side.all_endpoints(self) {
+                check_endpoint(endpoint, is_secured)
+                    .map_err(|reason| Fault::at(keys, reason).of(endpoint.as_str()))?;
             }
         }
         let group = self.network.multicast;

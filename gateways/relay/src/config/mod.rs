@@ -63,6 +63,17 @@ pub struct Config {
     pub ros2: Ros2Config,
 }
 
+impl Config {
+    /// The stations that are named, each once, and whether they may command.
+    pub fn stations(&self) -> impl Iterator<Item = (&String, bool)> {
+        let commanding = &self.commands.stations;
+        let watching = self.security.stations.iter();
+        let watching = watching.filter(|name| !commanding.contains(name));
+        let commanding = commanding.iter().map(|name| (name, true));
+        commanding.chain(watching.map(|name| (name, false)))
+    }
+}
+
 /// Which side a relay is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
@@ -85,6 +96,16 @@ impl Side {
             Side::Station => (&config.station.listen, &config.station.connect),
             Side::Router => (&config.router.listen, &config.router.connect),
         }
+    }
+
+    /// All of them, each with the key that names it.
+    pub fn all_endpoints(
+        self,
+        config: &Config,
+    ) -> impl Iterator<Item = (&String, &'static [&'static str])> {
+        let (listen, connect) = self.endpoints(config);
+        let lists = [listen, connect].into_iter().zip(self.keys());
+        lists.flat_map(|(list, keys)| list.iter().map(move |endpoint| (endpoint, keys)))
     }
 
     /// The keys of the same, those where it listens first.

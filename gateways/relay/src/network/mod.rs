@@ -17,11 +17,10 @@ use rustix::io::Errno;
 use zenoh::Wait;
 use zenoh::qos::{CongestionControl, Priority as ZenohPriority};
 
-use crate::background::Background;
 use crate::config::{Config, Side};
 pub use crate::failure::NetworkError;
-pub use crate::queue::Room;
-pub use inbox::{Inbox, ReceivedMessage};
+pub use inbox::{Inbox, ReceivedMessage, Room};
+use outbox::Background;
 pub use outbox::{Declaration, Outbox, Token, Watch};
 pub use settings::{MAX_MESSAGE_BYTES, check, share_one_thread};
 

@@ -98,16 +98,13 @@ pub fn share_one_thread() {
 ///
 /// What it refuses, and what to do.
 pub fn check(config: &Config, side: Side) -> Result<(), Fault> {
-    let (listen, connect) = side.endpoints(config);
-    for (endpoints, keys) in [listen, connect].into_iter().zip(side.keys()) {
-        for endpoint in endpoints {
-            if endpoint.parse::<EndPoint>().is_err() {
-                let reason = format!(
-                    "what is behind `?` or `#` in `{endpoint}` are no options: write them as name=value, divided by `;`, first \
-                     those behind `?`, or take the sign out"
-                );
-                return Err(Fault::at(keys, reason).of(endpoint.as_str()));
-            }
+    for (endpoint, keys) in side.all_endpoints(config) {
+        if endpoint.parse::<EndPoint>().is_err() {
+            let reason = format!(
+                "what is behind `?` or `#` in `{endpoint}` are no options: write them as name=value, divided by `;`, first \
+                 those behind `?`, or take the sign out"
+            );
+            return Err(Fault::at(keys, reason).of(endpoint.as_str()));
         }
     }
     zenoh_config(config, side).map(drop).map_err(|error| {

@@ -10,7 +10,7 @@
 //!
 //! **Sessions** tell a robot side that remembers from one that does not. The robot side gives each instance of a station a random
 //! session with the answers to its clock messages. When the robot side is restarted, or has forgotten the station, it answers
-//! orders with [`UnknownSession`](robot::Output::UnknownSession). The station gets another session, and asks again for everything that
+//! orders with [`UnknownSession`](crate::message::Reply::UnknownSession). The station gets another session, and asks again for everything that
 //! is open as a *repetition*, which is never executed anew: the server is asked what became of it.
 //!
 //! **Places** bound the sessions: there are eight, and a station that is active keeps its own whatever others come. The ninth gets

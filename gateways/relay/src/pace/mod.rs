@@ -74,8 +74,8 @@ pub struct Pace {
     /// When all stations have been silent for so long that none decides.
     alone: MonotonicNs,
     /// What stations said last: instance, by how much they are late if they know, when.
-    heard: Vec<(u64, Option<u32>, MonotonicNs)>,
-    /// When a station was heard last that has all descriptions, if one was since the pace began.
+    exchanges: Vec<(u64, Option<u32>, MonotonicNs)>,
+    /// When a station that has all descriptions said something last, if one did since the pace began.
     described: Option<MonotonicNs>,
     /// When it was decided, and when it is again.
     begun: MonotonicNs,
@@ -95,9 +95,9 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Somebody was connected, and may be a station that speaks soon. What is sent until then lies in front of the answer to its first
+    /// Another process was connected, and may be a station that speaks soon. What is sent until then lies in front of the answer to its first
     /// question, and it would take that for the length of the way.
-    pub fn meet(&mut self, now: MonotonicNs) {
+    pub fn note_newcomer(&mut self, now: MonotonicNs) {
         if now >= self.alone {
             self.alone = now + SILENT;
             self.described = None;
@@ -106,23 +106,23 @@ impl Pace {
     }
 
     /// A station says that it does not have all descriptions yet.
-    pub fn hear_describing(&mut self, station: u64, now: MonotonicNs) {
+    pub fn note_describing(&mut self, station: u64, now: MonotonicNs) {
         let described = self.described.filter(|at| now.since(*at) < SILENT);
-        self.hear(station, None, now);
+        self.note_exchange(station, None, now);
         self.described = described;
     }
 
     /// A station that has all descriptions says by how much longer than its quickest exchange the last one took. `None` if it does not
     /// know.
-    pub fn hear(&mut self, station: u64, late_ms: Option<u32>, now: MonotonicNs) {
-        self.heard
+    pub fn note_exchange(&mut self, station: u64, late_ms: Option<u32>, now: MonotonicNs) {
+        self.exchanges
             .retain(|(other, _, at)| *other != station && now.since(*at) < SILENT);
-        self.heard.push((station, late_ms, now));
-        if self.heard.len() > STATIONS {
+        self.exchanges.push((station, late_ms, now));
+        if self.exchanges.len() > STATIONS {
             // However many there are: the one that is latest decides nothing, and one that knows nothing even less.
-            let lateness = |index: &usize| self.heard[*index].1.unwrap_or(u32::MAX);
-            let latest = (0..self.heard.len()).max_by_key(lateness);
-            latest.map(|index| self.heard.swap_remove(index));
+            let lateness = |index: &usize| self.exchanges[*index].1.unwrap_or(u32::MAX);
+            let latest = (0..self.exchanges.len()).max_by_key(lateness);
+            latest.map(|index| self.exchanges.swap_remove(index));
         }
         let was_alone = now >= self.alone;
         self.alone = now + SILENT;
@@ -141,7 +141,7 @@ impl Pace {
             is_starting: true,
             paid: now,
             alone: self.alone,
-            heard: std::mem::take(&mut self.heard),
+            exchanges: std::mem::take(&mut self.exchanges),
             described: self.described,
             begun: now,
             next: now + PERIOD,
@@ -155,7 +155,7 @@ impl Pace {
         (self.begun, self.next) = (now, now + PERIOD);
         self.sent = 0;
         let was_held = std::mem::take(&mut self.was_held);
-        let known = self.heard.iter().filter_map(|(_, late_ms, _)| *late_ms);
+        let known = self.exchanges.iter().filter_map(|(_, late_ms, _)| *late_ms);
         let Some(late_ms) = known.min() else {
             return;
         };

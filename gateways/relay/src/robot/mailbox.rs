@@ -66,10 +66,8 @@ impl Mailbox {
         config: &Config,
     ) -> Result<Mailbox, NetworkError> {
         let receive = |key: fn(NonZeroU32, &str) -> String, room| {
-            let stations = config.commands.stations.iter();
-            let stations = stations.chain(&config.security.stations);
-            let named = stations.map(|name| key(robot, name)).collect();
-            network.receive(&key(robot, "*"), named, room)
+            let named = config.stations().map(|(name, _)| key(robot, name));
+            network.receive(&key(robot, "*"), named.collect(), room)
         };
         Ok(Mailbox {
             asks: receive(names::ask, ASK_ROOM)?,
@@ -133,7 +131,7 @@ const DESCRIPTIONS: (u64, u64) = (65_536, 262_144);
 /// Lines of the log a second about stations that come, and at once.
 const LINES: (u64, u64) = (1, 20);
 
-/// Who is heard, and how often.
+/// Which messages are read, and how many of each station.
 #[derive(Clone, Debug)]
 pub struct Admission {
     ask_prefix: String,
@@ -153,20 +151,16 @@ struct Named {
 }
 
 impl Admission {
-    /// The prefixes are those of the keys of questions and orders; the rest of a key is the station's name.
+    /// To the relay of `robot`. `stations` are those that are named, and whether they may command.
     pub fn new<'a>(
-        ask_prefix: String,
-        order_prefix: String,
-        commanding: &'a [String],
-        watching: &'a [String],
+        robot: NonZeroU32,
+        stations: impl Iterator<Item = (&'a String, bool)>,
     ) -> Admission {
-        let watching = watching.iter().filter(|name| !commanding.contains(name));
-        let named = commanding.iter().map(|name| (name, true));
-        let named = named.chain(watching.map(|name| (name, false)));
         Admission {
-            ask_prefix,
-            order_prefix,
-            named: named
+            // The rest of a key is the station's name.
+            ask_prefix: names::ask(robot, ""),
+            order_prefix: names::order(robot, ""),
+            named: stations
                 .map(|(name, may_command)| Named {
                     name: name.clone(),
                     may_command,
@@ -178,6 +172,12 @@ impl Admission {
             descriptions: Budget::new(DESCRIPTIONS.0, DESCRIPTIONS.1),
             lines: Budget::new(LINES.0, LINES.1),
         }
+    }
+
+    /// Whether this station may command.
+    pub fn may_command(&self, station: &str) -> bool {
+        let mut named = self.named.iter();
+        named.any(|named| named.name == station && named.may_command)
     }
 
     /// The station whose question under this key is to be read.
@@ -220,8 +220,7 @@ mod tests {
 
     fn admission() -> Admission {
         let names = ["gcs", "viewer"].map(str::to_owned);
-        let prefix = |kind| format!("hero/1/{kind}/");
-        Admission::new(prefix("ask"), prefix("order"), &names[..1], &names)
+        Admission::new(NonZeroU32::MIN, names.iter().zip([true, false]))
     }
 
     #[test]

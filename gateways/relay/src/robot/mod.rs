@@ -81,12 +81,7 @@ impl RobotSide {
             mailbox: Mailbox::open(&network, robot, &config)?,
             services: CarriedServices::new(instance, robot, ros2)?,
             stations: Stations::new(config.network.silent_after()),
-            admission: Admission::new(
-                names::ask(robot, ""),
-                names::order(robot, ""),
-                &config.commands.stations,
-                &config.security.stations,
-            ),
+            admission: Admission::new(robot, config.stations()),
             orders: orders::RobotOrders::new(order_config, fresh()),
             reaction: Reaction::open(&ipc, config.commands.link_loss)?,
             newcomers: network.watch(names::tell(robot, "*")),
@@ -99,14 +94,6 @@ impl RobotSide {
             is_latest_wanted: false,
             ipc,
         })
-    }
-
-    fn may_command(&self, station: &str) -> bool {
-        self.config
-            .commands
-            .stations
-            .iter()
-            .any(|name| name == station)
     }
 
     fn take_messages(&mut self, out: &mut Vec<Output>) {
@@ -143,10 +130,10 @@ impl RobotSide {
     }
 
     fn pong(&mut self, station: &str, ping: &Ping, at: MonotonicNs, out: &mut Vec<Output>) -> Pong {
-        let may_command = self.may_command(station);
-        let is_changed = self
-            .stations
-            .hear(station, ping.station_instance, may_command, at);
+        let may_command = self.admission.may_command(station);
+        let is_changed =
+            self.stations
+                .note_message(station, ping.station_instance, may_command, at);
         if is_changed {
             if self.admission.logs(at) {
                 tracing::info!(station, may_command, "a station is there");
@@ -156,8 +143,8 @@ impl RobotSide {
         self.is_latest_wanted |= ping.wants_latest;
         let pace = &mut self.services.pace;
         match ping.has_all {
-            true => pace.hear(ping.station_instance, ping.late_ms, at),
-            false => pace.hear_describing(ping.station_instance, at),
+            true => pace.note_exchange(ping.station_instance, ping.late_ms, at),
+            false => pace.note_describing(ping.station_instance, at),
         }
         let session = match may_command {
             true => self
@@ -179,7 +166,6 @@ impl RobotSide {
     }
 
     fn order(&mut self, station: &str, order: &Order, out: &mut Vec<Output>) {
-        let from = out.len();
         let requests = self.services.requests_of(order.service);
         // Its service would refuse it, and until then it would be remembered.
         let len = requests
@@ -193,15 +179,8 @@ impl RobotSide {
         }
         let traits = requests.map(|requests| requests.fields.traits(&order.request));
         let traits = traits.unwrap_or_default();
-        self.orders.order(order, traits, MonotonicNs::now(), out);
-        // Only the sender of this order gets the answer that its session is not known.
-        for output in out.split_off(from) {
-            match output {
-                Output::UnknownSession(session) => {
-                    self.reply(station, &Reply::UnknownSession(session));
-                }
-                output => out.push(output),
-            }
+        if !self.orders.order(order, traits, MonotonicNs::now(), out) {
+            self.reply(station, &Reply::UnknownSession(order.session));
         }
     }
 
@@ -255,7 +234,6 @@ impl RobotSide {
                             self.reply(name, &Reply::Answer(answer));
                         }
                     }
-                    Output::UnknownSession(_) => {}
                     Output::LinkLost { station } => {
                         let name = self.orders.name_of(station);
                         tracing::warn!(station = name, "lost, with a request open");
@@ -311,8 +289,8 @@ impl Process for RobotSide {
     fn drain(&mut self, _wake: Wake) -> Result<(), WaitError> {
         let mut out = Vec::new();
         let now = MonotonicNs::now();
-        if self.newcomers.has_one_come() {
-            self.services.pace.meet(now);
+        if self.newcomers.take_arrival() {
+            self.services.pace.note_newcomer(now);
         }
         // Before the first question of a station is answered.
         if now >= self.next_look {
@@ -329,9 +307,9 @@ impl Process for RobotSide {
         if let Some(reaction) = &mut self.reaction {
             reaction.drain();
         }
-        for station in self.stations.pass(now) {
+        for station in self.stations.tick(now) {
             if self.admission.logs(now) {
-                tracing::warn!(station, "a station is heard no more");
+                tracing::warn!(station, "a station is silent");
             }
             self.own_topics.hasten(now);
         }

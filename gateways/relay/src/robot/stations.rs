@@ -1,4 +1,4 @@
-//! [`Stations`]: which stations the robot's relay hears, and what became of their requests. A pure value.
+//! [`Stations`]: which stations send to the robot's relay, and what became of their requests. A pure value.
 
 use std::time::Duration;
 
@@ -16,18 +16,18 @@ pub struct Station {
     pub name: String,
     /// Instance of its relay.
     pub instance: u64,
-    /// When it was heard last.
-    pub heard: MonotonicNs,
-    /// Since when it is heard, or is not.
+    /// When its last message came.
+    pub last_message: MonotonicNs,
+    /// Since when it is up, or is not.
     pub since: MonotonicNs,
-    /// Whether it is heard.
+    /// Whether a message of it has come of late.
     pub is_up: bool,
     /// Whether it may command.
     pub may_command: bool,
 }
 
-/// All stations, of which [`MAX_STATIONS`] are shown. One that is heard makes room for no other, but for one that may command when
-/// it may not itself. Of those that are not heard the one goes that was silent longest, those that may not command first. One that
+/// All stations, of which [`MAX_STATIONS`] are shown. One that is up makes room for no other, but for one that may command when
+/// it may not itself. Of those that are not up the one goes that was silent longest, those that may not command first. One that
 /// may not command never takes the place of one that may: its name may be made up.
 #[derive(Clone, Debug)]
 pub struct Stations {
@@ -45,14 +45,20 @@ impl Stations {
     }
 
     /// A message of a station has come. Says whether the station was not there before, or was restarted.
-    pub fn hear(&mut self, name: &str, instance: u64, may_command: bool, now: MonotonicNs) -> bool {
+    pub fn note_message(
+        &mut self,
+        name: &str,
+        instance: u64,
+        may_command: bool,
+        now: MonotonicNs,
+    ) -> bool {
         if let Some(station) = self.list.iter_mut().find(|station| station.name == name) {
             let is_changed = !station.is_up || station.instance != instance;
             if is_changed {
                 station.since = now;
             }
             station.instance = instance;
-            station.heard = now;
+            station.last_message = now;
             station.is_up = true;
             return is_changed;
         }
@@ -65,7 +71,7 @@ impl Stations {
         self.list.push(Station {
             name: name.to_owned(),
             instance,
-            heard: now,
+            last_message: now,
             since: now,
             is_up: true,
             may_command,
@@ -82,15 +88,15 @@ impl Stations {
         };
         let least = places
             .filter(|(_, station)| gives_way(station))
-            .min_by_key(|(_, station)| (station.may_command, station.is_up, station.heard));
+            .min_by_key(|(_, station)| (station.may_command, station.is_up, station.last_message));
         least.map(|(index, _)| index)
     }
 
-    /// The time passes. Says which stations are heard no more, by their names.
-    pub fn pass(&mut self, now: MonotonicNs) -> Vec<String> {
+    /// The time passes. Says which stations have fallen silent, by their names.
+    pub fn tick(&mut self, now: MonotonicNs) -> Vec<String> {
         let mut gone = Vec::new();
         for station in &mut self.list {
-            if station.is_up && now.since(station.heard) >= self.silent_after {
+            if station.is_up && now.since(station.last_message) >= self.silent_after {
                 station.is_up = false;
                 station.since = now;
                 gone.push(station.name.clone());
@@ -99,15 +105,16 @@ impl Stations {
         gone
     }
 
-    /// Whether a station is heard.
+    /// Whether a station is up.
     pub fn is_any_up(&self) -> bool {
         self.list.iter().any(|station| station.is_up)
     }
 
-    /// When a station is heard no more.
+    /// When a station has been silent for too long.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         let up = self.list.iter().filter(|station| station.is_up);
-        up.map(|station| station.heard + self.silent_after).min()
+        up.map(|station| station.last_message + self.silent_after)
+            .min()
     }
 
     /// The stations as they are published. `samples_sent` went to all of them; `orders` says what became of those of an instance, `None` if
@@ -127,7 +134,7 @@ impl Stations {
             let counts = counts.unwrap_or_default();
             RelayStation {
                 name: ascii_bytes(&station.name),
-                last_heard_ns: station.heard.0,
+                last_heard_ns: station.last_message.0,
                 since_ns: station.since.0,
                 last_order_ns: counts.last.0,
                 orders_executed: counts.executed,
@@ -171,41 +178,50 @@ mod tests {
     #[test]
     fn stations_come_fall_silent_and_come_again() {
         let mut stations = Stations::new(Duration::from_millis(1000));
-        assert!(stations.hear("gcs", 1, true, at(0)));
-        assert!(!stations.hear("gcs", 1, true, at(500)));
+        assert!(stations.note_message("gcs", 1, true, at(0)));
+        assert!(!stations.note_message("gcs", 1, true, at(500)));
         assert_eq!(stations.deadline(), Some(at(1500)));
-        assert_eq!(stations.pass(at(1499)), Vec::<String>::new());
-        assert_eq!(stations.pass(at(1500)), ["gcs"]);
+        assert_eq!(stations.tick(at(1499)), Vec::<String>::new());
+        assert_eq!(stations.tick(at(1500)), ["gcs"]);
         assert!(!stations.is_any_up() && stations.deadline().is_none());
-        assert!(stations.hear("gcs", 1, true, at(2000)), "it is back");
-        assert!(stations.hear("gcs", 2, true, at(2100)), "it was restarted");
+        assert!(
+            stations.note_message("gcs", 1, true, at(2000)),
+            "it is back"
+        );
+        assert!(
+            stations.note_message("gcs", 2, true, at(2100)),
+            "it was restarted"
+        );
     }
 
     #[test]
-    fn of_the_stations_that_are_not_heard_the_one_that_was_silent_longest_is_forgotten() {
+    fn of_the_stations_that_are_not_up_the_one_that_was_silent_longest_is_forgotten() {
         let mut stations = Stations::new(Duration::from_millis(1000));
         for index in 0..MAX_STATIONS as u64 {
-            stations.hear(&format!("gcs-{index}"), index, false, at(index));
+            stations.note_message(&format!("gcs-{index}"), index, false, at(index));
         }
-        stations.pass(at(1002));
-        assert!(stations.hear("new", 99, false, at(1002)));
+        stations.tick(at(1002));
+        assert!(stations.note_message("new", 99, false, at(1002)));
         let rows = stations.rows(0, none);
         assert_eq!(rows.len(), MAX_STATIONS);
         assert_eq!(rows[0].last_heard_ns, at(1).0);
     }
 
     #[test]
-    fn stations_that_are_heard_keep_their_rows_however_many_there_are() {
+    fn stations_that_are_up_keep_their_rows_however_many_there_are() {
         let mut stations = Stations::new(Duration::from_millis(1000));
         for ms in (0..60_000).step_by(500) {
             for index in 0..2 * MAX_STATIONS as u64 {
-                let is_changed = stations.hear(&format!("x{index}"), index, false, at(ms));
+                let is_changed = stations.note_message(&format!("x{index}"), index, false, at(ms));
                 let is_first = ms == 0 && index < MAX_STATIONS as u64;
                 assert_eq!(is_changed, is_first, "{index} at {ms} ms");
             }
-            assert_eq!(stations.pass(at(ms)), Vec::<String>::new());
+            assert_eq!(stations.tick(at(ms)), Vec::<String>::new());
         }
-        assert!(stations.hear("gcs", 99, true, at(60_000)), "it may command");
+        assert!(
+            stations.note_message("gcs", 99, true, at(60_000)),
+            "it may command"
+        );
         let rows = stations.rows(0, none);
         assert_eq!(rows.len(), MAX_STATIONS);
         assert_eq!(shown(&rows)[MAX_STATIONS - 1].0, "gcs");
@@ -214,21 +230,24 @@ mod tests {
     #[test]
     fn a_made_up_name_takes_no_place_of_a_station_that_may_command() {
         let mut stations = Stations::new(Duration::from_millis(1000));
-        stations.hear("gcs", 1, true, at(0));
+        stations.note_message("gcs", 1, true, at(0));
         for index in 0..100 {
-            stations.pass(at(2000 * index));
-            stations.hear(&format!("x{index}"), index, false, at(2000 * index));
+            stations.tick(at(2000 * index));
+            stations.note_message(&format!("x{index}"), index, false, at(2000 * index));
         }
         let rows = stations.rows(0, none);
         assert_eq!(rows.len(), MAX_STATIONS);
         assert_eq!(rows[0].may_command, 1);
         let mut full = Stations::new(Duration::from_millis(1000));
         for index in 0..MAX_STATIONS as u64 {
-            full.hear(&format!("gcs-{index}"), index, true, at(index));
+            full.note_message(&format!("gcs-{index}"), index, true, at(index));
         }
-        full.pass(at(5000));
-        assert!(!full.hear("x", 99, false, at(5000)), "there is no room");
-        assert!(full.hear("gcs-new", 99, true, at(5000)));
+        full.tick(at(5000));
+        assert!(
+            !full.note_message("x", 99, false, at(5000)),
+            "there is no room"
+        );
+        assert!(full.note_message("gcs-new", 99, true, at(5000)));
     }
 
     /// What the robot's side does with a clock message: the session in its answer.
@@ -238,7 +257,7 @@ mod tests {
         now: MonotonicNs,
     ) -> u64 {
         let name = format!("gcs-{instance}");
-        let _ = stations.hear(&name, instance, true, now);
+        let _ = stations.note_message(&name, instance, true, now);
         orders.session_for(instance, &name, now, &mut Vec::new())
     }
 
@@ -272,7 +291,7 @@ mod tests {
         for instance in 2..ALL {
             pong((&mut stations, &mut orders), instance, free);
         }
-        stations.pass(free);
+        stations.tick(free);
         assert!(pong((&mut stations, &mut orders), ALL, free) > NO_PLACE);
         let rows = stations.rows(0, |instance| orders.counts_of(instance));
         let shown_rows = shown(&rows);
@@ -287,7 +306,7 @@ mod tests {
     #[test]
     fn a_station_that_may_not_command_is_shown_with_that() {
         let mut stations = Stations::new(Duration::from_millis(1000));
-        stations.hear("viewer", 1, false, at(0));
+        stations.note_message("viewer", 1, false, at(0));
         let rows = stations.rows(0, none);
         assert_eq!(shown(&rows), [("viewer", Some(Reason::RelayNotPermitted))]);
     }

@@ -38,7 +38,7 @@ pub struct RobotLink {
     instance: u64,
     state: RelayLinkState,
     since: MonotonicNs,
-    last_heard: Option<MonotonicNs>,
+    last_answer: Option<MonotonicNs>,
     next_ping: MonotonicNs,
     outages: u32,
     clock: Clock,
@@ -87,7 +87,7 @@ impl RobotLink {
             instance,
             state: RelayLinkState::Connecting,
             since: now,
-            last_heard: None,
+            last_answer: None,
             next_ping: now,
             outages: 0,
             clock: Clock::new(),
@@ -181,7 +181,7 @@ impl RobotLink {
         let is_measured = self.measured_from.is_some_and(|from| exchange.sent >= from);
         self.late = is_measured.then(|| took.saturating_sub(self.quickest));
         self.unanswered.retain(|sent| *sent > exchange.sent);
-        self.last_heard = Some(at);
+        self.last_answer = Some(at);
         if self.state != RelayLinkState::Up && self.clock.estimate(at).is_some() {
             self.change(RelayLinkState::Up, at);
             update.is_up = true;
@@ -204,16 +204,16 @@ impl RobotLink {
     }
 
     /// A sample has come: the robot need not send the latest ones again, if it was asked to.
-    pub fn hear_sample(&mut self) {
+    pub fn note_sample(&mut self) {
         if self.latest == Latest::Coming {
             self.latest = Latest::Here;
         }
     }
 
     /// The time passes. Says whether the link has gone down.
-    pub fn pass(&mut self, now: MonotonicNs) -> bool {
-        let heard = self.last_heard.unwrap_or(self.since);
-        if !self.is_up() || now.since(heard) < self.silent_after {
+    pub fn tick(&mut self, now: MonotonicNs) -> bool {
+        let last = self.last_answer.unwrap_or(self.since);
+        if !self.is_up() || now.since(last) < self.silent_after {
             return false;
         }
         self.change(RelayLinkState::Down, now);
@@ -261,8 +261,8 @@ impl RobotLink {
 
     /// When something is to be done though nothing comes.
     pub fn deadline(&self) -> MonotonicNs {
-        let silent = match self.last_heard {
-            Some(heard) if self.is_up() => heard + self.silent_after,
+        let silent = match self.last_answer {
+            Some(last) if self.is_up() => last + self.silent_after,
             _ => MonotonicNs(u64::MAX),
         };
         let question = self.catalog.deadline().filter(|_| self.is_up());
@@ -279,7 +279,7 @@ impl RobotLink {
     /// Writes how the link is, and what the robot's clock shows, into what is published.
     pub fn fill(&self, row: &mut RelayLink, now: MonotonicNs) {
         row.since_ns = self.since.0;
-        row.last_heard_ns = self.last_heard.unwrap_or_default().0;
+        row.last_heard_ns = self.last_answer.unwrap_or_default().0;
         row.state = self.shown_state().code();
         row.outages = self.outages;
         row.clock_resets = u32::try_from(self.clock.resets()).unwrap_or(u32::MAX);
@@ -369,8 +369,8 @@ mod tests {
         let update = answered(&mut link, 0, 1, 0);
         assert!(update.is_up && update.is_other_instance && link.is_up());
         assert!(link.ping(at(100), 0).is_none());
-        assert!(!link.pass(at(2009)));
-        assert!(link.pass(at(2010)) && !link.is_up());
+        assert!(!link.tick(at(2009)));
+        assert!(link.tick(at(2010)) && !link.is_up());
         assert_eq!((link.outages, link.deadline()), (1, at(2010)));
         assert!(answered(&mut link, 2010, 1, 0).is_up);
         assert!(!answered(&mut link, 2600, 1, 0).is_up, "it is up already");
@@ -448,16 +448,16 @@ mod tests {
         assert!(!asks(&mut link, 1000).0, "it is not described");
         let page = ServicesPage::of(&[service]).remove(0);
         assert_eq!(link.take_part(&page.part(1, 0, 0).unwrap()).len(), 1);
-        link.hear_sample();
+        link.note_sample();
         let (is_asked, ping) = asks(&mut link, 1500);
         assert!(is_asked, "that came before it was asked for");
-        link.hear_sample();
+        link.note_sample();
         assert!(asks(&mut link, 2000).0, "that may have been under way");
         link.take(&pong(1, &ping, 1), at(2010), 0);
         assert!(asks(&mut link, 2500).0, "none has come");
-        link.hear_sample();
+        link.note_sample();
         assert!(!asks(&mut link, 3000).0);
-        assert!(link.pass(at(6000)));
+        assert!(link.tick(at(6000)));
         assert!(!asks(&mut link, 6000).0, "it is down");
         assert!(answered(&mut link, 6200, 1, 1).is_up);
         assert!(asks(&mut link, 6700).0);

@@ -26,7 +26,7 @@ use crate::message::{
 use crate::names;
 use crate::network::{Inbox, MAX_MESSAGE_BYTES, Network, Room};
 use crate::orders::message::{NOT_PERMITTED, RelayVerdict, request_id};
-use crate::orders::station::{ClientRequest, Config as OrderConfig, Origin, Output, StationOrders};
+use crate::orders::station::{ClientRequest, Origin, Output, StationOrders};
 use crate::own_topics::OwnTopics;
 use crate::random::{fresh, suspended_ns};
 use catalog::Question;
@@ -186,9 +186,7 @@ impl Remote {
             station: station.to_owned(),
             link: RobotLink::new(fresh(), config.network.silent_after(), now),
             mirrors: Mirrors::new()?,
-            orders: StationOrders::new(OrderConfig {
-                give_up: config.commands.unknown_after(),
-            }),
+            orders: StationOrders::new(config.commands.unknown_after()),
             moments: Moments::default(),
             default_deadline: config.commands.deadline(),
             endpoints: [&config.station.connect[..], &config.station.listen[..]]
@@ -220,7 +218,7 @@ impl Remote {
         if self.link.shown_state() != was_shown {
             self.topics.hasten(now);
         }
-        if self.link.pass(now) {
+        if self.link.tick(now) {
             tracing::warn!(robot = %self.robot.number, "the link to the robot is down");
             self.topics.hasten(now);
         }
@@ -272,7 +270,7 @@ impl Remote {
             }
             let key = names::last(incoming.key);
             if mirrors.publish(key, &header, incoming.payload, link.clock(), incoming.at) {
-                link.hear_sample();
+                link.note_sample();
             }
         });
     }

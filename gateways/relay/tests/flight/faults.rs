@@ -401,7 +401,7 @@ fn a_station_that_stands_still_does_not_hold_up_another_one() {
     await_link(&other, 1);
     relay.signal(Signal::STOP);
     let robot_relay = rig.robot_relay.as_mut().expect("it runs");
-    robot_relay.wait_for_text("a station is heard no more");
+    robot_relay.wait_for_text("a station is silent");
 
     let mut telemetry = rig.station.subscribe::<HeroTelemetry>(1);
     let begin = MonotonicNs::now();

@@ -1,5 +1,6 @@
 //! Bytes of any kind as messages, and as scripts of what strangers do to the pure parts of both sides.
 
+use std::num::NonZeroU32;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
@@ -11,7 +12,7 @@ use relay::orders::message::{Answer, NO_PLACE, Order, WINDOW};
 use relay::orders::robot::{
     Config as RobotConfig, NotSent, ORPHANS, Output, RobotOrders, SESSIONS, Traits,
 };
-use relay::orders::station::{ClientRequest, Config as StationConfig, OPEN_ORDERS, StationOrders};
+use relay::orders::station::{ClientRequest, OPEN_ORDERS, StationOrders};
 use relay::robot::mailbox::Admission;
 use relay::robot::stations::Stations;
 use relay::station::link::RobotLink;
@@ -134,7 +135,7 @@ impl RobotSide {
         let may_command = name == NAMES[0];
         let _ = self
             .stations
-            .hear(name, ping.station_instance, may_command, now);
+            .note_message(name, ping.station_instance, may_command, now);
         if may_command {
             let instance = ping.station_instance;
             let session = self.orders.session_for(instance, name, now, &mut self.out);
@@ -164,7 +165,7 @@ pub fn robot_side(data: &[u8]) {
     let names = [NAMES[0].to_owned(), NAMES[1].to_owned()];
     let (ask, order) = ("hero/1/ask/", "hero/1/order/");
     let mut side = RobotSide {
-        admission: Admission::new(ask.to_owned(), order.to_owned(), &names[..1], &names),
+        admission: Admission::new(NonZeroU32::MIN, names.iter().zip([true, false])),
         stations: Stations::new(Duration::from_millis(2500)),
         orders: RobotOrders::new(
             RobotConfig {
@@ -219,7 +220,7 @@ pub fn robot_side(data: &[u8]) {
             }
         }
         side.orders.tick(now, &mut side.out);
-        let _ = side.stations.pass(now);
+        let _ = side.stations.tick(now);
         let _ = (side.orders.deadline(), side.stations.deadline());
         assert!(side.orders.remembered() <= SESSIONS * WINDOW as usize + ORPHANS);
         assert!(side.stations.rows(0, |_| None).len() <= MAX_STATIONS);
@@ -238,9 +239,7 @@ pub fn station_side(data: &[u8]) {
     const INSTANCE: u64 = 5;
     let mut script = Script { data };
     let mut link = RobotLink::new(INSTANCE, Duration::from_millis(2500), BEGIN);
-    let mut orders = StationOrders::new(StationConfig {
-        give_up: Duration::from_secs(60),
-    });
+    let mut orders = StationOrders::new(Duration::from_secs(60));
     let (mut receiver, mut out, mut handle, mut now) =
         (SampleReceiver::default(), Vec::new(), 0, BEGIN);
     let mut moments = Moments::default();
@@ -325,7 +324,7 @@ pub fn station_side(data: &[u8]) {
             Some(Reply::UnknownSession(session)) => orders.unknown_session(session),
             None => {}
         }
-        let _ = link.pass(now);
+        let _ = link.tick(now);
         let _ = (link.ping(now, 0), link.question(now), link.deadline());
         let _ = link
             .clock()

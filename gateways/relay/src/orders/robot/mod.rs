@@ -79,7 +79,7 @@ impl RobotOrders {
         now: MonotonicNs,
         out: &mut Vec<Output>,
     ) -> u64 {
-        let (token, forgotten) = self.sessions.hear(station, name, now);
+        let (token, forgotten) = self.sessions.note_ping(station, name, now);
         if let Some(session) = forgotten {
             let limit = self.config.link_loss;
             let is_changed = limit.and_then(|limit| session.lost_at(limit)).is_some();
@@ -97,18 +97,19 @@ impl RobotOrders {
     ///
     /// It is passed on when all orders of its session before it were here, unless it [ends a movement](Traits::ends_movement). A
     /// repetition, which nothing is begun for, waits for none either.
+    ///
+    /// False if its session is not known, which the sender of this order is to be told, and no other station.
     pub fn order(
         &mut self,
         order: &Order,
         traits: Traits,
         now: MonotonicNs,
         out: &mut Vec<Output>,
-    ) {
+    ) -> bool {
         let Some(session) = self.sessions.of(order.session) else {
-            out.push(Output::UnknownSession(order.session));
-            return;
+            return false;
         };
-        session.hear(now);
+        session.note_message(now);
         let (station, former_floor) = (session.station, session.floor);
         let is_sent = session.see(order.number, order.floor);
         let floor = session.floor;
@@ -116,7 +117,7 @@ impl RobotOrders {
             self.records.forget(order.session, floor, out);
         }
         if !is_sent {
-            return;
+            return true;
         }
         let index = match self.records.known(order, station) {
             OrderMatch::Yes(index) => index,
@@ -147,6 +148,7 @@ impl RobotOrders {
         }
         self.answer(index, out);
         self.pass_on_in_turn(now, out);
+        true
     }
 
     /// A report about a request has come from its server, or from the client's port.

@@ -30,7 +30,7 @@ pub enum NotSent {
 /// What the robot side has to do.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Output {
-    /// Send a request to its server on the robot. If that fails, `Robot::not_sent` has to be called.
+    /// Send a request to its server on the robot. If that fails, [`RobotOrders::not_sent`](super::RobotOrders::not_sent) has to be called.
     Send {
         /// Instance of the station that ordered it.
         station: u64,
@@ -57,8 +57,6 @@ pub enum Output {
         /// The message.
         answer: Answer,
     },
-    /// Reply the sender of the order that its session is not known. Only `Robot::order` puts this out.
-    UnknownSession(u64),
     /// A station with an open order has been silent for the configured time. Once for each silence.
     LinkLost {
         /// Instance of the station.

@@ -10,7 +10,7 @@ use ipc_types::MonotonicNs;
 
 use crate::orders::message::{NO_PLACE, NOT_PERMITTED, RelayVerdict, WINDOW};
 
-/// Lives of stations that have a session at the same time: a fleet's three ground stations, each restarted once or twice within
+/// Instances of stations that have a session at the same time: a fleet's three ground stations, each restarted once or twice within
 /// the time that an outage takes. One more has to wait, and its requests are refused.
 pub const SESSIONS: usize = 8;
 
@@ -57,9 +57,9 @@ pub(super) struct StationSession {
     /// What became of its orders; those that are open are counted where they are remembered.
     pub(super) counts: OrderCounts,
     /// When its last clock message came.
-    pinged: MonotonicNs,
+    last_ping: MonotonicNs,
     /// When any message of it came.
-    heard: MonotonicNs,
+    last_message: MonotonicNs,
     /// That it is silent was reported.
     is_reported: bool,
 }
@@ -77,7 +77,7 @@ pub(super) struct Sessions {
 impl StationSession {
     /// When the station has been silent for `link_loss`. `None` if that was reported.
     pub(super) fn lost_at(&self, link_loss: Duration) -> Option<MonotonicNs> {
-        (!self.is_reported).then(|| self.heard + link_loss)
+        (!self.is_reported).then(|| self.last_message + link_loss)
     }
 
     /// An order has come. Says whether it is one that the station sends: not below the floor, which it may raise, nor too far above.
@@ -101,8 +101,8 @@ impl StationSession {
         u64::from(self.seen.trailing_ones()) >= number.saturating_sub(self.floor)
     }
 
-    pub(super) fn hear(&mut self, now: MonotonicNs) {
-        self.heard = self.heard.max(now);
+    pub(super) fn note_message(&mut self, now: MonotonicNs) {
+        self.last_message = self.last_message.max(now);
         self.is_reported = false;
     }
 
@@ -153,7 +153,7 @@ impl Sessions {
 
     /// A clock message of this instance of the station `name` has come: the token of its session, and the session that was forgotten for
     /// it. The token is [`NO_PLACE`] if all sessions are those of active instances, and [`NOT_PERMITTED`] if the instance is another station's.
-    pub(super) fn hear(
+    pub(super) fn note_ping(
         &mut self,
         station: u64,
         name: &str,
@@ -164,8 +164,8 @@ impl Sessions {
             if session.name != name {
                 return (NOT_PERMITTED, None);
             }
-            session.pinged = session.pinged.max(now);
-            session.hear(now);
+            session.last_ping = session.last_ping.max(now);
+            session.note_message(now);
             return (session.token, None);
         }
         let mut forgotten = None;
@@ -183,8 +183,8 @@ impl Sessions {
             floor: 0,
             seen: 0,
             counts: OrderCounts::default(),
-            pinged: now,
-            heard: now,
+            last_ping: now,
+            last_message: now,
             is_reported: false,
         });
         (token, forgotten)
@@ -193,8 +193,8 @@ impl Sessions {
     /// The session whose instance was silent longest of those that are not active.
     fn silent_longest(&self, now: MonotonicNs) -> Option<usize> {
         let sessions = self.sessions.iter().enumerate();
-        let silent = sessions.filter(|(_, session)| now.since(session.pinged) >= INSTANCE_KEPT);
-        let longest = silent.min_by_key(|(_, session)| session.pinged);
+        let silent = sessions.filter(|(_, session)| now.since(session.last_ping) >= INSTANCE_KEPT);
+        let longest = silent.min_by_key(|(_, session)| session.last_ping);
         longest.map(|(index, _)| index)
     }
 

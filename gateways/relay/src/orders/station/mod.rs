@@ -34,22 +34,6 @@ const FORMER_SESSIONS: usize = 8;
 /// The shortest time after which an unanswered order is repeated.
 const LEAST_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// Settings of the station.
-#[derive(Clone, Copy, Debug)]
-pub struct Config {
-    /// After so long without an answer of the robot, the client gets the report that the outcome is unknown. An outage shorter
-    /// than this ends with the true report.
-    pub give_up: Duration,
-}
-
-impl Default for Config {
-    fn default() -> Config {
-        Config {
-            give_up: Duration::from_secs(60),
-        }
-    }
-}
-
 /// In which clock `reported_ns` of a report is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
@@ -78,7 +62,7 @@ pub enum Output {
 /// One instance of a station: its orders to one robot.
 #[derive(Clone, Debug)]
 pub struct StationOrders {
-    config: Config,
+    give_up: Duration,
     session: Option<u64>,
     /// The robot side has no place for this station.
     is_left_out: bool,
@@ -94,10 +78,11 @@ pub struct StationOrders {
 }
 
 impl StationOrders {
-    /// A station that has not heard from its robot.
-    pub fn new(config: Config) -> StationOrders {
+    /// A station to which its robot has said nothing yet. After `give_up` without an answer of the robot, the client gets the report that
+    /// the outcome is unknown. An outage shorter than this ends with the true report.
+    pub fn new(give_up: Duration) -> StationOrders {
         StationOrders {
-            config,
+            give_up,
             session: None,
             is_left_out: false,
             former_sessions: VecDeque::with_capacity(FORMER_SESSIONS),
@@ -235,7 +220,7 @@ impl StationOrders {
 
     /// Does what is due. Call it at [`StationOrders::deadline`].
     pub fn tick(&mut self, now: MonotonicNs, out: &mut Vec<Output>) {
-        let limit = self.config.give_up;
+        let limit = self.give_up;
         self.entries.retain_mut(|entry| {
             if entry.lost_at(limit).is_none_or(|at| at > now) {
                 return true;
@@ -257,7 +242,7 @@ impl StationOrders {
         let from = self.asked_from().filter(|_| self.session.is_some());
         let round = from.map(|from| from.max(self.next_round));
         let entries = self.entries.iter();
-        let losses = entries.filter_map(|entry| entry.lost_at(self.config.give_up));
+        let losses = entries.filter_map(|entry| entry.lost_at(self.give_up));
         losses.chain(round).min()
     }
 

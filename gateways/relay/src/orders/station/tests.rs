@@ -15,7 +15,7 @@ impl Rig {
     /// A station with a session.
     fn new() -> Rig {
         let mut rig = Rig {
-            station: StationOrders::new(Config::default()),
+            station: StationOrders::new(Duration::from_secs(60)),
             now: SECOND,
             out: Vec::new(),
         };

@@ -2,6 +2,7 @@
 //! stations and a program on the robot, through loss, delay, repetition, reordering, outages, stalls and clocks that are not known exactly.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use bridge::flight::request::{IssueMark, Issued};
 use fastrand::Rng;
@@ -83,7 +84,7 @@ struct Slot {
     station: StationOrders,
     clock: Clock,
     moments: Moments,
-    heard: Option<u64>,
+    last_pong: Option<u64>,
     outage_until: u64,
 }
 
@@ -121,10 +122,10 @@ impl Sky {
         let mut random = Rng::with_seed(seed);
         let stations = 1 + random.u64(..3) as usize;
         let slot = |_| Slot {
-            station: StationOrders::new(station::Config::default()),
+            station: StationOrders::new(Duration::from_secs(60)),
             clock: Clock::new(),
             moments: Moments::default(),
-            heard: None,
+            last_pong: None,
             outage_until: 0,
         };
         let mut sky = Sky {
@@ -280,10 +281,10 @@ impl Sky {
         let Slot {
             clock,
             moments,
-            heard,
+            last_pong,
             ..
         } = &mut self.slots[slot];
-        let is_up = heard.is_some_and(|heard| self.now - heard < 2_500 * MS);
+        let is_up = last_pong.is_some_and(|last_pong| self.now - last_pong < 2_500 * MS);
         let begin_by = earliest(MonotonicNs(word(&bytes, BEGIN_BY)), clock);
         let issued = moments.issued(MonotonicNs(word(&bytes, ISSUED)), clock, now);
         let (Some(begin_by), Some(issued)) = (begin_by, issued) else {
@@ -318,9 +319,8 @@ impl Sky {
                     is_repeatable: true,
                     ends_movement: order.request[HOLD] == 1,
                 };
-                robot.order(order, traits, now, out);
-                if let [robot::Output::UnknownSession(session)] = out[..] {
-                    down = Some(Down::UnknownSession(session));
+                if !robot.order(order, traits, now, out) {
+                    down = Some(Down::UnknownSession(order.session));
                 }
             }
         });
@@ -331,7 +331,7 @@ impl Sky {
 
     fn arrive_at_station(&mut self, slot: usize, down: &Down) {
         let now = self.now;
-        self.slots[slot].heard = Some(now);
+        self.slots[slot].last_pong = Some(now);
         if let Down::Pong(_, sent, remote) = *down {
             let exchange = Exchange {
                 sent: MonotonicNs(sent),

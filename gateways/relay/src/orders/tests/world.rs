@@ -37,7 +37,7 @@ pub(super) struct Faults {
 }
 
 const PING_PERIOD: u64 = 500 * MS;
-/// A station that has heard nothing for so long refuses requests.
+/// A station that has received nothing for so long refuses requests.
 const LINK_TIMEOUT: u64 = 3 * SECOND;
 /// The clocks begin somewhere.
 const ROBOT_CLOCK: u64 = 1_000_000 * SECOND;
@@ -76,7 +76,7 @@ enum Down {
 struct Slot {
     instance: u64,
     station: StationOrders,
-    heard: Option<u64>,
+    last_pong: Option<u64>,
     outage_until: u64,
     /// The station has ended for good.
     is_over: bool,
@@ -132,8 +132,8 @@ impl World {
             let instance = world.random.u64(..);
             world.slots.push(Slot {
                 instance,
-                station: StationOrders::new(station::Config::default()),
-                heard: None,
+                station: StationOrders::new(Duration::from_secs(60)),
+                last_pong: None,
                 outage_until: 0,
                 is_over: false,
             });
@@ -169,7 +169,7 @@ impl World {
     fn end_those_that_are_too_many(&mut self) {
         for slot in SESSIONS..self.slots.len() {
             self.cases.station_gone(slot);
-            self.slots[slot].station = StationOrders::new(station::Config::default());
+            self.slots[slot].station = StationOrders::new(Duration::from_secs(60));
             self.slots[slot].is_over = true;
         }
     }
@@ -266,8 +266,8 @@ impl World {
                 self.cases.station_gone(slot);
                 let station = &mut self.slots[slot];
                 station.instance = self.random.u64(..);
-                station.station = StationOrders::new(station::Config::default());
-                station.heard = None;
+                station.station = StationOrders::new(Duration::from_secs(60));
+                station.last_pong = None;
                 self.fault(faults.station_restart_every, Event::StationRestart(slot));
             }
             Event::RobotRestart => {
@@ -323,8 +323,8 @@ impl World {
             let at = self.now + self.random.u64(..3 * SECOND);
             self.at(at, Event::ClientGone(id));
         }
-        let heard = self.slots[slot].heard;
-        let is_up = heard.is_some_and(|heard| self.now - heard < LINK_TIMEOUT);
+        let last_pong = self.slots[slot].last_pong;
+        let is_up = last_pong.is_some_and(|last_pong| self.now - last_pong < LINK_TIMEOUT);
         self.with_station(slot, |station, now, out| {
             station.request(request, is_up, now, out);
         });
@@ -338,9 +338,8 @@ impl World {
         self.with_robot(|robot, now, out| match message {
             Up::Ping => down = Some(Down::Pong(robot.session_for(instance, "gcs", now, out))),
             Up::Order(order) => {
-                robot.order(order, traits_of(order), now, out);
-                if let [robot::Output::UnknownSession(session)] = out[..] {
-                    down = Some(Down::UnknownSession(session));
+                if !robot.order(order, traits_of(order), now, out) {
+                    down = Some(Down::UnknownSession(order.session));
                 }
             }
         });
@@ -353,7 +352,7 @@ impl World {
         if self.slots[slot].instance != instance || self.slots[slot].is_over {
             return;
         }
-        self.slots[slot].heard = Some(self.now);
+        self.slots[slot].last_pong = Some(self.now);
         self.with_station(slot, |station, now, out| match message {
             Down::Pong(session) => station.session(*session, now, out),
             Down::Answer(answer) => station.answer(answer, now, out),
@@ -442,7 +441,6 @@ impl World {
                     });
                 }
             }
-            robot::Output::UnknownSession(_) => {}
             robot::Output::LinkLost { .. } => self.links_lost += 1,
         }
     }

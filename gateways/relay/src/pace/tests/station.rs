@@ -92,7 +92,7 @@ fn minute(bytes_per_ms: u64) -> Seen {
     };
     let mut to_robot: VecDeque<(u64, Result<Ping, Passing>)> = VecDeque::new();
     let mut seen = Seen::default();
-    pace.meet(at(0));
+    pace.note_newcomer(at(0));
     for ms in 1..60_000 {
         let now = at(ms);
         while let Some((arrives, _)) = to_robot.front()
@@ -101,8 +101,8 @@ fn minute(bytes_per_ms: u64) -> Seen {
             match to_robot.pop_front().expect("it is there").1 {
                 Ok(ping) => {
                     match ping.has_all {
-                        true => pace.hear(STATION, ping.late_ms, now),
-                        false => pace.hear_describing(STATION, now),
+                        true => pace.note_exchange(STATION, ping.late_ms, now),
+                        false => pace.note_describing(STATION, now),
                     }
                     way.send(MESSAGE, Passing::Pong(pong(&ping, now, pages.len())));
                 }
@@ -130,7 +130,7 @@ fn minute(bytes_per_ms: u64) -> Seen {
         while let Some(what) = way.pass(ms) {
             match what {
                 Passing::Sample(had_ms) => {
-                    link.hear_sample();
+                    link.note_sample();
                     if ms > 30_000 {
                         seen.ages.push(ms - had_ms);
                     }
@@ -141,7 +141,7 @@ fn minute(bytes_per_ms: u64) -> Seen {
             }
         }
         link.note_complete();
-        seen.outages += u32::from(link.pass(now));
+        seen.outages += u32::from(link.tick(now));
         let is_shown_up = link.shown_state() == ipc_types::code::RelayLinkState::Up;
         if is_shown_up && seen.up_after == 0 {
             seen.up_after = ms;
