@@ -10,7 +10,6 @@ mod cable;
 mod chain;
 mod conform;
 mod consistency;
-mod control;
 mod demo;
 mod doctor;
 mod documents;

@@ -9,8 +9,9 @@ use ril_tests::process::Signal;
 use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 use serde_json::Value;
 
-use super::station::{OPERATOR, STATUS, Station, on_terminal};
+use super::station::{OPERATOR, STATUS, station};
 use crate::common::{end, json, sandbox};
+use crate::watch::screen::on_terminal;
 
 /// The report of `ril preflight --json`, which must end with `code`.
 #[track_caller]
@@ -35,7 +36,7 @@ fn verdict<'a>(report: &'a Value, id: &str) -> &'a str {
 #[test]
 fn a_robot_that_is_ready_passes_and_starts_without_a_word() {
     let rig = sandbox();
-    let station = Station::start(&rig, "");
+    let station = station(&rig, 1);
     let first = report(&rig, "--strict", 0);
     assert_eq!(first["verdict"], "pass", "{first:#}");
     let unmade: Vec<&Value> = first["checks"]
@@ -101,7 +102,7 @@ fn an_empty_battery_and_a_missing_fix_fail_and_a_start_says_so_and_goes_on() {
         "dsp-sim.toml",
         "[energy]\nbattery_v = 22.0\nfuel_percent = 40\n[gps]\nfix_after_s = 3600.0\n",
     );
-    let station = Station::start(&rig, "");
+    let station = station(&rig, 1);
     let report = report(&rig, "", 8);
     for (id, expected) in [
         ("battery", "fail"),
@@ -152,13 +153,8 @@ fn a_dead_link_fails_and_what_depends_on_it_is_not_judged() {
         "ril.toml",
         "[observe]\ntimeout_s = 60.0\n[preflight]\nmax_age_s = 0.1\nlog_room_mib = 0\n",
     );
-    let station = Station::start(&rig, "");
-    let Station {
-        sim,
-        bridge,
-        status,
-    } = station;
-    end(sim, Signal::INT);
+    let station = station(&rig, 1);
+    end(station.sim, Signal::INT);
     rig.watch(1).until("the port is gone", |state| {
         state.link.state() == Some(LinkState::Gone)
             && ipc_types::MonotonicNs::now()
@@ -176,7 +172,7 @@ fn a_dead_link_fails_and_what_depends_on_it_is_not_judged() {
         assert_eq!(verdict(&report, id), expected, "{id}: {report:#}");
     }
     on_terminal(&rig, "preflight", 8);
-    for process in [status, bridge] {
+    for process in [station.status, station.bridge] {
         end(process, Signal::INT);
     }
 }
@@ -186,7 +182,7 @@ fn a_dead_link_fails_and_what_depends_on_it_is_not_judged() {
 #[test]
 fn a_robot_that_would_not_answer_an_order_is_not_ready() {
     let rig = sandbox();
-    let station = Station::start(&rig, "");
+    let station = station(&rig, 1);
     let ipc = rig.domain.join("consumer");
     let mut watch = rig.watch(1);
     let process = Pid::from_raw(station.bridge.id() as i32);
@@ -258,7 +254,7 @@ fn of_a_relayed_robot_the_link_is_checked_and_the_disk_is_not() {
 #[test]
 fn what_the_live_bridge_runs_with_counts_and_not_a_file_that_was_changed_since() {
     let rig = sandbox();
-    let station = Station::start(&rig, "");
+    let station = station(&rig, 1);
     let ready = rig.run("preflight", 0);
     ready.out_says("battery and fuel are watched in flight, as the running configuration says");
     rig.run("doctor", 0).out_says(

@@ -2,13 +2,14 @@
 
 use ril_tests::process::Signal;
 
-use super::station::{Station, done, on_terminal, until_joined};
+use super::station::{done, station, until_joined};
 use crate::common::{end, json, sandbox, says};
+use crate::watch::screen::on_terminal;
 
 #[test]
 fn a_flight_is_followed_by_conditions() {
     let rig = sandbox();
-    let station = Station::start(&rig, "--speed 10");
+    let station = station(&rig, 10);
     rig.run("start", 0);
     let climb = rig.start("takeoff --altitude 10");
     let finished = rig.run("wait --for altitude>=19 --for flying --timeout 600s", 0);
@@ -52,7 +53,7 @@ fn a_flight_is_followed_by_conditions() {
 fn it_waits_for_processes_that_are_yet_to_start() {
     let rig = sandbox();
     let waiting = rig.start("wait --for up --for fix=4 --timeout 600s");
-    let station = Station::start(&rig, "");
+    let station = station(&rig, 1);
     assert_eq!(done(waiting), ["up: link up", "fix=4: 4"]);
     station.end();
 }
