@@ -16,9 +16,8 @@ use serde_json::{Value, json};
 use zenoh::Wait;
 use zenoh::sample::{Sample, SampleKind};
 
-use super::python::{python_or_skip, script};
 use super::samples::{self, samples};
-use super::{check_topics, folder_with_packages};
+use super::{check_topics, folder_with_packages, python_or_skip, script};
 
 ipc_types::shared_struct! {
     /// A topic of a module, with a name that a standard message has too.
@@ -129,7 +128,7 @@ fn zenoh_ros2_sdk_lists_and_echoes_what_the_running_relay_publishes() {
         leave_out_what_each_run_changes(&mut sample.values);
     }
     let folder = folder_with_packages(&own_schemas());
-    check_topics(python, &robot.endpoint, &expected, folder.path());
+    check_topics(&python, &robot.endpoint, &expected, folder.path());
     robot.end();
 }
 
@@ -156,7 +155,7 @@ fn eclipse_zenoh_reads_the_documented_keys_as_a_peer_and_as_a_client() {
         "timeout_s": 30,
         "values": hero.values,
     });
-    let mut command = script(python, "check_keys.py");
+    let mut command = script(&python, "check_keys.py");
     command.args(["--endpoint", &robot.endpoint, "--expected"]);
     run(command.arg(expected.to_string())).unwrap();
     robot.end();

@@ -200,7 +200,7 @@ fn flown(
 ) {
     let rig = sandbox();
     let what = format!("{} with {packages}", script.display());
-    let python = match packages::python_alone(packages) {
+    let python = match packages::python(packages) {
         Ok(python) => python,
         Err(why) => return languages::skip(&what, &why),
     };

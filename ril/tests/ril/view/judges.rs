@@ -28,7 +28,7 @@ const NODE_PACKAGES: [&str; 5] = [
 ];
 
 /// From PyPI.
-const PYTHON_PACKAGES: [&str; 1] = ["robo-ws-bridge>=0.11,<0.12"];
+const PYTHON_PACKAGES: &str = "robo-ws-bridge>=0.11,<0.12";
 
 /// Messages of each topic.
 const COUNT: usize = 3;
@@ -189,7 +189,7 @@ fn lichtblicks_library_gets_each_topic_as_ril_echo_prints_it() {
 
 #[test]
 fn a_client_in_python_reads_orders_and_asks() {
-    let python = match packages::python("judges", &PYTHON_PACKAGES, "import robo_ws_bridge") {
+    let python = match packages::python(PYTHON_PACKAGES) {
         Ok(python) => python,
         Err(why) => return skip("the view in robo-ws-bridge", &why),
     };
