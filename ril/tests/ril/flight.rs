@@ -72,36 +72,6 @@ fn a_whole_mission_by_hand() {
 }
 
 #[test]
-fn what_cannot_be_done_now_is_refused_with_the_reason() {
-    let rig = sandbox();
-    // In real time, and high: the take-off lasts as long as the test needs it.
-    let robot = start_robot(&rig, 1);
-    let (latitude, longitude, altitude) = place(&rig, 1);
-    let here = format!("goto {latitude},{longitude},{altitude}");
-    let refused = |args: &str, reason: &str| {
-        let finished = rig.run(args, 5);
-        let expected = format!("refused ({reason})");
-        finished.err_says(&expected);
-    };
-    refused(&here, "not-started");
-    refused("takeoff --altitude 5", "not-started");
-    rig.run("start", 0);
-    refused("start", "already-running");
-    refused("land", "not-flying");
-    refused(&here, "not-flying");
-    refused("takeoff --altitude 1000", "out-of-range");
-    rig.run("takeoff --altitude 150 --no-wait", 0);
-    refused("takeoff --altitude 150", "busy");
-    refused("stop", "unable-to-abort");
-    refused(&here, "busy");
-    let state = shown_state(&rig, 1);
-    assert_eq!(state["module"]["functionality"], "taking-off");
-    assert_eq!(state["module"]["unable_to_abort"], true);
-    assert_eq!(state["module"]["error"], "impossible-to-stop-module");
-    robot.end();
-}
-
-#[test]
 fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped() {
     let rig = sandbox();
     let robot = start_robot(&rig, 10);
