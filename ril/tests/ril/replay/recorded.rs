@@ -64,6 +64,7 @@ fn what_was_recorded_is_verified_bit_for_bit_and_played() {
     }
     let played = rig.run("replay flight.mcap --speed 100 --json", 0);
     let summary = json(played.stdout.last().unwrap());
+    assert_eq!(summary["schema"], "ril.Replay.v1");
     assert!(summary["samples"].as_u64().unwrap() > 200, "{summary}");
     // Four requests, and what became of them.
     assert!(summary["requests"].as_u64().unwrap() >= 8, "{summary}");

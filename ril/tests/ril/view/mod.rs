@@ -52,8 +52,17 @@ impl View {
 
     /// The same with further options.
     fn start_with(rig: &Sandbox, options: &str) -> View {
+        View::start_by(rig, &format!("run view {options}"))
+    }
+
+    /// The replay of a file.
+    fn of_file(rig: &Sandbox, file: &str) -> View {
+        View::start_by(rig, &format!("view {file} --no-browser"))
+    }
+
+    fn start_by(rig: &Sandbox, args: &str) -> View {
         let port = free_port();
-        let mut process = ril(rig, &format!("run view --port {port} {options}"));
+        let mut process = ril(rig, &format!("{args} --port {port}"));
         process.wait_for_text("ready");
         let token = token(rig, port);
         View {
