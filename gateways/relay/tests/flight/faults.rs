@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, RelayLinkState};
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations};
+use ipc_types::payload::{HeroTelemetry, ModuleState, RelayLink, RelayStations};
 use ril_tests::air::{Air, Weather};
 use ril_tests::process::{Finished, Signal};
 use ril_tests::relayed::{
@@ -165,40 +165,35 @@ fn a_robot_that_is_to_land_lands_when_the_station_is_lost() {
 /// How often the link is cut.
 const CUTS: usize = 3;
 
+/// A robot and a station with a radio between them, and when the station takes the link for silent. `None` if there is no `ril`.
+fn over_the_air(name: &str, weather: Weather, silent_after_ms: u32) -> Option<(Rig, Air)> {
+    let ril = ril()?;
+    let (robot, station) = (machine(&ril, name), machine(&ril, name));
+    let silent = format!("[network]\nsilent_after_ms = {silent_after_ms}\n");
+    station.write("relay.toml", &silent);
+    let endpoint = free_endpoint();
+    let air = Air::to(&endpoint, weather);
+    let endpoints = [endpoint, air.endpoint.clone()];
+    Some((Rig::over(robot, station, endpoints, SPEED), air))
+}
+
 #[test]
 fn a_path_that_was_ordered_before_a_hold_is_not_flown_after_it_when_the_link_comes_back() {
-    let Some(ril) = ril() else {
+    // A request that comes while the link is cut is not refused: the station does not know yet that it is down.
+    let near = Weather::far(Duration::ZERO);
+    let Some((mut rig, air)) = over_the_air("cut", near, 60_000) else {
         return;
     };
-    let (robot, station) = (machine(&ril, "cut"), machine(&ril, "cut"));
-    // A request that comes while the link is cut is not refused: the station does not know yet that it is down.
-    station.write("relay.toml", "[network]\nsilent_after_ms = 60000\n");
-    let processes = robot.start_robot(1, SPEED);
-    let endpoint = free_endpoint();
-    let robot_relay = start_robot_relay(&robot, &endpoint);
-    let air = Air::to(&endpoint, Weather::far(Duration::ZERO));
-    let station_relay = start_station_relay(&station, &air.endpoint);
-    await_link(&station, 1);
-    station.run("start", 0);
-    station.run("takeoff --altitude 5", 0);
-    let place = station
-        .subscribe::<DspTelemetry>(1)
-        .next_sample()
-        .geographic;
-    let far = format!(
-        "goto {},{},{}",
-        place.latitude_deg + 0.02,
-        place.longitude_deg,
-        place.altitude_m
-    );
-    let mut links = station.subscribe::<RelayLink>(1);
-    let mut states = robot.subscribe::<ModuleState>(1);
+    let [latitude, longitude, altitude] = rig.take_off();
+    let far = format!("goto {},{longitude},{altitude}", latitude + 0.02);
+    let mut links = rig.station.subscribe::<RelayLink>(1);
+    let mut states = rig.robot.subscribe::<ModuleState>(1);
     for _ in 0..CUTS {
         let sent = links.next_sample().orders_sent;
         air.cut();
-        let mut path = station.start(&far);
+        let mut path = rig.station.start(&far);
         links.until("the path is ordered", |link| link.orders_sent > sent);
-        let mut hold = station.start("hold");
+        let mut hold = rig.station.start("hold");
         links.until("the hold is ordered", |link| link.orders_sent > sent + 1);
         air.join();
         hold.exits(0);
@@ -208,10 +203,8 @@ fn a_path_that_was_ordered_before_a_hold_is_not_flown_after_it_when_the_link_com
         let is_flown = state.functionality == Functionality::FollowingPath.code();
         assert!(!is_flown, "after the hold: {ended:#?}\n{state:#?}");
     }
-    station.run("land", 0);
-    station_relay.end();
-    robot_relay.end();
-    processes.end();
+    rig.station.run("land", 0);
+    rig.end();
 }
 
 /// 0.6 s round trip, and each fifth packet is late: TCP repeats it after two to three round trips.
@@ -223,25 +216,15 @@ const WEATHER: Weather = Weather {
 
 #[test]
 fn a_link_of_six_hundred_ms_round_trip_that_loses_every_fifth_packet_connects_and_carries_orders() {
-    let Some(ril) = ril() else {
+    // The air is what is tried here, and not when it counts as silent.
+    let Some((mut rig, _air)) = over_the_air("slow", WEATHER, 10_000) else {
         return;
     };
-    let (robot, station) = (machine(&ril, "slow"), machine(&ril, "slow"));
-    let processes = robot.start_robot(1, SPEED);
-    let endpoint = free_endpoint();
-    let robot_relay = start_robot_relay(&robot, &endpoint);
-    let air = Air::to(&endpoint, WEATHER);
-    // The air is what is tried here, and not when it counts as silent.
-    station.write("relay.toml", "[network]\nsilent_after_ms = 10000\n");
-    let station_relay = start_station_relay(&station, &air.endpoint);
-    await_link(&station, 1);
-    let link = station.subscribe::<RelayLink>(1).next_sample();
+    let link = rig.station.subscribe::<RelayLink>(1).next_sample();
     assert!(link.round_trip_s > 0.5, "{link:#?}");
     assert_eq!(link.open_timeout_s, 8.0);
-    station.run("start --timeout 60s", 0);
-    station_relay.end();
-    robot_relay.end();
-    processes.end();
+    rig.station.run("start --timeout 60s", 0);
+    rig.end();
 }
 
 #[test]
