@@ -1,8 +1,6 @@
 //! The program `ril-relay` beside stand-ins that publish, as a node of ROS 2.
 
 use std::collections::BTreeSet;
-use std::sync::mpsc::{self, RecvTimeoutError, Sender};
-use std::thread::{self, JoinHandle};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
@@ -10,7 +8,7 @@ use ipc_types::{RobotId, Schema};
 use relay::ros2::{Qos, RosSession, StandardMessage, own_schemas};
 use ril_tests::languages::run;
 use ril_tests::relayed::free_endpoint;
-use ril_tests::{Process, Sandbox, StandInStatus, StandInTopic};
+use ril_tests::{Process, Publishing, Sandbox, StandInStatus, StandInTopic};
 use serde_json::{Value, json};
 use zenoh::Wait;
 use zenoh::sample::{Sample, SampleKind};
@@ -49,7 +47,7 @@ fn machine() -> Sandbox {
 impl Robot {
     /// Starts `publish`, which is called again and again, and the relay; returns when the relay carries `keys`.
     fn start(machine: &Sandbox, keys: &[&str], publish: impl FnMut() + Send + 'static) -> Robot {
-        let publishing = Publishing::start(publish);
+        let publishing = Publishing::start(PERIOD, || publish);
         let endpoint = free_endpoint();
         let config = format!("[robot]\nlisten = [\"{endpoint}\"]\n[ros2]\nenabled = true\n");
         machine.write("relay.toml", &config);
@@ -71,37 +69,6 @@ impl Robot {
         let finished = self.relay.end();
         drop(self.publishing);
         finished.stderr
-    }
-}
-
-/// A thread that publishes until this value is dropped.
-struct Publishing {
-    stop: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Publishing {
-    fn start(mut publish: impl FnMut() + Send + 'static) -> Publishing {
-        let (stop, stopped) = mpsc::channel();
-        // The topics are there before this returns.
-        publish();
-        let thread = thread::spawn(move || {
-            while stopped.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
-                publish();
-            }
-        });
-        Publishing {
-            stop: Some(stop),
-            thread: Some(thread),
-        }
-    }
-}
-
-impl Drop for Publishing {
-    fn drop(&mut self) {
-        self.stop = None;
-        let ended = self.thread.take().map(JoinHandle::join);
-        assert!(thread::panicking() || ended.is_none_or(|ended| ended.is_ok()));
     }
 }
 
