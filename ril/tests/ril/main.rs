@@ -7,7 +7,6 @@ mod as_root;
 mod audit;
 mod authority;
 mod cable;
-mod chain;
 mod conform;
 mod consistency;
 mod demo;
