@@ -60,6 +60,14 @@ pub fn end(mut process: Process, signal: Signal) -> Finished {
     process.exits(0)
 }
 
+/// Ends processes one after the other; each must end with exit code 0.
+#[track_caller]
+pub fn end_all(processes: impl IntoIterator<Item = Process>) {
+    for process in processes {
+        process.end();
+    }
+}
+
 /// A line of JSON.
 #[track_caller]
 pub fn json(line: &str) -> serde_json::Value {
@@ -125,8 +133,6 @@ impl Flight {
     }
 
     pub fn end(self) {
-        for process in [self.bridge, self.sim] {
-            end(process, Signal::INT);
-        }
+        end_all([self.bridge, self.sim]);
     }
 }

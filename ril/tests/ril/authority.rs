@@ -4,7 +4,9 @@
 
 use std::fmt::Write as _;
 
-use crate::common::{FOR_SLOW_MACHINES, Flight, end, json, movement, place, sandbox, shown_state};
+use crate::common::{
+    FOR_SLOW_MACHINES, Flight, end, end_all, json, movement, place, sandbox, shown_state,
+};
 use ipc_types::RobotId;
 use ipc_types::code::{MovementKind, Reason};
 use ipc_types::payload::ModuleState;
@@ -105,9 +107,7 @@ fn the_first_program_that_asks_a_bridge_that_has_just_begun_is_answered() {
     let sim = rig.sim(1, "");
     let bridge = rig.start_ready("run bridge --port dsp-1");
     rig.run("fence show --timeout 8s", 0).out_says("north mast");
-    for process in [bridge, sim] {
-        end(process, Signal::INT);
-    }
+    end_all([bridge, sim]);
 }
 
 #[test]

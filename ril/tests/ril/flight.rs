@@ -3,7 +3,7 @@
 use std::fs;
 
 use crate::common::{
-    FOR_SLOW_MACHINES, Flight, end, json, place, sandbox, says, shown_state, start_robot,
+    FOR_SLOW_MACHINES, Flight, end, end_all, json, place, sandbox, says, shown_state, start_robot,
 };
 use ipc_types::code::{Functionality, LinkState, ModuleStatus, MovementKind};
 use ril_tests::process::Signal;
@@ -146,9 +146,7 @@ fn two_robots_do_not_see_each_other() {
         "{latitude_1} {latitude_2}"
     );
     drop(watches);
-    for process in sims.into_iter().chain(bridges).chain(statuses) {
-        end(process, Signal::TERM);
-    }
+    end_all(sims.into_iter().chain(bridges).chain(statuses));
 }
 
 #[test]

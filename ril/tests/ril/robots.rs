@@ -1,6 +1,6 @@
 //! `ril robots`, and which robot a command is for, when several are alive.
 
-use crate::common::{end, json, movement, sandbox, state_of};
+use crate::common::{end, end_all, json, movement, sandbox, state_of};
 use crate::watch::screen::on_terminal;
 use ipc_types::RobotId;
 use ipc_types::code::MovementKind;
@@ -124,9 +124,7 @@ fn two_robots_are_told_apart_by_processes_link_and_phase() {
     // A bridge that was killed is not alive, whatever it left.
     rig.kill(other);
     rig.run("land", 5);
-    for process in [status, bridge] {
-        end(process, Signal::INT);
-    }
+    end_all([status, bridge]);
 }
 
 #[test]

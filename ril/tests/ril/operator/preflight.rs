@@ -10,7 +10,7 @@ use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 use serde_json::Value;
 
 use super::station::{STATUS, station};
-use crate::common::{end, json, sandbox};
+use crate::common::{end, end_all, json, sandbox};
 use crate::watch::screen::on_terminal;
 
 /// The report of `ril preflight --json`, which must end with `code`.
@@ -133,9 +133,7 @@ fn a_dead_link_fails_and_what_depends_on_it_is_not_judged() {
         assert_eq!(verdict(&report, id), expected, "{id}: {report:#}");
     }
     on_terminal(&rig, "preflight", 8);
-    for process in [station.status, station.bridge] {
-        end(process, Signal::INT);
-    }
+    end_all([station.status, station.bridge]);
 }
 
 /// Subscribers use up the descriptors of a bridge that may have few. Then either an order is answered all the same, or the robot is

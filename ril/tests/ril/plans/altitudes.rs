@@ -2,7 +2,7 @@
 
 use ril_tests::process::Signal;
 
-use crate::common::{FOR_SLOW_MACHINES, end, place, sandbox};
+use crate::common::{FOR_SLOW_MACHINES, end, end_all, place, sandbox};
 
 #[test]
 fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
@@ -46,9 +46,7 @@ fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
     rig.run("goto 37.4111 -6.0010 +8m", 5)
         .err_says("the height above take-off is not known");
     rig.run("land", 0);
-    for process in [bridge, sim] {
-        end(process, Signal::INT);
-    }
+    end_all([bridge, sim]);
 }
 
 #[test]

@@ -4,11 +4,10 @@ use std::fs;
 use std::sync::LazyLock;
 
 use ril_tests::Sandbox;
-use ril_tests::process::Signal;
 use ril_tests::sandbox::records_in;
 
 use super::made::record;
-use crate::common::{end, json, sandbox};
+use crate::common::{end_all, json, sandbox};
 
 /// A flight of the real processes.
 pub struct RecordedFlight {
@@ -35,9 +34,7 @@ fn fly_and_record(rig: &Sandbox) -> RecordedFlight {
     for order in ["start", "takeoff --altitude 3", "land", "stop"] {
         rig.run(order, 0);
     }
-    for process in [bridge, status, sim, recorder] {
-        end(process, Signal::TERM);
-    }
+    end_all([bridge, status, sim, recorder]);
     let files = records_in(&rig.folder().join("rec"));
     assert_eq!(files.len(), 1, "{files:?}");
     RecordedFlight {

@@ -182,9 +182,7 @@ fn lichtblicks_library_gets_each_topic_as_ril_echo_prints_it() {
         |sample: &BTreeMap<String, String>| altitudes.contains(&sample["geodetic.altitude_m"]);
     assert!(telemetry.iter().any(is_of), "{altitudes:?}");
     view.end();
-    for process in [robot.bridge, robot.sim, robot.status] {
-        end(process, Signal::INT);
-    }
+    robot.end();
 }
 
 #[test]

@@ -18,7 +18,7 @@ use ril_tests::{Answer, Process, Sandbox, StandInBridge};
 use rustix::process::{Pid, Resource, Rlimit, prlimit};
 use serde_json::{Value, json};
 
-use crate::common::{FOR_SLOW_MACHINES, Flight, end, json as json_of, movement, sandbox};
+use crate::common::{FOR_SLOW_MACHINES, Flight, end, end_all, json as json_of, movement, sandbox};
 use page::{Page, request};
 
 /// A view that runs on a port of its own.
@@ -155,9 +155,7 @@ fn a_page_sees_a_robot_fly_and_that_its_bridge_is_gone() {
     let events = past["events"].as_array().unwrap();
     assert_eq!(events.last().unwrap()["severity"], "alarm", "{past}");
     view.end();
-    for process in [sim, status] {
-        end(process, Signal::INT);
-    }
+    end_all([sim, status]);
 }
 
 #[test]

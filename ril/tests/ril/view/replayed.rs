@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 
 use ipc_types::code::LinkState;
 use ipc_types::payload::{ModuleState, SharedStruct};
+use ril_tests::StandInBridge;
 use ril_tests::process::Signal;
 use ril_tests::sandbox::free_port;
-use ril_tests::StandInBridge;
 use serde_json::{Value, json};
 
 use super::page::{Message, Page, request};

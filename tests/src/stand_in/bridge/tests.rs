@@ -1,7 +1,7 @@
 //! The stand-in answers as the test says, and else as a bridge does.
 
-use ipc_types::payload::WaypointPosition;
 use ipc_types::Client;
+use ipc_types::payload::WaypointPosition;
 
 use super::*;
 use crate::TestDomain;
