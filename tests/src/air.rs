@@ -118,7 +118,22 @@ type Packets = Receiver<(Instant, Vec<u8>)>;
 pub struct Air {
     /// Where the station connects.
     pub endpoint: String,
-    open: Arc<Mutex<Vec<TcpStream>>>,
+    ends: Arc<Mutex<Ends>>,
+}
+
+/// The ends of connections of TCP.
+#[derive(Default)]
+struct Ends {
+    is_cut: bool,
+    open: Vec<TcpStream>,
+}
+
+impl Ends {
+    fn close(&mut self) {
+        for end in self.open.drain(..) {
+            let _ = end.shutdown(Shutdown::Both);
+        }
+    }
 }
 
 impl Air {
@@ -130,47 +145,63 @@ impl Air {
     pub fn to(endpoint: &str, weather: Weather) -> Air {
         let (protocol, far) = endpoint.split_once('/').expect("protocol/address");
         let far: SocketAddr = far.parse().expect("an address");
-        let open = Arc::default();
+        let ends = Arc::default();
         let near = match protocol {
-            "tcp" | "tls" => streams(far, weather, Arc::clone(&open)),
+            "tcp" | "tls" => streams(far, weather, Arc::clone(&ends)),
             _ => datagrams(far, weather),
         };
         let near = near.expect("a free port");
         Air {
             endpoint: format!("{protocol}/{near}"),
-            open,
+            ends,
         }
+    }
+
+    /// Ends all connections of TCP, and takes no other. What was under way is lost.
+    ///
+    /// # Panics
+    ///
+    /// When a thread of the radio has failed.
+    pub fn cut(&self) {
+        let mut ends = self.ends.lock().expect("no panic while it is held");
+        ends.is_cut = true;
+        ends.close();
+    }
+
+    /// Takes connections again.
+    ///
+    /// # Panics
+    ///
+    /// When a thread of the radio has failed.
+    pub fn join(&self) {
+        self.ends.lock().expect("no panic while it is held").is_cut = false;
     }
 }
 
 impl Drop for Air {
     fn drop(&mut self) {
-        let mut open = self.open.lock().expect("no panic while it is held");
-        for end in open.drain(..) {
-            let _ = end.shutdown(Shutdown::Both);
-        }
+        self.ends.lock().expect("no panic while it is held").close();
     }
 }
 
-fn streams(
-    far: SocketAddr,
-    weather: Weather,
-    open: Arc<Mutex<Vec<TcpStream>>>,
-) -> io::Result<SocketAddr> {
+fn streams(far: SocketAddr, weather: Weather, ends: Arc<Mutex<Ends>>) -> io::Result<SocketAddr> {
     let listener = TcpListener::bind(("127.0.0.1", 0))?;
     let near = listener.local_addr()?;
     // Accepted connections have it from the listener.
     set_socket_recv_buffer_size(&listener, RECEIVED)?;
     thread::spawn(move || {
         for near in listener.incoming().flatten() {
+            let mut ends = ends.lock().expect("no panic while it is held");
+            if ends.is_cut {
+                continue;
+            }
             let Ok(far) = TcpStream::connect(far) else {
                 continue;
             };
             let _ = set_socket_recv_buffer_size(&far, RECEIVED);
             let carried = carry_stream(&near, &far, weather);
             if carried.and(carry_stream(&far, &near, weather)).is_ok() {
-                let mut open = open.lock().expect("no panic while it is held");
-                open.extend([near, far]);
+                ends.open.extend([near, far]);
             }
         }
     });

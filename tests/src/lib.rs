@@ -135,7 +135,7 @@ pub use replay::Replay;
 pub use sandbox::Sandbox;
 pub use script::Script;
 pub use stand_in::{
-    Answer, PortTable, Received, StandInBridge, StandInPort, StandInServer, StandInStatus,
-    StandInTopic,
+    Answer, PortTable, Publishing, Received, StandInBridge, StandInPort, StandInServer,
+    StandInStatus, StandInTopic,
 };
 pub use watchdog::Watchdog;

@@ -12,22 +12,6 @@ fn folder() -> PathBuf {
     target_folder().join("tmp")
 }
 
-/// An interpreter of Python with these packages, of which `imports` tells whether they are there. `name` is for the folder.
-///
-/// # Errors
-///
-/// Why there is none.
-pub fn python(name: &str, packages: &[&str], imports: &str) -> Result<PathBuf, String> {
-    let folder = folder().join(format!("{name}-venv"));
-    let python = folder.join("bin/python");
-    let has_packages = || run(Command::new(&python).args(["-B", "-c", imports]));
-    if has_packages().is_err() {
-        make_environment(&folder, packages)?;
-        has_packages()?;
-    }
-    Ok(python)
-}
-
 /// An interpreter of Python with what `requirements` names, such as `pymavlink==2.4.50 future`, and nothing else. A user who may not write in
 /// the target folder gets one in the folder for temporary files.
 ///
@@ -36,7 +20,7 @@ pub fn python(name: &str, packages: &[&str], imports: &str) -> Result<PathBuf, S
 /// # Errors
 ///
 /// Why there is none.
-pub fn python_alone(requirements: &str) -> Result<PathBuf, String> {
+pub fn python(requirements: &str) -> Result<PathBuf, String> {
     let name = requirements.replace(|letter: char| !letter.is_ascii_alphanumeric(), "-");
     let made = |folder: &Path| {
         let environment = folder.join(format!("{name}-venv"));

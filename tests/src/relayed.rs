@@ -39,6 +39,7 @@ pub struct Rig {
     /// The station's machine. Both come last: dropping them asserts that nothing is left.
     pub station: Sandbox,
     endpoint: String,
+    connect: String,
 }
 
 impl Rig {
@@ -54,6 +55,14 @@ impl Rig {
     /// The same with these machines, the robot's relay at `endpoint`, and a simulated clock that is `speed` times as fast.
     #[track_caller]
     pub fn between(robot: Sandbox, station: Sandbox, endpoint: String, speed: u32) -> Rig {
+        let connect = endpoint.clone();
+        Rig::over(robot, station, [endpoint, connect], speed)
+    }
+
+    /// The same, where the robot's relay listens at the first endpoint, and the station's connects to the second one.
+    #[track_caller]
+    pub fn over(robot: Sandbox, station: Sandbox, endpoints: [String; 2], speed: u32) -> Rig {
+        let [endpoint, connect] = endpoints;
         let mut rig = Rig {
             processes: Some(robot.start_robot(1, speed)),
             robot_relay: None,
@@ -61,6 +70,7 @@ impl Rig {
             robot,
             station,
             endpoint,
+            connect,
         };
         rig.start_robot_relay();
         rig.start_station_relay();
@@ -90,7 +100,7 @@ impl Rig {
     /// Starts the station's relay.
     #[track_caller]
     pub fn start_station_relay(&mut self) {
-        self.station_relay = Some(start_station_relay(&self.station, &self.endpoint));
+        self.station_relay = Some(start_station_relay(&self.station, &self.connect));
     }
 
     /// Kills the bridge, starts another one, and returns what the killed one had printed.

@@ -331,15 +331,6 @@ impl Robot {
         killed
     }
 
-    /// Kills the status, and starts another one.
-    #[track_caller]
-    pub fn restart_status(&mut self, sandbox: &Sandbox) {
-        sandbox.has_kills.set(true);
-        self.status.signal(Signal::KILL);
-        self.status.wait_exit();
-        self.status = sandbox.status(self.number);
-    }
-
     /// Ends all three in order. Returns what the bridge and the simulator had printed.
     #[track_caller]
     pub fn end(self) -> [Finished; 2] {

@@ -9,7 +9,7 @@ use std::process::Command;
 
 use ipc_types::code::MovementKind;
 use ril_tests::languages::{root, skip};
-use ril_tests::packages::python_alone;
+use ril_tests::packages;
 use ril_tests::process::Signal;
 use ril_tests::{
     Answer, Process, PtyFolder, Received, Script, StandInBridge, StandInStatus, TestDomain,
@@ -117,7 +117,7 @@ fn the_programs_of_the_page_do_what_it_says() {
     let folder = PtyFolder::new();
     let python = match std::env::var_os("RIL_TEST_ICEORYX2_PYTHON") {
         Some(python) => python.into(),
-        None => match python_alone(requirement(&page)) {
+        None => match packages::python(requirement(&page)) {
             Ok(python) => python,
             Err(why) => return skip("the programs of docs/consumers.md", &why),
         },

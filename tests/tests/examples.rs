@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use ipc_types::code::{Reason, Stage};
 use ipc_types::{Ipc, Publisher, Source, Waiter, fresh_request_id};
 use ril_tests::languages::{Compiler, built, python, python_example, root, skip};
-use ril_tests::packages::python_alone;
+use ril_tests::packages;
 use ril_tests::process::{Finished, Line, Signal, WAIT_LIMIT};
 use ril_tests::sandbox::records_in;
 use ril_tests::{Process, PtyFolder, Sandbox, TestDomain};
@@ -339,6 +339,14 @@ fn a_request_of_a_module_is_served_and_sent_in_every_language() {
     }
 }
 
+/// A program shows a robot that stands, until it is ended.
+fn prints_telemetry(domain: &TestDomain, program: Command) {
+    let mut printing = Process::spawn(domain, program);
+    printing.wait_for_text("m, flying 0, 0 lost");
+    printing.signal(Signal::INT);
+    printing.exits(0);
+}
+
 #[test]
 fn a_program_in_c_prints_telemetry_and_ends_in_order() {
     let Some(compiler) = or_skip("C", Compiler::c()) else {
@@ -349,10 +357,7 @@ fn a_program_in_c_prints_telemetry_and_ends_in_order() {
     compiler.with_shared_library("c/print_telemetry.c", &program);
     let rig = Sandbox::of(ril());
     let robot = rig.start_robot(1, SPEED);
-    let mut printing = Process::spawn(&rig.domain, Command::new(&program));
-    printing.wait_for_text("m, flying 0, 0 lost");
-    printing.signal(Signal::INT);
-    printing.exits(0);
+    prints_telemetry(&rig.domain, Command::new(&program));
     let finished = Process::start(&rig.domain, &program, ["2"]).wait_exit();
     assert_eq!(finished.stdout.len(), 2, "{finished:#?}");
     robot.end();
@@ -486,10 +491,7 @@ fn a_program_in_python_prints_telemetry_and_ends_in_order() {
         mission.stdout.contains(&"land: done".to_owned()),
         "{mission:#?}"
     );
-    let mut printing = Process::spawn(&rig.domain, python_example(python, "print_telemetry.py"));
-    printing.wait_for_text("m, flying 0, 0 lost");
-    printing.signal(Signal::INT);
-    printing.exits(0);
+    prints_telemetry(&rig.domain, python_example(python, "print_telemetry.py"));
     robot.end();
 }
 
@@ -724,7 +726,7 @@ fn one_command_makes_the_same_struct_for_every_language() {
 #[test]
 fn mypy_finds_a_field_that_is_misspelt() {
     let folder = PtyFolder::new();
-    let found = python_alone("mypy");
+    let found = packages::python("mypy");
     let Some(python) = or_skip("Python, by mypy", found) else {
         return;
     };

@@ -234,6 +234,37 @@ impl World {
     }
 }
 
+/// A mission or a fence of so many items comes.
+pub fn count(count: u16, mission_type: u8) -> MessageWriter {
+    let message = MessageWriter::new(message::MISSION_COUNT).u16(count);
+    message.u8(1).u8(1).u8(mission_type)
+}
+
+pub fn clear(mission_type: u8) -> MessageWriter {
+    let message = MessageWriter::new(message::MISSION_CLEAR_ALL);
+    message.u8(1).u8(1).u8(mission_type)
+}
+
+pub fn request_list(mission_type: u8) -> MessageWriter {
+    let message = MessageWriter::new(message::MISSION_REQUEST_LIST);
+    message.u8(1).u8(1).u8(mission_type)
+}
+
+pub fn request_item(sequence: u16, mission_type: u8) -> MessageWriter {
+    let message = MessageWriter::new(message::MISSION_REQUEST_INT).u16(sequence);
+    message.u8(1).u8(1).u8(mission_type)
+}
+
+pub fn of_kind(sent: &[Sent], kind: MessageKind) -> Vec<&Sent> {
+    sent.iter().filter(|one| one.kind == kind).collect()
+}
+
+/// MISSION_ACK: the results that were sent.
+pub fn results(sent: &[Sent]) -> Vec<u8> {
+    let answers = of_kind(sent, message::MISSION_ACK).into_iter();
+    answers.map(|ack| ack.bytes::<1>(2)[0]).collect()
+}
+
 pub fn long(command: u16, [a, b, c, d, x, y, z]: [f32; 7]) -> MessageWriter {
     let params = [a, b, c, d, x, y, z];
     let message = params

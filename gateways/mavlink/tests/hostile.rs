@@ -3,14 +3,15 @@
 use ipc_types::code::Reason;
 use ipc_types::payload::MavlinkStations;
 use mavlink_gateway::message::{
-    COMMAND_ACK, HEARTBEAT, MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_ITEM,
-    MISSION_ITEM_INT, MISSION_REQUEST_INT, STATUSTEXT,
+    COMMAND_ACK, HEARTBEAT, MISSION_ACK, MISSION_ITEM, MISSION_ITEM_INT, MISSION_REQUEST_INT,
+    STATUSTEXT,
 };
 use mavlink_gateway::wire::MessageWriter;
 use mavlink_gateway::{OrderKind, Settings};
 
 use crate::common::{
-    HERE, QGC, SCRIPT, Sent, Station, World, acks, heartbeat, long, reposition, texts,
+    HERE, QGC, SCRIPT, Sent, Station, World, acks, clear, count, heartbeat, long, reposition,
+    results, texts,
 };
 
 const NAN: f32 = f32::NAN;
@@ -73,26 +74,11 @@ fn a_system_with_the_number_of_all_is_none() {
     assert_eq!(world.sent().iter().find(answers), None);
 }
 
-fn count(count: u16, mission_type: u8) -> MessageWriter {
-    let message = MessageWriter::new(MISSION_COUNT).u16(count).u8(1).u8(1);
-    message.u8(mission_type)
-}
-
 /// A take-off to this height.
 fn take_off(z: f32) -> MessageWriter {
     let message = MessageWriter::new(MISSION_ITEM_INT).f32s(0.0, 3).f32(NAN);
     let message = message.i32(0).i32(0).f32(z).u16(0).u16(22);
     message.u8(1).u8(1).u8(6).u8(0).u8(1).u8(0)
-}
-
-fn clear() -> MessageWriter {
-    MessageWriter::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(0)
-}
-
-/// MISSION_ACK: the results that were sent.
-fn results(sent: &[Sent]) -> Vec<u8> {
-    let answers = sent.iter().filter(|one| one.kind == MISSION_ACK);
-    answers.map(|ack| ack.bytes::<1>(2)[0]).collect()
 }
 
 /// A helicopter with a mission of one item.
@@ -108,7 +94,7 @@ fn with_mission() -> World {
 #[test]
 fn a_start_behind_a_clearing_is_answered() {
     let mut world = with_mission();
-    world.receive(QGC, &QGC.frame(&clear()));
+    world.receive(QGC, &QGC.frame(&clear(0)));
     world.command(QGC, 300, [0.0; 7]);
     world.command(QGC, 224, [0.0; 7]);
     let busy = Reason::Busy.code();
@@ -124,7 +110,7 @@ fn a_clearing_behind_a_mission_that_waits_for_its_check_clears() {
     let mut world = with_mission();
     world.receive(QGC, &QGC.frame(&count(1, 0)));
     world.receive(QGC, &QGC.frame(&take_off(20.0)));
-    world.receive(QGC, &QGC.frame(&clear()));
+    world.receive(QGC, &QGC.frame(&clear(0)));
     world.serve("");
     assert_eq!(results(&world.sent()), [0]);
     assert_eq!(world.disk.as_ref().map(|mission| mission.count()), Some(0));

@@ -3,13 +3,16 @@
 use ipc_types::code::{PilotSwitch, Reason, Stage};
 use ipc_types::payload::RequestReport;
 use mavlink_gateway::message::{
-    self, MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_CURRENT, MISSION_ITEM_INT,
-    MISSION_ITEM_REACHED, MISSION_REQUEST_INT, MISSION_REQUEST_LIST, MISSION_SET_CURRENT, SET_MODE,
+    self, MISSION_ACK, MISSION_COUNT, MISSION_CURRENT, MISSION_ITEM_INT, MISSION_ITEM_REACHED,
+    MISSION_REQUEST_INT, MISSION_SET_CURRENT, SET_MODE,
 };
 use mavlink_gateway::wire::MessageWriter;
 use mavlink_gateway::{Mission, Mode, Order, OrderKind, Settings, StationLost};
 
-use crate::common::{HERE, QGC, SCRIPT, Sent, Station, World, acks, reposition, texts};
+use crate::common::{
+    HERE, QGC, SCRIPT, Sent, Station, World, acks, clear, count, of_kind, reposition, request_item,
+    request_list, results, texts,
+};
 
 const NAN: f32 = f32::NAN;
 
@@ -56,24 +59,6 @@ fn survey() -> Vec<MessageWriter> {
     ]
 }
 
-fn count(count: u16) -> MessageWriter {
-    MessageWriter::new(MISSION_COUNT)
-        .u16(count)
-        .u8(1)
-        .u8(1)
-        .u8(0)
-}
-
-fn of_kind(sent: &[Sent], kind: message::MessageKind) -> Vec<&Sent> {
-    sent.iter().filter(|one| one.kind == kind).collect()
-}
-
-/// MISSION_ACK: the results that were sent.
-fn results(sent: &[Sent]) -> Vec<u8> {
-    let answers = of_kind(sent, MISSION_ACK).into_iter();
-    answers.map(|ack| ack.bytes::<1>(2)[0]).collect()
-}
-
 /// The numbers of the items that are asked for.
 fn requests(sent: &[Sent]) -> Vec<u16> {
     let asked = of_kind(sent, MISSION_REQUEST_INT).into_iter();
@@ -109,7 +94,7 @@ fn mode(world: &mut World) -> u32 {
 
 /// Sends items as they are asked for, and gives what was sent after the last one.
 fn upload(world: &mut World, from: Station, items: &[MessageWriter], rules: &str) -> Vec<Sent> {
-    world.receive(from, &from.frame(&count(items.len() as u16)));
+    world.receive(from, &from.frame(&count(items.len() as u16, 0)));
     for (number, item) in items.iter().enumerate() {
         assert_eq!(requests(&world.sent()), [number as u16]);
         world.receive(from, &from.frame(item));
@@ -197,7 +182,7 @@ fn a_mission_comes_is_kept_and_is_read_bit_by_bit() {
         .restore(Mission::decode(&mission.encode()).unwrap());
     again.heartbeat(SCRIPT);
     again.sent();
-    let list = MessageWriter::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
+    let list = request_list(0);
     again.receive(SCRIPT, &SCRIPT.frame(&list));
     let sent = again.sent();
     let answer = of_kind(&sent, MISSION_COUNT)[0];
@@ -206,11 +191,7 @@ fn a_mission_comes_is_kept_and_is_read_bit_by_bit() {
         (SCRIPT.address(), [6, 0], id)
     );
     for (number, uploaded) in survey().iter().enumerate() {
-        let request = MessageWriter::new(MISSION_REQUEST_INT)
-            .u16(number as u16)
-            .u8(1)
-            .u8(1)
-            .u8(0);
+        let request = request_item(number as u16, 0);
         again.receive(SCRIPT, &SCRIPT.frame(&request));
         let sent = again.sent();
         let item = of_kind(&sent, MISSION_ITEM_INT)[0];
@@ -219,11 +200,7 @@ fn a_mission_comes_is_kept_and_is_read_bit_by_bit() {
         assert_eq!(item.bytes::<2>(32), [245, 190]);
         assert_eq!(item.bytes::<3>(34), expected[34..37]);
     }
-    let beyond = MessageWriter::new(MISSION_REQUEST_INT)
-        .u16(6)
-        .u8(1)
-        .u8(1)
-        .u8(0);
+    let beyond = request_item(6, 0);
     again.receive(SCRIPT, &SCRIPT.frame(&beyond));
     assert_eq!(results(&again.sent()), [INVALID_SEQUENCE]);
 }
@@ -232,14 +209,10 @@ fn a_mission_comes_is_kept_and_is_read_bit_by_bit() {
 fn a_station_reads_the_mission_with_which_it_began() {
     let mut world = with_survey(World::with_station());
     world.heartbeat(SCRIPT);
-    let list = MessageWriter::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
+    let list = request_list(0);
     world.receive(SCRIPT, &SCRIPT.frame(&list));
     upload(&mut world, QGC, &[item(0, 22, 0.0, (0, 9.0))], "");
-    let request = MessageWriter::new(MISSION_REQUEST_INT)
-        .u16(5)
-        .u8(1)
-        .u8(1)
-        .u8(0);
+    let request = request_item(5, 0);
     world.receive(SCRIPT, &SCRIPT.frame(&request));
     assert_eq!(of_kind(&world.sent(), MISSION_ITEM_INT).len(), 1);
     let thanks = MessageWriter::new(MISSION_ACK).u8(1).u8(1).u8(0).u8(0);
@@ -267,14 +240,14 @@ fn a_refused_mission_leaves_the_one_of_before() {
     assert!(text.ends_with("by 5.0 m"), "{text}");
     assert_eq!((world.disk.clone(), current(&mut world)), (before, (0, 2)));
 
-    let rally_points = MessageWriter::new(MISSION_COUNT).u16(3).u8(1).u8(1).u8(2);
-    let many = count(2049);
+    let rally_points = count(3, 2);
+    let many = count(2049, 0);
     for (message, result) in [(&rally_points, UNSUPPORTED), (&many, NO_SPACE)] {
         world.receive(QGC, &QGC.frame(message));
         assert_eq!(results(&world.sent()), [result]);
     }
     // A disk that is full.
-    world.receive(QGC, &QGC.frame(&count(1)));
+    world.receive(QGC, &QGC.frame(&count(1, 0)));
     world.receive(QGC, &QGC.frame(&item(0, 22, 0.0, (0, 9.0))));
     while let Some(task) = world.gateway.poll_task() {
         match task {
@@ -293,7 +266,7 @@ fn a_refused_mission_leaves_the_one_of_before() {
     assert_eq!(results(&sent), [ERROR]);
     assert_eq!(current(&mut world), (0, 2));
     // One that never comes whole.
-    world.receive(QGC, &QGC.frame(&count(2)));
+    world.receive(QGC, &QGC.frame(&count(2, 0)));
     world.pass(2_000);
     assert_eq!(results(&world.sent()), [CANCELLED]);
 }
@@ -313,13 +286,9 @@ fn what_is_remarkable_is_a_notice_and_an_empty_mission_is_none() {
         "item 2: DO_SET_CAM_TRIGG_DIST (206) is not done".to_owned(),
     );
     assert!(texts(&sent).contains(&notice), "{:?}", texts(&sent));
-    for clear in [
-        count(0),
-        MessageWriter::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(0),
-        MessageWriter::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(255),
-    ] {
+    for message in [count(0, 0), clear(0), clear(255)] {
         world = with_survey(world);
-        world.receive(QGC, &QGC.frame(&clear));
+        world.receive(QGC, &QGC.frame(&message));
         world.serve("");
         assert_eq!(results(&world.sent()), [ACCEPTED]);
         assert_eq!(world.disk.as_ref().map(Mission::count), Some(0));
@@ -336,12 +305,12 @@ fn only_a_station_that_may_command_sends_a_mission() {
     let mut world = World::new(settings);
     world.heartbeat(SCRIPT);
     world.sent();
-    world.receive(SCRIPT, &SCRIPT.frame(&count(1)));
+    world.receive(SCRIPT, &SCRIPT.frame(&count(1, 0)));
     assert_eq!(results(&world.sent()), [DENIED]);
-    world.receive(QGC, &QGC.frame(&count(1)));
+    world.receive(QGC, &QGC.frame(&count(1, 0)));
     assert_eq!(results(&world.sent()), [DENIED], "it sent no heartbeat");
     world.heartbeat(QGC);
-    world.receive(QGC, &QGC.frame(&count(1)));
+    world.receive(QGC, &QGC.frame(&count(1, 0)));
     assert_eq!(requests(&world.sent()), [0]);
 }
 
@@ -610,13 +579,12 @@ fn no_mission_is_sent_while_one_is_flown() {
     let (mut world, _) = on_path();
     world.heartbeat(SCRIPT);
     world.sent();
-    let clear = MessageWriter::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(0);
-    for (from, message) in [(QGC, count(3)), (SCRIPT, count(3)), (QGC, clear)] {
+    for (from, message) in [(QGC, count(3, 0)), (SCRIPT, count(3, 0)), (QGC, clear(0))] {
         world.receive(from, &from.frame(&message));
         assert_eq!(results(&world.sent()), [DENIED]);
     }
     // It can be read.
-    let list = MessageWriter::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
+    let list = request_list(0);
     world.receive(SCRIPT, &SCRIPT.frame(&list));
     assert_eq!(
         of_kind(&world.sent(), MISSION_COUNT)[0].bytes::<2>(0),
@@ -746,9 +714,8 @@ fn a_station_that_clears_everything_does_not_change_the_answer_to_the_transfer_o
     let mut world = World::with_station();
     world.heartbeat(SCRIPT);
     world.sent();
-    world.receive(QGC, &QGC.frame(&count(2)));
-    let clear = MessageWriter::new(MISSION_CLEAR_ALL).u8(1).u8(1).u8(ALL);
-    world.receive(SCRIPT, &SCRIPT.frame(&clear));
+    world.receive(QGC, &QGC.frame(&count(2, 0)));
+    world.receive(SCRIPT, &SCRIPT.frame(&clear(ALL)));
     let answer = |sent: &[Sent]| {
         let ack = of_kind(sent, MISSION_ACK)[0].bytes::<4>(0);
         (ack[2], ack[3])

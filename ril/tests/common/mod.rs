@@ -9,6 +9,7 @@ use ril_tests::languages::skip;
 pub use ril_tests::process::says;
 use ril_tests::process::{Finished, Signal};
 pub use ril_tests::sandbox::FOR_SLOW_MACHINES;
+use ril_tests::sandbox::Robot;
 use ril_tests::{Process, Received, Sandbox};
 
 use ipc_types::payload::MovementData;
@@ -59,6 +60,14 @@ pub fn end(mut process: Process, signal: Signal) -> Finished {
     process.exits(0)
 }
 
+/// Ends processes one after the other; each must end with exit code 0.
+#[track_caller]
+pub fn end_all(processes: impl IntoIterator<Item = Process>) {
+    for process in processes {
+        process.end();
+    }
+}
+
 /// A line of JSON.
 #[track_caller]
 pub fn json(line: &str) -> serde_json::Value {
@@ -71,6 +80,26 @@ pub fn movement(received: Received) -> MovementData {
         Received::Movement(movement) => movement,
         other => panic!("a movement was expected: {other:?}"),
     }
+}
+
+/// Simulator, bridge and status of robot 1, with the link up and a position, so that movements are possible.
+#[track_caller]
+pub fn start_robot(rig: &Sandbox, speed: u32) -> Robot {
+    let robot = rig.start_robot(1, speed);
+    rig.watch(1).until_ready();
+    robot
+}
+
+/// Where the helicopter is: latitude and longitude, degrees, and altitude, m.
+#[track_caller]
+pub fn place(rig: &Sandbox, robot: u32) -> (f64, f64, f64) {
+    let args = format!("echo dsp --robot {robot} --count 1 --json --field geographic");
+    let sample = json(&rig.run(&args, 0).stdout[0]);
+    let value = |name: &str| sample["geographic"][name].as_f64();
+    let names = ["latitude_deg", "longitude_deg", "altitude_m"];
+    names
+        .map(|name| value(name).expect("a valid position"))
+        .into()
 }
 
 /// A simulator and a bridge, started and in the air; the place as latitude and longitude, degrees, and the altitude, m.
@@ -87,15 +116,8 @@ impl Flight {
         rig.watch(1).until_ready();
         rig.run("start", 0);
         rig.run("takeoff --altitude 10", 0);
-        let echo = rig.run("echo dsp --count 1 --json --field geographic", 0);
-        let sample = json(&echo.stdout[0]);
-        let value = |name: &str| sample["geographic"][name].as_f64().unwrap();
         Flight {
-            place: (
-                value("latitude_deg"),
-                value("longitude_deg"),
-                value("altitude_m"),
-            ),
+            place: place(rig, 1),
             sim,
             bridge,
         }
@@ -111,8 +133,6 @@ impl Flight {
     }
 
     pub fn end(self) {
-        for process in [self.bridge, self.sim] {
-            end(process, Signal::INT);
-        }
+        end_all([self.bridge, self.sim]);
     }
 }

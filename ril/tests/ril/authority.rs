@@ -1,132 +1,43 @@
-//! Who commands what: hold and pre-emption, the geofence, and long paths.
+//! Who commands what: hold and pre-emption, the geofence, long paths, and senders that sessions distinguish (`ril control`).
 //!
 //! Most tests run against a stand-in for the bridge. Those whose name begins with `the_real_bridge` run the real processes.
 
 use std::fmt::Write as _;
 
-use crate::common::{FOR_SLOW_MACHINES, Flight, end, json, movement, sandbox, says, shown_state};
+use crate::common::{
+    FOR_SLOW_MACHINES, Flight, end, end_all, json, movement, place, sandbox, shown_state,
+};
 use ipc_types::RobotId;
 use ipc_types::code::{MovementKind, Reason};
-use ipc_types::payload::MovementData;
+use ipc_types::payload::ModuleState;
 use ril_tests::process::Signal;
-use ril_tests::{Answer, Process, Sandbox, StandInBridge};
+use ril_tests::{Answer, Process, StandInBridge};
 
 #[test]
-fn hold_always_pre_empts_and_the_others_when_they_are_told_to() {
-    let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
-    for (args, kind, flags) in [
-        ("hold", MovementKind::Hold, &[1][..]),
-        ("land", MovementKind::Land, &[0]),
-        ("land --preempt", MovementKind::Land, &[1]),
-        (
-            "goto 37,-6,20 37,-6,21",
-            MovementKind::GoToWaypoint,
-            &[0, 0],
-        ),
-        (
-            "goto 37,-6,20 37,-6,21 --preempt",
-            MovementKind::GoToWaypoint,
-            &[1, 1],
-        ),
-        ("takeoff --altitude 5", MovementKind::TakeOff, &[0]),
-    ] {
-        rig.run(args, 0);
-        for flag in flags {
-            let request = movement(bridge.next_request());
-            assert_eq!(
-                (request.kind(), request.preempt),
-                (Some(kind), *flag),
-                "{args}"
-            );
-        }
-    }
-}
-
-#[test]
-fn a_path_that_was_replaced_ended_early() {
-    let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
-    for next in ["hold", "land --preempt", "goto 37,-6,30 --preempt"] {
-        bridge.answer_next(Answer::under_way());
-        let mut path = rig.start("goto 37,-6,20");
-        path.wait_for_text("the path is complete");
-        rig.run("land", 5).err_says("replace a path with --preempt");
-        rig.run(next, 0);
-        let finished = path.exits(5);
-        assert!(
-            says(
-                &finished.stderr,
-                "goto was begun and ended early (replaced)"
-            ),
-            "{next}: {finished:#?}"
-        );
-        finished.err_says("took its place");
-    }
-}
-
-#[test]
-fn a_path_of_1024_waypoints_comes_from_a_file() {
-    let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
-    let mut text = String::from("# a survey\n");
-    for index in 0..1024 {
-        writeln!(text, "37.{index:04},-6,20 # {index}").unwrap();
-    }
-    rig.write("survey.path", &text);
-    let finished = rig.run("goto --file survey.path", 0);
-    let [accepted, done] = &finished.stdout[..] else {
-        panic!("{finished:#?}");
-    };
-    assert_eq!(
-        accepted,
-        "goto: 1024 waypoints accepted, the path is complete"
-    );
-    assert!(done.starts_with("goto: done, "), "{done}");
-    let sent: Vec<MovementData> = (0..1024).map(|_| movement(bridge.next_request())).collect();
-    assert_eq!((sent[0].first, sent[0].last), (1, 0));
-    assert_eq!((sent[1023].first, sent[1023].last), (0, 1));
-    assert_eq!(sent[1023].latitude_deg, 37.1023);
-
-    for (file, text, expected) in [
-        (
-            "wrong.path",
-            "37,-6,20\n37,-6\n",
-            "wrong.path: line 2: 2 numbers",
-        ),
-        (
-            "empty.path",
-            "# nothing\n",
-            "empty.path: there is no waypoint",
-        ),
-    ] {
-        rig.write(file, text);
-        rig.run(&format!("goto --file {file}"), 2)
-            .err_says(expected);
-    }
-    rig.run("goto --file absent.path", 2)
-        .err_says("absent.path: cannot be read");
-}
-
-#[test]
-fn standard_input_is_a_file_of_waypoints() {
+fn waypoints_come_from_a_file_or_standard_input_and_what_is_none_is_refused() {
     let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     rig.write("path", "-37,-6,20\n");
     let command = rig.shell("exec \"$0\" goto --file - < path");
     Process::spawn(&rig.domain, command).exits(0);
     assert_eq!(movement(bridge.next_request()).latitude_deg, -37.0);
+    rig.write("wrong.path", "37,-6,20\n37,-6\n");
+    rig.write("empty.path", "# nothing\n");
+    for (file, expected) in [
+        ("wrong.path", "wrong.path: line 2: 2 numbers"),
+        ("empty.path", "empty.path: there is no waypoint"),
+        ("absent.path", "absent.path: cannot be read"),
+    ] {
+        rig.run(&format!("goto --file {file}"), 2)
+            .err_says(expected);
+    }
 }
 
+#[track_caller]
 fn was_replaced(mut path: Process) {
-    let finished = path.exits(5);
-    assert!(
-        says(
-            &finished.stderr,
-            "goto was begun and ended early (replaced)"
-        ),
-        "{finished:#?}"
-    );
+    path.exits(5)
+        .err_says("goto was begun and ended early (replaced)")
+        .err_says("took its place");
 }
 
 #[test]
@@ -135,7 +46,7 @@ fn the_real_bridge_holds_replaces_and_lands_in_the_middle_of_a_path() {
     let flight = Flight::begin(&rig);
     let (latitude, longitude, altitude) = flight.place;
     let path = flight.far_away(&rig);
-    rig.run("land", 5);
+    rig.run("land", 5).err_says("replace a path with --preempt");
     rig.run("hold", 0);
     was_replaced(path);
     let state = shown_state(&rig, 1);
@@ -172,10 +83,10 @@ fn the_real_bridge_takes_a_path_of_1024_waypoints() {
     let rig = sandbox();
     let flight = Flight::begin(&rig);
     let (latitude, longitude, altitude) = flight.place;
-    let mut text = String::new();
+    let mut text = String::from("# a survey\n");
     for index in 0..1024 {
         let north = latitude + f64::from(index + 1) * 2e-5;
-        writeln!(text, "{north},{longitude},{altitude}").unwrap();
+        writeln!(text, "{north},{longitude},{altitude} # {index}").unwrap();
     }
     rig.write("survey.path", &text);
     let mut path = rig.start("goto --file survey.path");
@@ -196,9 +107,7 @@ fn the_first_program_that_asks_a_bridge_that_has_just_begun_is_answered() {
     let sim = rig.sim(1, "");
     let bridge = rig.start_ready("run bridge --port dsp-1");
     rig.run("fence show --timeout 8s", 0).out_says("north mast");
-    for process in [bridge, sim] {
-        end(process, Signal::INT);
-    }
+    end_all([bridge, sim]);
 }
 
 #[test]
@@ -247,16 +156,6 @@ fn moves_and_the_way_home_are_flown_from_where_the_helicopter_is() {
     let rig = sandbox();
     let flight = Flight::begin(&rig);
     let (latitude, longitude, _) = flight.place;
-    let place = |rig: &Sandbox| {
-        let echo = rig.run("echo dsp --count 1 --json --field geographic", 0);
-        let sample = json(&echo.stdout[0]);
-        let value = |name: &str| sample["geographic"][name].as_f64().unwrap();
-        (
-            value("latitude_deg"),
-            value("longitude_deg"),
-            value("altitude_m"),
-        )
-    };
     let east_m_per_deg = 111_320.0 * latitude.to_radians().cos();
     let near = |found: (f64, f64, f64), north_m: f64, east_m: f64| {
         let north = (found.0 - latitude) * 111_000.0 - north_m;
@@ -267,14 +166,14 @@ fn moves_and_the_way_home_are_flown_from_where_the_helicopter_is() {
         );
     };
     rig.run("goto +30,-20 +0m,+0m,+5m", 0);
-    let away = place(&rig);
+    let away = place(&rig, 1);
     near(away, 30.0, -20.0);
     let up_m = away.2 - flight.place.2;
     assert!((up_m - 5.0).abs() < 1.5, "{up_m}");
     let home = rig.run("rtl +25m --land", 0);
     home.out_says("rtl: 2 waypoints accepted, the path is complete, 3");
     home.out_says("land: done");
-    near(place(&rig), 0.0, 0.0);
+    near(place(&rig, 1), 0.0, 0.0);
     rig.run("rtl --home 37.411", 2)
         .err_says("a place is LAT,LON");
     flight.end();
@@ -312,4 +211,53 @@ fn hold_all_orders_every_robot_and_one_that_fails_keeps_no_other_from_it() {
             );
         }
     }
+}
+
+/// An operator at a terminal of its own: takes control, and keeps it until something is written into the pipe.
+const TERMINAL: &str = "mkfifo go && exec setsid --wait sh -c '\"$0\" control take && \"$0\" control show && read line < go' \"$0\"";
+
+#[test]
+fn the_one_at_another_terminal_asks_for_control_and_has_it_when_the_first_is_gone() {
+    let rig = sandbox();
+    let config = format!("{FOR_SLOW_MACHINES}[control]\nexclusive = true\nsilence_s = 3600.0\n");
+    rig.write("bridge.toml", &config);
+    let robot = rig.start_robot(1, 1);
+    rig.run("control show", 0)
+        .out_says("control of robot 1: free; the first sender that orders gets it");
+    let mut first = Process::spawn(&rig.domain, rig.shell(TERMINAL));
+    first.wait_for_text("this terminal, for");
+
+    let second = |args: &str, code: i32| rig.start_by("setsid --wait", args).exits(code);
+    let refused = second("takeoff 5", 5);
+    refused.err_says("takeoff was refused (not-in-control): another sender has control");
+    second("control pass", 5).err_says("not-in-control");
+    let hold = rig.start_by("setsid --wait", "hold").wait_exit();
+    assert!(
+        !hold
+            .stderr
+            .iter()
+            .any(|line| line.contains("not-in-control")),
+        "{hold:#?}"
+    );
+    second("control take", 5).err_says("`ril control show` names it");
+    let shown = json(&rig.run("control show --json", 0).stdout[0]);
+    assert_eq!(shown["schema"], "ril.Control.v1");
+    let control = &shown["control"];
+    assert_eq!(control["exclusive"], true);
+    for sender in ["holder", "asker"] {
+        assert!(control[sender]["session"].as_u64() > Some(0), "{shown}");
+    }
+    let status = rig.finish("status").stdout;
+    let said = status.iter().find(|line| line.starts_with("control  "));
+    assert!(
+        said.is_some_and(|line| line.contains("asks for it")),
+        "{status:#?}"
+    );
+
+    std::fs::write(rig.path("go"), "on\n").expect("a reader");
+    first.exits(0);
+    let mut states = rig.subscribe::<ModuleState>(1);
+    states.until("control is free", |state| state.holder().is_none());
+    second("control take", 0).out_says("control take: done");
+    robot.end();
 }

@@ -4,7 +4,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-use crate::common::{end, json, sandbox, says};
+use crate::common::{end, end_all, json, sandbox, says};
 use ipc_types::{Ipc, RobotId};
 use ril_tests::process::Signal;
 use ril_tests::{Process, Sandbox};
@@ -106,9 +106,7 @@ fn live_processes_are_shown_with_what_they_provide() {
     assert!(!text.contains("/dev/ttyS0"), "{text}");
     // A repair leaves the living alone.
     assert!(troubles(&rig, "--repair --port dsp-1", 0).is_empty());
-    for process in [status, bridge, sim] {
-        end(process, Signal::TERM);
-    }
+    end_all([status, bridge, sim]);
 }
 
 #[test]

@@ -2,9 +2,8 @@
 
 use ril_tests::Process;
 use ril_tests::languages::{firmware, root, skip};
-use ril_tests::process::Signal;
 
-use crate::common::{FOR_SLOW_MACHINES, end, sandbox, shown_state};
+use crate::common::{FOR_SLOW_MACHINES, end_all, sandbox, shown_state};
 
 fn flies_in(profile: &str) {
     let rig = sandbox();
@@ -46,9 +45,7 @@ fn flies_in(profile: &str) {
     let rejected = state["refused"].as_object().expect("counters");
     let mut counts = rejected.values().filter_map(|count| count.as_u64());
     assert!(counts.all(|count| count == 0), "{state:#}");
-    for process in [bridge, status, dsp] {
-        end(process, Signal::TERM);
-    }
+    end_all([bridge, status, dsp]);
 }
 
 #[test]

@@ -1,75 +1,20 @@
-//! The real processes together: simulator, bridge, status and the operator's commands, each a process of its own.
+//! The real robot together: simulator, bridge, status and the operator's commands, each a process of its own.
 
 use std::fs;
 
-use crate::common::{FOR_SLOW_MACHINES, Flight, end, json, sandbox, says, shown_state};
+use crate::common::{
+    FOR_SLOW_MACHINES, Flight, end, end_all, json, place, sandbox, says, shown_state, start_robot,
+};
 use ipc_types::code::{Functionality, LinkState, ModuleStatus, MovementKind};
-use ipc_types::payload::ModuleState;
 use ril_tests::process::Signal;
 use ril_tests::pty::is_link;
-use ril_tests::sandbox::TopicWatch;
-use ril_tests::{Process, Sandbox};
 use rustix::fs::{CWD, Mode, mkfifoat};
-
-/// A simulator, a bridge and a status of robot 1, with the link up.
-struct Processes {
-    sim: Process,
-    bridge: Process,
-    status: Process,
-    watch: TopicWatch<ModuleState>,
-}
-
-impl Processes {
-    fn start(rig: &Sandbox, sim_options: &str) -> Processes {
-        let sim = rig.sim(1, sim_options);
-        let bridge = rig.bridge(1);
-        let status = rig.status(1);
-        let mut watch = rig.watch(1);
-        watch.until_ready();
-        Processes {
-            sim,
-            bridge,
-            status,
-            watch,
-        }
-    }
-
-    /// Ends them as an operator does, in an order that no process should care for.
-    fn end(self) {
-        let Processes {
-            sim,
-            bridge,
-            status,
-            watch,
-        } = self;
-        drop(watch);
-        for process in [sim, bridge, status] {
-            end(process, Signal::INT);
-        }
-    }
-}
-
-/// Where the helicopter is: latitude and longitude, degrees, and altitude, m.
-fn position(rig: &Sandbox, robot: u32) -> (f64, f64, f64) {
-    let args = format!("echo dsp --robot {robot} --count 1 --json --field geographic");
-    let sample = json(&rig.run(&args, 0).stdout[0]);
-    let value = |name: &str| {
-        sample["geographic"][name]
-            .as_f64()
-            .expect("a valid position")
-    };
-    (
-        value("latitude_deg"),
-        value("longitude_deg"),
-        value("altitude_m"),
-    )
-}
 
 #[test]
 fn a_whole_mission_by_hand() {
     let rig = sandbox();
-    let mut processes = Processes::start(&rig, "--speed 10");
-    let (latitude, longitude, altitude) = position(&rig, 1);
+    let robot = start_robot(&rig, 10);
+    let (latitude, longitude, altitude) = place(&rig, 1);
 
     assert_eq!(rig.run("start", 0).stdout, ["start: done"]);
     let take_off = rig.run("takeoff --altitude 5", 0);
@@ -79,7 +24,7 @@ fn a_whole_mission_by_hand() {
     assert_eq!(accepted, "takeoff: accepted");
     assert_eq!(begun, "takeoff: begun on the DSP");
     assert!(done.starts_with("takeoff: done"), "{take_off:#?}");
-    processes.watch.until("the take-off has ended", |state| {
+    rig.watch(1).until("the take-off has ended", |state| {
         state.status() == Some(ModuleStatus::Ended)
     });
 
@@ -106,7 +51,7 @@ fn a_whole_mission_by_hand() {
     );
     let begun = path.stdout.iter().find(|line| line.contains("progress"));
     assert!(begun.unwrap().contains(" m to go"), "{path:#?}");
-    let (_, _, reached) = position(&rig, 1);
+    let (_, _, reached) = place(&rig, 1);
     assert!((reached - high).abs() < 2.0, "{reached} and not {high}");
 
     rig.run("land", 0);
@@ -123,44 +68,14 @@ fn a_whole_mission_by_hand() {
     assert_eq!(state["dsp_errors"]["total"], 0);
     // How old it is, the machine decides.
     assert!(state["hero"]["stale"].is_boolean(), "{state:#}");
-    processes.end();
-}
-
-#[test]
-fn what_cannot_be_done_now_is_refused_with_the_reason() {
-    let rig = sandbox();
-    // In real time, and high: the take-off lasts as long as the test needs it.
-    let processes = Processes::start(&rig, "--speed 1");
-    let (latitude, longitude, altitude) = position(&rig, 1);
-    let here = format!("goto {latitude},{longitude},{altitude}");
-    let refused = |args: &str, reason: &str| {
-        let finished = rig.run(args, 5);
-        let expected = format!("refused ({reason})");
-        finished.err_says(&expected);
-    };
-    refused(&here, "not-started");
-    refused("takeoff --altitude 5", "not-started");
-    rig.run("start", 0);
-    refused("start", "already-running");
-    refused("land", "not-flying");
-    refused(&here, "not-flying");
-    refused("takeoff --altitude 1000", "out-of-range");
-    rig.run("takeoff --altitude 150 --no-wait", 0);
-    refused("takeoff --altitude 150", "busy");
-    refused("stop", "unable-to-abort");
-    refused(&here, "busy");
-    let state = shown_state(&rig, 1);
-    assert_eq!(state["module"]["functionality"], "taking-off");
-    assert_eq!(state["module"]["unable_to_abort"], true);
-    assert_eq!(state["module"]["error"], "impossible-to-stop-module");
-    processes.end();
+    robot.end();
 }
 
 #[test]
 fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped() {
     let rig = sandbox();
-    let mut processes = Processes::start(&rig, "--speed 10");
-    let (latitude, longitude, altitude) = position(&rig, 1);
+    let robot = start_robot(&rig, 10);
+    let (latitude, longitude, altitude) = place(&rig, 1);
     rig.run("start", 0);
     rig.run("takeoff --altitude 5", 0);
     let (far, up) = (latitude + 1.0, altitude + 5.0);
@@ -170,9 +85,10 @@ fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped()
         5,
     );
     refused.err_says("goto was refused (too-far: waypoint 3, 111 km away (limit 10.0 km))");
+    refused.err_says("are latitude and longitude swapped?");
     rig.run("takeoff 500m", 5)
         .err_says("the DSP takes 0.5 to 200 m above take-off (port 20121)");
-    let state = processes.watch.until("at rest", |state| {
+    let state = rig.watch(1).until("at rest", |state| {
         state.functionality() == Some(Functionality::AtRest)
     });
     assert_eq!(state.link.waypoints_sent, 0);
@@ -183,23 +99,22 @@ fn a_path_with_a_bad_waypoint_is_not_flown_and_a_path_under_way_can_be_stopped()
     path.wait_for_text("goto: progress");
     rig.run("stop", 0);
     path.exits(5).err_says("ended early (stopped)");
-    processes.end();
+    robot.end();
 }
 
 #[test]
 fn each_signal_ends_each_process_with_nothing_left() {
     for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
         let rig = sandbox();
-        let processes = Processes::start(&rig, "");
+        let robot = start_robot(&rig, 1);
         let link = rig.folder().join("dsp-1");
         assert!(is_link(&link));
-        drop(processes.watch);
-        let bridge = end(processes.bridge, signal);
+        let bridge = end(robot.bridge, signal);
         bridge.err_says("ended");
         assert!(is_link(&link), "the port is the simulator's");
-        end(processes.sim, signal);
+        end(robot.sim, signal);
         assert!(!is_link(&link));
-        end(processes.status, signal);
+        end(robot.status, signal);
         rig.domain.assert_empty();
     }
 }
@@ -225,56 +140,54 @@ fn two_robots_do_not_see_each_other() {
     assert_eq!(state(2)["movement"]["kind"], "takeoff");
     assert_eq!(state(1)["module"]["status"], "waiting-data-to-start");
     assert!(state(1)["movement"].is_null());
-    let ((latitude_1, ..), (latitude_2, ..)) = (position(&rig, 1), position(&rig, 2));
+    let ((latitude_1, ..), (latitude_2, ..)) = (place(&rig, 1), place(&rig, 2));
     assert!(
         (latitude_1 - 37.411).abs() < 0.01 && (latitude_2 + 10.0).abs() < 0.01,
         "{latitude_1} {latitude_2}"
     );
     drop(watches);
-    for process in sims.into_iter().chain(bridges).chain(statuses) {
-        end(process, Signal::TERM);
-    }
+    end_all(sims.into_iter().chain(bridges).chain(statuses));
 }
 
 #[test]
 fn a_bridge_that_was_killed_comes_back_while_status_goes_on() {
     let rig = sandbox();
-    let mut processes = Processes::start(&rig, "--speed 1");
+    let mut robot = start_robot(&rig, 1);
     rig.run("start", 0);
     let mut echo = rig.start("echo hero --json --field source_epoch_ns --timeout 80s");
     let first = json(&echo.wait_for_text("source_epoch_ns").text);
     let mut take_off = rig.start("takeoff --altitude 100");
     take_off.wait_for_text("takeoff: begun");
 
-    processes.bridge.signal(Signal::KILL);
-    processes.bridge.wait_status();
+    robot.bridge.signal(Signal::KILL);
+    robot.bridge.wait_status();
     take_off.exits(7).err_says("bridge-gone");
     rig.run("status --timeout 100ms", 3);
 
-    processes.bridge = rig.bridge(1);
+    robot.bridge = rig.bridge(1);
     echo.wait_for_line(|line| {
         line.text.contains("source_epoch_ns")
             && json(&line.text)["source_epoch_ns"] != first["source_epoch_ns"]
     });
     // What the killed bridge has published last comes first.
-    processes.watch.until("the new bridge is ready", |state| {
+    rig.watch(1).until("the new bridge is ready", |state| {
         state.status() == Some(ModuleStatus::WaitingDataToStart)
             && state.link.state() == Some(LinkState::Up)
     });
     // Telemetry in SI units came from the same status all the time.
     let finished = end(echo, Signal::INT);
     finished.err_says(" 0 publisher restarts");
-    processes
+    robot
         .status
         .wait_for_text("telemetry comes from another bridge now");
-    processes.end();
+    robot.end();
 }
 
 #[test]
 fn a_geofence_that_is_no_file_any_more_does_not_stop_the_bridge_in_flight() {
     let rig = sandbox();
     let config = rig.write("bridge.toml", FOR_SLOW_MACHINES);
-    let processes = Processes::start(&rig, "--speed 4");
+    let robot = start_robot(&rig, 4);
     rig.run("start", 0);
     rig.run("takeoff --altitude 3", 0);
     fs::remove_file(&config).unwrap();
@@ -283,7 +196,7 @@ fn a_geofence_that_is_no_file_any_more_does_not_stop_the_bridge_in_flight() {
     // `land` reads ril.toml, and the bridge nothing.
     rig.run("land", 0);
     rig.run("stop", 0);
-    processes.end();
+    robot.end();
 }
 
 #[test]

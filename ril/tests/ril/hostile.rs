@@ -21,7 +21,7 @@ use ril::verbs::status::report::{Samples, StateReport};
 use ril::verbs::topic::histogram::Detail;
 use ril::verbs::topic::meter::{Meter, MeterReport, Of, Quantity};
 use ril_tests::process::{Signal, WAIT_LIMIT};
-use ril_tests::{Garbage, StandInBridge, StandInStatus};
+use ril_tests::{Garbage, StandInBridge};
 use serde_json::Value;
 
 const SEEDS: u64 = 2_000;
@@ -306,29 +306,4 @@ fn the_bridge_survives_a_client_of_garbage_and_serves_the_next() {
     assert!(state.refused.requests as usize > REQUESTS / 4, "{state:#?}");
     end(bridge, Signal::TERM);
     end(sim, Signal::TERM);
-}
-
-#[test]
-fn a_status_of_garbage_is_shown_as_what_it_is() {
-    let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
-    let status = StandInStatus::start(&rig.domain);
-    let mut garbage = Garbage::new(3);
-    let mut echo = rig.start("echo hero --count 200 --json --timeout 80s");
-    // A late subscriber gets the newest; so it is published until the command has had enough.
-    for _ in 0..200 {
-        status.publish(&garbage.payload());
-        echo.wait_for_text("hero.HeroTelemetry.v2");
-    }
-    let finished = echo.exits(0);
-    assert_eq!(finished.stdout.len(), 200);
-    finished.stdout.iter().for_each(|line| check_text(3, line));
-    bridge.publish_state(&StandInBridge::idle_state());
-    state_of(&rig, "status");
-    for command in ["hz", "delay", "bw"] {
-        rig.run(
-            &format!("{command} hero --duration 200ms --json --timeout 10s"),
-            0,
-        );
-    }
 }

@@ -1,6 +1,6 @@
 //! Limits that a shell or a supervisor sets on a process: each is an error that is reported, and ends no process in silence.
 
-use crate::common::{FOR_SLOW_MACHINES, end, sandbox};
+use crate::common::{FOR_SLOW_MACHINES, end, end_all, sandbox};
 use ril_tests::process::{Process, Signal};
 use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 
@@ -22,9 +22,7 @@ fn a_process_that_may_write_no_file_says_so_instead_of_being_killed() {
     // What they have not made keeps no process from starting.
     let sim = rig.sim(1, "");
     let bridge = rig.bridge(1);
-    for process in [bridge, sim] {
-        end(process, Signal::TERM);
-    }
+    end_all([bridge, sim]);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::process::Stdio;
 
-use crate::common::{end, json, sandbox, says};
+use crate::common::{end, end_all, json, sandbox, says};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, files};
 use ril_tests::process::Signal;
@@ -174,7 +174,5 @@ fn the_real_chain_is_measured() {
     let size = size_of::<DspTelemetry>();
     assert_eq!(bandwidth["payload_bytes"], size, "{bandwidth}");
     assert_eq!(bandwidth["bytes"], 3 * size, "{bandwidth}");
-    for process in processes.into_iter().rev() {
-        end(process, Signal::TERM);
-    }
+    end_all(processes.into_iter().rev());
 }

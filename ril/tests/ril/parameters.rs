@@ -2,9 +2,10 @@
 //!
 //! Most tests run against a stand-in for the bridge. Those whose name begins with `the_real_bridge` run the real processes.
 
-use crate::common::{Flight, end, json, sandbox};
+use crate::common::{Flight, end, json, sandbox, says};
+use crate::watch::screen::on_terminal;
 use dsp_protocol::port;
-use ipc_types::code::{ParameterOperation, Reason};
+use ipc_types::code::{LinkState, ParameterOperation, Reason};
 use ipc_types::payload::ParameterRequest;
 use ril_tests::process::Signal;
 use ril_tests::{Answer, Received, StandInBridge, StandInPort};
@@ -149,7 +150,8 @@ fn the_real_bridge_serves_the_dsp_s_parameters() {
     let sim = rig.sim(1, "--speed 10");
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();
-    rig.run("param list", 0).out_says("cruise_speed_mps");
+    let listed = on_terminal(&rig, "param list", 0);
+    assert!(says(&listed, "cruise_speed_mps"), "{listed:#?}");
     for (args, expected) in [
         ("set cruise_speed_mps 7.5", "cruise_speed_mps = 7.5 (was 5)"),
         ("get cruise_speed_mps", "cruise_speed_mps = 7.5"),
@@ -158,18 +160,32 @@ fn the_real_bridge_serves_the_dsp_s_parameters() {
     ] {
         assert_eq!(rig.run(&format!("param {args}"), 0).stdout, [expected]);
     }
+    let set = rig.run("param set cruise_speed_mps 5 --json", 0).stdout;
+    let last = json(set.last().unwrap());
+    assert_eq!(
+        (&last["value"], &last["previous_value"]),
+        (&5.0.into(), &7.5.into())
+    );
     for (args, reason) in [
         ("set cruise_speed_mps 21", "out-of-range"),
         ("set 10121 1", "no-such-port"),
         ("get 9999", "no-such-port"),
     ] {
-        let finished = rig.run(&format!("param {args}"), 5);
-        let expected = format!("refused ({reason})");
-        finished.err_says(&expected);
+        rig.run(&format!("param {args}"), 5)
+            .err_says(format!("refused ({reason})"));
     }
-    for process in [bridge, sim] {
-        end(process, Signal::INT);
-    }
+    // Without a link there are no values.
+    end(sim, Signal::INT);
+    rig.watch(1).until("the port is gone", |state| {
+        state.link.state() == Some(LinkState::Gone)
+    });
+    let finished = rig.run("param list", 6);
+    assert_eq!(finished.stdout.len(), listed.len(), "{finished:#?}");
+    finished.err_says("the values could not be read");
+    let finished = rig.run("param list --no-values --json", 0);
+    assert_eq!(finished.stdout.len(), listed.len() - 1);
+    end(bridge, Signal::INT);
+    rig.run("param list", 3);
 
     let flight = Flight::begin(&rig);
     rig.run("param set trim_tail_us 10", 5)

@@ -4,8 +4,6 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::mpsc::{self, RecvTimeoutError, Sender};
-use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use crate::common::{json, sandbox, says, shown_state, state_of};
@@ -13,69 +11,49 @@ use ipc_types::code::RelayLinkState;
 use ipc_types::payload::{HeroTelemetry, ModuleState, RelayLink, RelayStations, ascii_bytes};
 use ipc_types::{Domain, MonotonicNs, RobotId, Topic};
 use ril_tests::process::Finished;
-use ril_tests::{Process, Sandbox, StandInBridge, StandInTopic};
+use ril_tests::{Process, Publishing, Sandbox, StandInBridge, StandInTopic};
 
 /// From one sample of the stand-in to the next: often enough that none is stale while the machine lets it run.
 const PERIOD: Duration = Duration::from_millis(20);
 
 /// A relay on a station's machine: publishes the state of its link, and, unless that is connecting at first, a robot's topics, again
 /// and again as of now.
-struct StandInRelay {
-    links: Option<Sender<RelayLink>>,
-    thread: Option<JoinHandle<()>>,
+fn relayed(domain: &Domain, link: RelayLink) -> Publishing {
+    relayed_with(domain, link, |_| {})
 }
 
-impl StandInRelay {
-    fn start(domain: &Domain, link: RelayLink) -> StandInRelay {
-        StandInRelay::start_with(domain, link, |_| {})
-    }
-
-    /// The same with a link that `change` changes from sample to sample.
-    fn start_with(domain: &Domain, link: RelayLink, change: fn(&mut RelayLink)) -> StandInRelay {
-        let (links, changes) = mpsc::channel();
-        let (opened, is_open) = mpsc::channel();
-        let domain = domain.clone();
-        let thread = thread::spawn(move || {
-            let ipc = ipc_types::Ipc::join(&domain, RobotId::DEFAULT, "relay").unwrap();
-            let mut state = ipc.publisher::<RelayLink>().unwrap();
-            let is_connecting = link.state == RelayLinkState::Connecting.code();
-            let mut robot = (!is_connecting).then(|| {
-                let hero = ipc.publisher::<HeroTelemetry>().unwrap();
-                let stations = ipc.publisher::<RelayStations>().unwrap();
-                (hero, ipc.publisher::<ModuleState>().unwrap(), stations)
-            });
-            opened.send(()).unwrap();
-            let mut link = link;
-            loop {
-                let now = MonotonicNs::now().0;
-                link.published_ns = now;
-                link.since_ns = now;
-                link.last_heard_ns = if is_connecting { 0 } else { now };
-                state.publish(|sample| fill(sample, link)).unwrap();
-                if let Some((hero, module, stations)) = &mut robot {
-                    hero.publish(|sample| {
-                        sample.received_ns = now;
-                        sample.published_ns = now;
-                    })
-                    .unwrap();
-                    module.publish(|sample| sample.published_ns = now).unwrap();
-                    stations
-                        .publish(|sample| sample.published_ns = now)
-                        .unwrap();
-                }
-                match changes.recv_timeout(PERIOD) {
-                    Ok(changed) => link = changed,
-                    Err(RecvTimeoutError::Timeout) => change(&mut link),
-                    Err(RecvTimeoutError::Disconnected) => break,
-                }
-            }
+/// The same with a link that `change` changes from sample to sample.
+fn relayed_with(domain: &Domain, mut link: RelayLink, change: fn(&mut RelayLink)) -> Publishing {
+    let domain = domain.clone();
+    Publishing::start(PERIOD, move || {
+        let ipc = ipc_types::Ipc::join(&domain, RobotId::DEFAULT, "relay").unwrap();
+        let state = ipc.publisher::<RelayLink>().unwrap();
+        let is_connecting = link.state == RelayLinkState::Connecting.code();
+        let robot = (!is_connecting).then(|| {
+            let hero = ipc.publisher::<HeroTelemetry>().unwrap();
+            let stations = ipc.publisher::<RelayStations>().unwrap();
+            (hero, ipc.publisher::<ModuleState>().unwrap(), stations)
         });
-        is_open.recv().unwrap();
-        StandInRelay {
-            links: Some(links),
-            thread: Some(thread),
+        // The membership goes after its ports.
+        let mut held = (state, robot, ipc);
+        move || {
+            let (state, robot, _) = &mut held;
+            let now = MonotonicNs::now().0;
+            link.published_ns = now;
+            link.since_ns = now;
+            link.last_heard_ns = if is_connecting { 0 } else { now };
+            state.publish(|sample| fill(sample, link)).unwrap();
+            if let Some((hero, module, stations)) = robot {
+                hero.publish(|sample| (sample.received_ns, sample.published_ns) = (now, now))
+                    .unwrap();
+                module.publish(|sample| sample.published_ns = now).unwrap();
+                stations
+                    .publish(|sample| sample.published_ns = now)
+                    .unwrap();
+            }
+            change(&mut link);
         }
-    }
+    })
 }
 
 /// The sample with everything of `link` but what the publisher writes.
@@ -83,16 +61,6 @@ fn fill(sample: &mut RelayLink, link: RelayLink) {
     let (sequence, epoch_ns) = (Topic::sequence(sample), Topic::epoch_ns(sample));
     *sample = link;
     sample.stamp(sequence, epoch_ns);
-}
-
-impl Drop for StandInRelay {
-    fn drop(&mut self) {
-        self.links = None;
-        if let Some(thread) = self.thread.take() {
-            let ended = thread.join();
-            assert!(ended.is_ok() || thread::panicking(), "the stand-in failed");
-        }
-    }
 }
 
 /// A link that is up and in order.
@@ -129,7 +97,7 @@ fn look(rig: &Sandbox, args: &str, code: i32) -> Finished {
 #[test]
 fn the_link_of_a_station_is_shown_and_its_state_is_the_exit_code() {
     let rig = sandbox();
-    let relay = StandInRelay::start(&rig.domain, up());
+    let relay = relayed(&rig.domain, up());
     let shown = look(&rig, "relay status", 0);
     for expected in [
         "over tcp/10.0.0.2:7447, last message",
@@ -149,7 +117,7 @@ fn the_link_of_a_station_is_shown_and_its_state_is_the_exit_code() {
         state: RelayLinkState::Down.code(),
         ..up()
     };
-    let _relay = StandInRelay::start(&rig.domain, down);
+    let _relay = relayed(&rig.domain, down);
     let shown = look(&rig, "relay status", 6);
     shown.out_says("link        down for ");
     shown.err_says("the link to the robot is not up: down for ");
@@ -163,7 +131,7 @@ fn a_station_that_is_still_connecting_says_so_whatever_it_is_asked() {
         state: RelayLinkState::Connecting.code(),
         ..up()
     };
-    let _relay = StandInRelay::start(&rig.domain, connecting);
+    let _relay = relayed(&rig.domain, connecting);
     for verb in [
         "status --timeout 300ms",
         "takeoff 10m",
@@ -233,7 +201,7 @@ fn without_a_relay_status_says_how_to_start_one_and_a_silent_one_is_a_timeout() 
 #[test]
 fn the_state_of_a_relayed_robot_says_over_which_link_it_comes() {
     let rig = sandbox();
-    let relay = StandInRelay::start(&rig.domain, up());
+    let relay = relayed(&rig.domain, up());
     let shown = state_of(&rig, "status");
     let expected = "relay       relayed over tcp/10.0.0.2:7447, link up, round trip 12.3 ms, 0.50 % lost on the air";
     shown.out_says(expected);
@@ -256,7 +224,7 @@ fn the_state_of_a_relayed_robot_says_over_which_link_it_comes() {
 #[test]
 fn the_fence_of_a_relayed_robot_is_asked_for_on_its_own_machine() {
     let rig = sandbox();
-    let relay = StandInRelay::start(&rig.domain, up());
+    let relay = relayed(&rig.domain, up());
     let failed = rig.run("fence show", 3);
     failed.err_says("robot 1's bridge runs on another machine, and its fence is not relayed");
     failed.err_says("on the robot's own machine");
@@ -267,7 +235,7 @@ fn the_fence_of_a_relayed_robot_is_asked_for_on_its_own_machine() {
 #[test]
 fn ages_of_relayed_samples_are_shown_with_their_uncertainty() {
     let rig = sandbox();
-    let _relay = StandInRelay::start(&rig.domain, up());
+    let _relay = relayed(&rig.domain, up());
     let shown = rig.run("delay hero --count 2", 0);
     let expected = "relayed from another machine: ages are true within ±2.500 ms";
     shown.out_says(expected);
@@ -286,7 +254,7 @@ fn ages_of_relayed_samples_are_shown_with_their_uncertainty() {
 #[test]
 fn what_the_air_lost_while_it_was_measured_is_shown() {
     let rig = sandbox();
-    let relay = StandInRelay::start_with(&rig.domain, up(), |link| {
+    let relay = relayed_with(&rig.domain, up(), |link| {
         link.samples_received += 3;
         link.samples_lost_on_air += 1;
     });
@@ -304,7 +272,7 @@ fn what_the_air_lost_while_it_was_measured_is_shown() {
 #[test]
 fn the_doctor_judges_the_link_and_does_not_miss_what_is_not_relayed() {
     let rig = sandbox();
-    let relay = StandInRelay::start(&rig.domain, up());
+    let relay = relayed(&rig.domain, up());
     let shown = look(&rig, "doctor", 0);
     for expected in [
         "robot 1 is relayed over tcp/10.0.0.2:7447, link up",
@@ -321,7 +289,7 @@ fn the_doctor_judges_the_link_and_does_not_miss_what_is_not_relayed() {
         clock_resets: 3,
         ..up()
     };
-    let _relay = StandInRelay::start(&rig.domain, poor);
+    let _relay = relayed(&rig.domain, poor);
     let report = json(&look(&rig, "doctor --json", 8).stdout[0]);
     let findings = report["findings"].as_array().unwrap();
     let of_relay = findings.iter().filter(|one| one["subject"] == "relay");
@@ -381,6 +349,9 @@ const PRINT: [&str; 5] = [
 fn the_relay_s_program_is_run_with_all_arguments_and_its_exit_code_is_its_own() {
     let rig = sandbox();
     let install = Install::new("beside");
+    let missing = install.run(&rig, Path::new("/nowhere"), &["--robot", "7"]);
+    assert_eq!(missing.code(), Some(1), "{missing:#?}");
+    missing.err_says("`cargo install --path gateways/relay`");
     symlink("/bin/sh", install.0.join("ril-relay")).unwrap();
     let nowhere = Path::new("/nowhere");
     let finished = install.run(&rig, nowhere, &PRINT);
@@ -391,17 +362,4 @@ fn the_relay_s_program_is_run_with_all_arguments_and_its_exit_code_is_its_own() 
     let finished = elsewhere.run(&rig, &install.0, &PRINT);
     assert_eq!(finished.code(), Some(42), "{finished:#?}");
     assert_eq!(finished.stdout, ["--config relay.toml status"]);
-}
-
-#[test]
-fn without_the_relay_s_program_the_way_to_build_it_is_named() {
-    let rig = sandbox();
-    let install = Install::new("alone");
-    for args in [&[][..], &["--help"], &["--robot", "7"]] {
-        let finished = install.run(&rig, Path::new("/nowhere"), args);
-        assert_eq!(finished.code(), Some(1), "{finished:#?}");
-        let expected = "`cargo install --path gateways/relay`";
-        finished.err_says(expected);
-    }
-    rig.domain.assert_empty();
 }

@@ -34,17 +34,31 @@ fn each_command_sends_its_request() {
         );
         assert_eq!(control(bridge.next_request()).command(), Some(command));
     }
-    rig.run("takeoff --altitude 7.5", 0);
-    let take_off = movement(bridge.next_request());
-    assert_eq!(
-        (take_off.kind(), take_off.altitude_m),
-        (Some(MovementKind::TakeOff), 7.5)
-    );
-    rig.run("land", 0);
-    assert_eq!(
-        movement(bridge.next_request()).kind(),
-        Some(MovementKind::Land)
-    );
+    use MovementKind::{GoToWaypoint, Hold, Land, TakeOff};
+    // The kind of each movement, its altitude, and of each request whether it may pre-empt.
+    for (args, kind, altitude_m, preempt) in [
+        ("takeoff --altitude 7.5", TakeOff, 7.5, &[0][..]),
+        ("hold", Hold, 0.0, &[1]),
+        ("land", Land, 0.0, &[0]),
+        ("land --preempt", Land, 0.0, &[1]),
+        ("goto 37,-6,20 37,-6,20", GoToWaypoint, 20.0, &[0, 0]),
+        (
+            "goto 37,-6,20 37,-6,20 --preempt",
+            GoToWaypoint,
+            20.0,
+            &[1, 1],
+        ),
+    ] {
+        rig.run(args, 0);
+        for preempt in preempt {
+            let request = movement(bridge.next_request());
+            assert_eq!(
+                (request.kind(), request.altitude_m, request.preempt),
+                (Some(kind), altitude_m, *preempt),
+                "{args}"
+            );
+        }
+    }
 }
 
 #[test]
@@ -154,45 +168,28 @@ fn a_goto_with_a_speed_leaves_the_cruise_speed_as_it_was() {
 }
 
 #[test]
-fn the_first_refusal_ends_a_path() {
-    let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
-    bridge.answer_next(accepted());
-    let too_far = RequestReport {
-        value: 111_195.0,
-        value_valid: 1,
-        ..RequestReport::new(Stage::Refused, Reason::TooFar)
-    };
-    bridge.answer_next(Answer::Reports(vec![too_far]));
-    let finished = rig.run("goto 37,-6,20 38,-6,20 37,-6,20", 5);
-    assert!(finished.stdout.is_empty(), "{finished:#?}");
-    finished.err_says("goto was refused (too-far: waypoint 2, 111 km away)");
-    finished.err_says("are latitude and longitude swapped?");
-    // The third was never sent: the next request is another command's.
-    rig.run("land", 0);
-    let kinds = [(); 3].map(|()| movement(bridge.next_request()).kind);
-    let (go_to, land) = (MovementKind::GoToWaypoint.code(), MovementKind::Land.code());
-    assert_eq!(kinds, [go_to, go_to, land]);
-}
-
-#[test]
-fn final_reports_become_exit_codes() {
+fn final_reports_become_exit_codes_and_so_does_none() {
     let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     let unknown = |reason| Answer::Reports(vec![RequestReport::new(Stage::Unknown, reason)]);
+    let (take_off, path) = ("takeoff 5m", "goto 37,-6,20 37,-6,21 --timeout 5s");
     #[rustfmt::skip]
     let cases = [
-        (Answer::done(), 0, ""),
-        (Answer::refuse(Reason::Busy), 5, "takeoff was refused (busy)"),
-        (Answer::refuse(Reason::LinkDown), 6, "takeoff was refused (link-down)"),
-        (Answer::abort(Reason::MovementTimeout), 4, "(movement-timeout)"),
-        (unknown(Reason::BridgeEnding), 7, "unknown outcome (bridge-ending)"),
+        (take_off, vec![Answer::done()], 0, ""),
+        (take_off, vec![Answer::refuse(Reason::Busy)], 5, "takeoff was refused (busy)"),
+        (take_off, vec![Answer::refuse(Reason::LinkDown)], 6, "takeoff was refused (link-down)"),
+        (take_off, vec![Answer::abort(Reason::MovementTimeout)], 4, "(movement-timeout)"),
+        (take_off, vec![unknown(Reason::BridgeEnding)], 7, "unknown outcome (bridge-ending)"),
+        ("start --timeout 100ms", vec![Answer::Hang], 4, "did not answer to start in time"),
+        (path, vec![accepted(), Answer::Hang], 4, "did not answer to waypoint 2 of 2"),
     ];
-    for (answer, code, told) in cases {
-        bridge.answer_next(answer.clone());
-        let finished = rig.run("takeoff --altitude 5", code);
+    for (args, answers, code, told) in cases {
+        for answer in &answers {
+            bridge.answer_next(answer.clone());
+        }
+        let finished = rig.run(args, code);
         let is_told = says(&finished.stderr, told) || told.is_empty();
-        assert!(is_told, "{answer:?}: {finished:#?}");
+        assert!(is_told, "{answers:?}: {finished:#?}");
     }
 }
 
@@ -244,19 +241,6 @@ fn deadline_and_timeout_come_from_the_command_line_then_the_environment_then_the
     rig.run("land --deadline 50ms", 0);
     let land = movement(bridge.next_request());
     assert_eq!(land.begin_by_ns, land.issued_ns + 50_000_000);
-}
-
-#[test]
-fn a_bridge_that_hangs_is_a_timeout() {
-    let rig = sandbox();
-    let bridge = StandInBridge::start(&rig.domain);
-    bridge.answer_next(Answer::Hang);
-    rig.run("start --timeout 100ms", 4)
-        .err_says("did not answer to start in time");
-    bridge.answer_next(accepted());
-    bridge.answer_next(Answer::Hang);
-    rig.run("goto 37,-6,20 37,-6,21 --timeout 5s", 4)
-        .err_says("did not answer to waypoint 2 of 2");
 }
 
 #[test]

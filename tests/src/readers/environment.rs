@@ -12,15 +12,8 @@ use crate::packages;
 use super::reader::Reader;
 
 /// From PyPI.
-const PYTHON_PACKAGES: [&str; 5] = [
-    "mcap>=1.3,<2",
-    "mcap-ros2-support>=0.5.5,<1",
-    "rosbags>=0.11.9,<0.12",
-    "numpy",
-    "pandas>=2",
-];
-const PYTHON_IMPORTS: &str =
-    "import mcap.reader, mcap_ros2.decoder, rosbags.highlevel, numpy, pandas";
+const PYTHON_PACKAGES: &str =
+    "mcap>=1.3,<2 mcap-ros2-support>=0.5.5,<1 rosbags>=0.11.9,<0.12 numpy pandas>=2";
 
 /// From npm. `@lichtblick/rosmsg2-serialization` 1.0.0 needs `@lichtblick/cdr`, but does not say so.
 const NODE_PACKAGES: [&str; 5] = [
@@ -62,7 +55,7 @@ pub fn readers_or_skip(what: &str) -> Vec<Reader> {
 fn python() -> Result<PathBuf, String> {
     match std::env::var_os("RIL_TEST_READERS_PYTHON") {
         Some(python) => Ok(python.into()),
-        None => packages::python("readers", &PYTHON_PACKAGES, PYTHON_IMPORTS),
+        None => packages::python(PYTHON_PACKAGES),
     }
 }
 

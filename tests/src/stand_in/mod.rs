@@ -9,6 +9,7 @@ mod answer;
 mod bridge;
 mod own;
 mod ports;
+mod publishing;
 mod status;
 mod worker;
 
@@ -16,4 +17,5 @@ pub use answer::Answer;
 pub use bridge::{Received, StandInBridge};
 pub use own::{StandInServer, StandInTopic};
 pub use ports::{PortTable, StandInPort};
+pub use publishing::Publishing;
 pub use status::StandInStatus;

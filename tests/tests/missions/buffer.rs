@@ -150,6 +150,7 @@ impl Buffer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::missions::witness::assert_panics;
 
     const SECOND: Duration = Duration::from_secs(1);
 
@@ -177,59 +178,41 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "publishes an empty path buffer")]
-    fn a_waypoint_in_a_buffer_that_is_published_as_empty_is_noticed() {
-        watch(true, DspPathState::Empty, 1, 0, 1);
-    }
-
-    #[test]
-    #[should_panic(expected = "a path that is not under way")]
-    fn waypoints_of_a_path_that_has_ended_are_noticed() {
-        let mut state = state(DspPathState::Ours);
-        state.functionality = Functionality::AtRest.code();
-        Buffer::new(false).look(&Look {
-            now: SECOND,
-            held: 1,
-            state: Some(&state),
-            attempts: 0,
-            without_bridge: Duration::ZERO,
-        });
-    }
-
-    #[test]
-    #[should_panic(expected = "does not empty it")]
-    fn a_bridge_that_does_not_empty_the_buffer_is_noticed() {
-        watch(false, DspPathState::Unknown, 0, 7, 100);
-    }
-
-    #[test]
-    #[should_panic(expected = "of a movement that has ended")]
-    fn a_buffer_that_stays_full_is_noticed() {
-        watch(true, DspPathState::Unknown, 3, 2, 1);
-    }
-
-    #[test]
-    #[should_panic(expected = "after the bridge was gone")]
-    fn a_dsp_that_flies_on_without_a_bridge_is_noticed() {
-        Buffer::new(true).look(&Look {
-            now: 10 * SECOND,
-            held: 1,
-            state: None,
-            attempts: 0,
-            without_bridge: 3 * SECOND,
-        });
-    }
-
-    #[test]
-    #[should_panic(expected = "a path begins")]
-    fn a_path_that_is_appended_to_another_is_noticed() {
-        Buffer::new(true).path_begins(1);
-    }
-
-    #[test]
-    #[should_panic(expected = "stop is done")]
-    fn a_stop_that_leaves_something_is_noticed() {
-        Buffer::new(true).done("stop", 1);
+    fn what_is_wrong_is_noticed() {
+        let look = |held, state, seconds, without_bridge| {
+            Buffer::new(true).look(&Look {
+                now: seconds * SECOND,
+                held,
+                state,
+                attempts: 0,
+                without_bridge,
+            });
+        };
+        let mut at_rest = state(DspPathState::Ours);
+        at_rest.functionality = Functionality::AtRest.code();
+        type Case<'a> = (&'a str, &'a dyn Fn());
+        let cases: [Case; 7] = [
+            ("publishes an empty path buffer", &|| {
+                watch(true, DspPathState::Empty, 1, 0, 1);
+            }),
+            ("a path that is not under way", &|| {
+                look(1, Some(&at_rest), 1, Duration::ZERO);
+            }),
+            ("does not empty it", &|| {
+                watch(false, DspPathState::Unknown, 0, 7, 100);
+            }),
+            ("of a movement that has ended", &|| {
+                watch(true, DspPathState::Unknown, 3, 2, 1);
+            }),
+            ("after the bridge was gone", &|| {
+                look(1, None, 10, 3 * SECOND);
+            }),
+            ("a path begins", &|| Buffer::new(true).path_begins(1)),
+            ("stop is done", &|| Buffer::new(true).done("stop", 1)),
+        ];
+        for (expected, act) in cases {
+            assert_panics(expected, act);
+        }
     }
 
     #[test]

@@ -2,15 +2,11 @@
 //! the robot does what it was configured for.
 
 use std::fs;
-use std::io::{self, Read};
-use std::net::{Shutdown, TcpListener, TcpStream};
-use std::sync::{Arc, Mutex};
-use std::thread;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, RelayLinkState};
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations};
+use ipc_types::payload::{HeroTelemetry, ModuleState, RelayLink, RelayStations};
 use ril_tests::air::{Air, Weather};
 use ril_tests::process::{Finished, Signal};
 use ril_tests::relayed::{
@@ -169,113 +165,37 @@ fn a_robot_that_is_to_land_lands_when_the_station_is_lost() {
 /// How often the link is cut.
 const CUTS: usize = 3;
 
-/// A cable for TCP that can be cut. It ends with the test.
-struct Cable {
-    endpoint: String,
-    ends: Arc<Mutex<Ends>>,
-}
-
-#[derive(Default)]
-struct Ends {
-    is_cut: bool,
-    open: Vec<TcpStream>,
-}
-
-impl Cable {
-    /// From an endpoint of its own to this one.
-    fn to(endpoint: &str) -> Cable {
-        let far = address(endpoint).to_owned();
-        let listener = TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
-        let near = listener.local_addr().expect("an address");
-        let ends = Arc::new(Mutex::new(Ends::default()));
-        let shared = Arc::clone(&ends);
-        thread::spawn(move || {
-            for near in listener.incoming().flatten() {
-                let mut ends = shared.lock().expect("no panic while it is held");
-                if ends.is_cut {
-                    continue;
-                }
-                let Ok(far) = TcpStream::connect(&far) else {
-                    continue;
-                };
-                carry(&near, &far);
-                carry(&far, &near);
-                ends.open.extend([near, far]);
-            }
-        });
-        Cable {
-            endpoint: format!("tcp/{near}"),
-            ends,
-        }
-    }
-
-    /// Ends all connections, and takes no other. What was under way is lost.
-    fn cut(&self) {
-        let mut ends = self.ends.lock().expect("no panic while it is held");
-        ends.is_cut = true;
-        for end in ends.open.drain(..) {
-            let _ = end.shutdown(Shutdown::Both);
-        }
-    }
-
-    /// Takes connections again.
-    fn join(&self) {
-        self.ends.lock().expect("no panic while it is held").is_cut = false;
-    }
-}
-
-fn address(endpoint: &str) -> &str {
-    endpoint.strip_prefix("tcp/").expect("an endpoint of TCP")
-}
-
-/// Carries what comes from one end to the other, until either is closed.
-fn carry(from: &TcpStream, to: &TcpStream) {
-    let clones = (from.try_clone(), to.try_clone());
-    let (Ok(mut from), Ok(mut to)) = clones else {
-        return;
-    };
-    thread::spawn(move || {
-        let _ = io::copy(&mut from, &mut to);
-        let _ = to.shutdown(Shutdown::Both);
-    });
+/// A robot and a station with a radio between them, and when the station takes the link for silent. `None` if there is no `ril`.
+fn over_the_air(name: &str, weather: Weather, silent_after_ms: u32) -> Option<(Rig, Air)> {
+    let ril = ril()?;
+    let (robot, station) = (machine(&ril, name), machine(&ril, name));
+    let silent = format!("[network]\nsilent_after_ms = {silent_after_ms}\n");
+    station.write("relay.toml", &silent);
+    let endpoint = free_endpoint();
+    let air = Air::to(&endpoint, weather);
+    let endpoints = [endpoint, air.endpoint.clone()];
+    Some((Rig::over(robot, station, endpoints, SPEED), air))
 }
 
 #[test]
 fn a_path_that_was_ordered_before_a_hold_is_not_flown_after_it_when_the_link_comes_back() {
-    let Some(ril) = ril() else {
+    // A request that comes while the link is cut is not refused: the station does not know yet that it is down.
+    let near = Weather::far(Duration::ZERO);
+    let Some((mut rig, air)) = over_the_air("cut", near, 60_000) else {
         return;
     };
-    let (robot, station) = (machine(&ril, "cut"), machine(&ril, "cut"));
-    // A request that comes while the link is cut is not refused: the station does not know yet that it is down.
-    station.write("relay.toml", "[network]\nsilent_after_ms = 60000\n");
-    let processes = robot.start_robot(1, SPEED);
-    let endpoint = free_endpoint();
-    let robot_relay = start_robot_relay(&robot, &endpoint);
-    let cable = Cable::to(&endpoint);
-    let station_relay = start_station_relay(&station, &cable.endpoint);
-    await_link(&station, 1);
-    station.run("start", 0);
-    station.run("takeoff --altitude 5", 0);
-    let place = station
-        .subscribe::<DspTelemetry>(1)
-        .next_sample()
-        .geographic;
-    let far = format!(
-        "goto {},{},{}",
-        place.latitude_deg + 0.02,
-        place.longitude_deg,
-        place.altitude_m
-    );
-    let mut links = station.subscribe::<RelayLink>(1);
-    let mut states = robot.subscribe::<ModuleState>(1);
+    let [latitude, longitude, altitude] = rig.take_off();
+    let far = format!("goto {},{longitude},{altitude}", latitude + 0.02);
+    let mut links = rig.station.subscribe::<RelayLink>(1);
+    let mut states = rig.robot.subscribe::<ModuleState>(1);
     for _ in 0..CUTS {
         let sent = links.next_sample().orders_sent;
-        cable.cut();
-        let mut path = station.start(&far);
+        air.cut();
+        let mut path = rig.station.start(&far);
         links.until("the path is ordered", |link| link.orders_sent > sent);
-        let mut hold = station.start("hold");
+        let mut hold = rig.station.start("hold");
         links.until("the hold is ordered", |link| link.orders_sent > sent + 1);
-        cable.join();
+        air.join();
         hold.exits(0);
         let ended = path.wait_exit();
         assert_ne!(ended.code(), Some(0), "{ended:#?}");
@@ -283,10 +203,8 @@ fn a_path_that_was_ordered_before_a_hold_is_not_flown_after_it_when_the_link_com
         let is_flown = state.functionality == Functionality::FollowingPath.code();
         assert!(!is_flown, "after the hold: {ended:#?}\n{state:#?}");
     }
-    station.run("land", 0);
-    station_relay.end();
-    robot_relay.end();
-    processes.end();
+    rig.station.run("land", 0);
+    rig.end();
 }
 
 /// 0.6 s round trip, and each fifth packet is late: TCP repeats it after two to three round trips.
@@ -298,25 +216,15 @@ const WEATHER: Weather = Weather {
 
 #[test]
 fn a_link_of_six_hundred_ms_round_trip_that_loses_every_fifth_packet_connects_and_carries_orders() {
-    let Some(ril) = ril() else {
+    // The air is what is tried here, and not when it counts as silent.
+    let Some((mut rig, _air)) = over_the_air("slow", WEATHER, 10_000) else {
         return;
     };
-    let (robot, station) = (machine(&ril, "slow"), machine(&ril, "slow"));
-    let processes = robot.start_robot(1, SPEED);
-    let endpoint = free_endpoint();
-    let robot_relay = start_robot_relay(&robot, &endpoint);
-    let air = Air::to(&endpoint, WEATHER);
-    // The air is what is tried here, and not when it counts as silent.
-    station.write("relay.toml", "[network]\nsilent_after_ms = 10000\n");
-    let station_relay = start_station_relay(&station, &air.endpoint);
-    await_link(&station, 1);
-    let link = station.subscribe::<RelayLink>(1).next_sample();
+    let link = rig.station.subscribe::<RelayLink>(1).next_sample();
     assert!(link.round_trip_s > 0.5, "{link:#?}");
     assert_eq!(link.open_timeout_s, 8.0);
-    station.run("start --timeout 60s", 0);
-    station_relay.end();
-    robot_relay.end();
-    processes.end();
+    rig.station.run("start --timeout 60s", 0);
+    rig.end();
 }
 
 #[test]
@@ -362,21 +270,6 @@ fn the_robot_s_relay_says_which_station_commands() {
         assert_eq!(line.contains("station=\"gcs\""), is_relayed, "{line}");
         assert!(is_relayed || !line.contains("station="), "{line}");
     }
-}
-
-#[test]
-fn a_connection_that_says_nothing_is_closed() {
-    let Some(ril) = ril() else {
-        return;
-    };
-    let robot = machine(&ril, "half open");
-    let endpoint = free_endpoint();
-    let relay = start_robot_relay(&robot, &endpoint);
-    let mut silent = TcpStream::connect(address(&endpoint)).expect("it listens");
-    // The end, however it comes; without one this waits for ever.
-    let end = silent.read(&mut [0; 64]);
-    assert!(matches!(end, Ok(0) | Err(_)), "{end:?}");
-    relay.end();
 }
 
 /// How long samples are watched after the robot's relay has given up the station that stands still: beyond the lease of its link,

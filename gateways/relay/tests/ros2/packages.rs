@@ -1,9 +1,8 @@
 //! `ril-relay ros2-packages`.
 
 use std::fs;
-use std::path::Path;
 
-use ril_tests::{Process, StandInTopic, TestDomain};
+use ril_tests::{Sandbox, StandInTopic};
 
 ipc_types::shared_struct! {
     /// How charged the battery is.
@@ -18,42 +17,32 @@ ipc_types::shared_struct! {
 }
 ipc_types::topic!(Charge, "battery_watch/charge");
 
-fn write(domain: &TestDomain, folder: &Path) -> Vec<String> {
-    let folder = folder.to_str().expect("a path");
-    let program = env!("CARGO_BIN_EXE_ril-relay");
-    let mut process = Process::start(domain, program, ["ros2-packages", "--robot", "1", folder]);
-    let finished = process.exits(0);
-    finished.stdout
+/// The relay's program in a folder of its own.
+fn machine() -> Sandbox {
+    Sandbox::of(env!("CARGO_BIN_EXE_ril-relay"))
 }
 
 #[test]
 fn without_a_robot_the_packages_of_its_own_messages_are_written() {
-    let domain = TestDomain::new();
-    let folder = tempfile::tempdir().expect("a folder");
-    let printed = write(&domain, &folder.path().join("src"));
-    let hero = folder.path().join("src/hero_msgs");
-    assert!(printed[0].starts_with(&format!("{} (", hero.display())));
+    let rig = machine();
+    let printed = rig.run("ros2-packages --robot 1 src", 0).stdout;
+    assert!(printed[0].starts_with("src/hero_msgs ("), "{printed:?}");
+    let hero = rig.path("src/hero_msgs");
     let text = fs::read_to_string(hero.join("msg/HeroTelemetry.msg")).expect("a definition");
     assert!(text.contains("uint64 published_ns"));
     assert!(hero.join("package.xml").is_file() && hero.join("CMakeLists.txt").is_file());
-    assert!(
-        folder
-            .path()
-            .join("src/module_msgs/msg/State.msg")
-            .is_file()
-    );
+    assert!(rig.path("src/module_msgs/msg/State.msg").is_file());
 }
 
 #[test]
 fn beside_a_robot_the_messages_of_its_modules_topics_are_written_too() {
-    let domain = TestDomain::new();
-    let charges = StandInTopic::<Charge>::start(&domain);
+    let rig = machine();
+    let charges = StandInTopic::<Charge>::start(&rig.domain);
     charges.publish(&Charge::default());
-    let folder = tempfile::tempdir().expect("a folder");
-    let printed = write(&domain, folder.path());
-    let package = folder.path().join("battery_watch_msgs");
-    let line = format!("{} (1 .msg)", package.display());
+    let printed = rig.run("ros2-packages --robot 1 src", 0).stdout;
+    let line = "src/battery_watch_msgs (1 .msg)".to_owned();
     assert!(printed.contains(&line), "{printed:?}");
-    let text = fs::read_to_string(package.join("msg/Charge.msg")).expect("a definition");
+    let definition = rig.path("src/battery_watch_msgs/msg/Charge.msg");
+    let text = fs::read_to_string(definition).expect("a definition");
     assert!(text.contains("float64 charge"));
 }

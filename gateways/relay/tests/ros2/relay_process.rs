@@ -1,9 +1,6 @@
 //! The program `ril-relay` beside stand-ins that publish, as a node of ROS 2.
 
 use std::collections::BTreeSet;
-use std::fs;
-use std::sync::mpsc::{self, RecvTimeoutError, Sender};
-use std::thread::{self, JoinHandle};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, SharedStruct};
@@ -11,14 +8,13 @@ use ipc_types::{RobotId, Schema};
 use relay::ros2::{Qos, RosSession, StandardMessage, own_schemas};
 use ril_tests::languages::run;
 use ril_tests::relayed::free_endpoint;
-use ril_tests::{Process, StandInStatus, StandInTopic, TestDomain};
+use ril_tests::{Process, Publishing, Sandbox, StandInStatus, StandInTopic};
 use serde_json::{Value, json};
 use zenoh::Wait;
 use zenoh::sample::{Sample, SampleKind};
 
-use super::python::{python_or_skip, script};
 use super::samples::{self, samples};
-use super::{check_topics, folder_with_packages};
+use super::{check_topics, folder_with_packages, python_or_skip, script};
 
 ipc_types::shared_struct! {
     /// A topic of a module, with a name that a standard message has too.
@@ -41,22 +37,21 @@ struct Robot {
     relay: Process,
     endpoint: String,
     publishing: Publishing,
-    _folder: tempfile::TempDir,
+}
+
+/// The relay's program in a domain and a folder of its own.
+fn machine() -> Sandbox {
+    Sandbox::of(env!("CARGO_BIN_EXE_ril-relay"))
 }
 
 impl Robot {
     /// Starts `publish`, which is called again and again, and the relay; returns when the relay carries `keys`.
-    fn start(domain: &TestDomain, keys: &[&str], publish: impl FnMut() + Send + 'static) -> Robot {
-        let publishing = Publishing::start(publish);
+    fn start(machine: &Sandbox, keys: &[&str], publish: impl FnMut() + Send + 'static) -> Robot {
+        let publishing = Publishing::start(PERIOD, || publish);
         let endpoint = free_endpoint();
-        let folder = tempfile::tempdir().expect("a folder");
-        let file = folder.path().join("relay.toml");
         let config = format!("[robot]\nlisten = [\"{endpoint}\"]\n[ros2]\nenabled = true\n");
-        fs::write(&file, config).expect("a file");
-        let file = file.to_str().expect("a path");
-        let program = env!("CARGO_BIN_EXE_ril-relay");
-        let args = ["robot", "--robot", "1", "--config", file];
-        let mut relay = Process::start(domain, program, args);
+        machine.write("relay.toml", &config);
+        let mut relay = machine.start("robot --robot 1");
         for key in keys {
             relay.wait_for_line(|line| {
                 line.text.contains("relayed") && line.text.contains(&format!("\"{key}\""))
@@ -66,7 +61,6 @@ impl Robot {
             relay,
             endpoint,
             publishing,
-            _folder: folder,
         }
     }
 
@@ -78,48 +72,17 @@ impl Robot {
     }
 }
 
-/// A thread that publishes until this value is dropped.
-struct Publishing {
-    stop: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Publishing {
-    fn start(mut publish: impl FnMut() + Send + 'static) -> Publishing {
-        let (stop, stopped) = mpsc::channel();
-        // The topics are there before this returns.
-        publish();
-        let thread = thread::spawn(move || {
-            while stopped.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
-                publish();
-            }
-        });
-        Publishing {
-            stop: Some(stop),
-            thread: Some(thread),
-        }
-    }
-}
-
-impl Drop for Publishing {
-    fn drop(&mut self) {
-        self.stop = None;
-        let ended = self.thread.take().map(JoinHandle::join);
-        assert!(thread::panicking() || ended.is_none_or(|ended| ended.is_ok()));
-    }
-}
-
 #[test]
 fn zenoh_ros2_sdk_lists_and_echoes_what_the_running_relay_publishes() {
     let Some(python) = python_or_skip("zenoh-ros2-sdk with ril-relay") else {
         return;
     };
-    let domain = TestDomain::new();
-    let status = StandInStatus::start(&domain);
-    let dsp = StandInTopic::<DspTelemetry>::start(&domain);
-    let state = StandInTopic::<ModuleState>::start(&domain);
+    let machine = machine();
+    let status = StandInStatus::start(&machine.domain);
+    let dsp = StandInTopic::<DspTelemetry>::start(&machine.domain);
+    let state = StandInTopic::<ModuleState>::start(&machine.domain);
     let keys = ["hero_telemetry", "dsp_telemetry", "module_state"];
-    let robot = Robot::start(&domain, &keys, move || {
+    let robot = Robot::start(&machine, &keys, move || {
         status.publish(&samples::telemetry());
         dsp.publish(&samples::dsp());
         state.publish(&samples::state());
@@ -129,7 +92,7 @@ fn zenoh_ros2_sdk_lists_and_echoes_what_the_running_relay_publishes() {
         leave_out_what_each_run_changes(&mut sample.values);
     }
     let folder = folder_with_packages(&own_schemas());
-    check_topics(python, &robot.endpoint, &expected, folder.path());
+    check_topics(&python, &robot.endpoint, &expected, folder.path());
     robot.end();
 }
 
@@ -139,9 +102,9 @@ fn eclipse_zenoh_reads_the_documented_keys_as_a_peer_and_as_a_client() {
     let Some(python) = python_or_skip("eclipse-zenoh with ril-relay") else {
         return;
     };
-    let domain = TestDomain::new();
-    let status = StandInStatus::start(&domain);
-    let robot = Robot::start(&domain, &["hero_telemetry"], move || {
+    let machine = machine();
+    let status = StandInStatus::start(&machine.domain);
+    let robot = Robot::start(&machine, &["hero_telemetry"], move || {
         status.publish(&samples::telemetry());
     });
     let mut samples = samples().into_iter();
@@ -156,7 +119,7 @@ fn eclipse_zenoh_reads_the_documented_keys_as_a_peer_and_as_a_client() {
         "timeout_s": 30,
         "values": hero.values,
     });
-    let mut command = script(python, "check_keys.py");
+    let mut command = script(&python, "check_keys.py");
     command.args(["--endpoint", &robot.endpoint, "--expected"]);
     run(command.arg(expected.to_string())).unwrap();
     robot.end();
@@ -189,10 +152,10 @@ fn other_node(endpoint: &str) -> zenoh::Session {
 
 #[test]
 fn a_module_s_topic_keeps_its_name_and_the_standard_message_is_left_out_with_one_warning() {
-    let domain = TestDomain::new();
-    let status = StandInStatus::start(&domain);
-    let imu = StandInTopic::<ImuData>::start(&domain);
-    let robot = Robot::start(&domain, &["hero_telemetry", "imu/data"], move || {
+    let machine = machine();
+    let status = StandInStatus::start(&machine.domain);
+    let imu = StandInTopic::<ImuData>::start(&machine.domain);
+    let robot = Robot::start(&machine, &["hero_telemetry", "imu/data"], move || {
         status.publish(&samples::telemetry());
         imu.publish(&ImuData::default());
     });
@@ -242,10 +205,10 @@ fn entity(token: &str) -> String {
 
 #[test]
 fn samples_arrive_as_they_were_published_with_the_unix_time_of_their_publishing() {
-    let domain = TestDomain::new();
-    let status = StandInStatus::start(&domain);
+    let machine = machine();
+    let status = StandInStatus::start(&machine.domain);
     let began_ns = unix_ns();
-    let robot = Robot::start(&domain, &["hero_telemetry"], move || {
+    let robot = Robot::start(&machine, &["hero_telemetry"], move || {
         status.publish(&samples::telemetry());
     });
     let node = other_node(&robot.endpoint);

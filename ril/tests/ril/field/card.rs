@@ -12,7 +12,7 @@ use ril_tests::process::Signal;
 use ril_tests::sandbox::FOR_SLOW_MACHINES;
 
 use super::{check, files, kinds, own_mounts};
-use crate::common::end;
+use crate::common::{end, end_all};
 
 /// The card: a file system of some MiB below the folder of the test, in which all processes run.
 struct Card {
@@ -147,9 +147,7 @@ fn a_full_card_costs_no_telemetry_and_no_order_and_all_goes_on_when_there_is_roo
         end(gateway, Signal::TERM);
         let recorded = end(recorder, Signal::TERM);
         let logged = end(status, Signal::TERM);
-        for process in [bridge, sim] {
-            end(process, Signal::TERM);
-        }
+        end_all([bridge, sim]);
 
         // Nothing was lost that the queues held: the card was full for less than 20 s on most machines, and else it is counted.
         let summary = logged.stderr.iter().rfind(|line| line.contains("rows in"));

@@ -11,7 +11,7 @@ use ril_tests::{Process, Sandbox};
 use runtime::wall_clock::WallClock;
 
 use super::{check, files, kinds};
-use crate::common::{end, json};
+use crate::common::{end, end_all, json};
 use crate::doctor::troubles;
 
 /// Moments after a boot, and when somebody set the clock at last, s since 1970.
@@ -72,9 +72,7 @@ fn two_boots_of_1970_keep_every_file_and_a_clock_that_is_set_in_flight_costs_not
         let status = rig.status(1);
         let recorder = record(&rig, "");
         rig.run("echo hero --count 20", 0);
-        for process in [recorder, status, bridge] {
-            end(process, Signal::TERM);
-        }
+        end_all([recorder, status, bridge]);
         let after = contents(&rig);
         assert!(
             before

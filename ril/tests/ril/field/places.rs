@@ -8,7 +8,7 @@ use ril_tests::Sandbox;
 use ril_tests::process::Signal;
 
 use super::{check, files, own_mounts};
-use crate::common::end;
+use crate::common::{end, end_all};
 
 /// Makes every mount read-only but those that the kernel makes, `/dev/shm` and the terminals among them, and becomes the program.
 const READ_ONLY: &str = r#"
@@ -124,9 +124,7 @@ fn on_a_read_only_root_a_robot_flies_records_and_keeps_all_on_a_ram_disk() {
     ] {
         rig.run(request, 0);
     }
-    for process in [gateway, recorder, status, bridge, sim] {
-        end(process, Signal::TERM);
-    }
+    end_all([gateway, recorder, status, bridge, sim]);
     let kept = ram.0.path();
     assert!(kept.join("state/robot-1.timestamp").exists());
     assert_eq!(files(&kept.join("log"), "tsv").len(), 1);

@@ -13,7 +13,7 @@ use ipc_types::payload::{MavlinkStations, ModuleState};
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Process, Sandbox, languages, packages};
 
-use crate::common::{end, json, sandbox, shown_state};
+use crate::common::{end, end_all, json, sandbox, shown_state};
 
 const NAN: f32 = f32::NAN;
 
@@ -137,9 +137,7 @@ fn a_helicopter_that_is_not_heard_is_silent_and_its_orders_are_refused() {
     );
     let status = rig.status(1);
     station.until("its heartbeat", |message| message.is(0));
-    for process in [gateway, status, robot.bridge, robot.sim] {
-        end(process, Signal::TERM);
-    }
+    end_all([gateway, status, robot.bridge, robot.sim]);
 }
 
 #[test]
@@ -200,7 +198,7 @@ fn flown(
 ) {
     let rig = sandbox();
     let what = format!("{} with {packages}", script.display());
-    let python = match packages::python_alone(packages) {
+    let python = match packages::python(packages) {
         Ok(python) => python,
         Err(why) => return languages::skip(&what, &why),
     };

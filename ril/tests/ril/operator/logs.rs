@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 use ril_tests::process::Signal;
 use rustix::fs::{CWD, Mode, mkfifoat};
 
-use super::station::{Station, on_terminal};
+use super::station::station;
 use crate::common::{json, sandbox, says};
+use crate::watch::screen::on_terminal;
 
 const HEADER: &str = "flying\tsequence\treceived_ns\tutc\taltitude_m\n";
 
@@ -35,7 +36,7 @@ fn append(path: &Path, text: &str) {
 #[test]
 fn a_real_flight_is_listed_summed_up_and_converted() {
     let rig = sandbox();
-    let station = Station::start(&rig, "--speed 10");
+    let station = station(&rig, 10);
     rig.run("start", 0);
     rig.run("takeoff --altitude 10", 0);
     rig.run("goto 37.4111,-6.001,20 --timeout 600s", 0);

@@ -9,8 +9,9 @@ use ril_tests::process::Signal;
 use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 use serde_json::Value;
 
-use super::station::{OPERATOR, STATUS, Station, on_terminal};
-use crate::common::{end, json, sandbox};
+use super::station::{STATUS, station};
+use crate::common::{end, end_all, json, sandbox};
+use crate::watch::screen::on_terminal;
 
 /// The report of `ril preflight --json`, which must end with `code`.
 #[track_caller]
@@ -35,7 +36,7 @@ fn verdict<'a>(report: &'a Value, id: &str) -> &'a str {
 #[test]
 fn a_robot_that_is_ready_passes_and_starts_without_a_word() {
     let rig = sandbox();
-    let station = Station::start(&rig, "");
+    let station = station(&rig, 1);
     let first = report(&rig, "--strict", 0);
     assert_eq!(first["verdict"], "pass", "{first:#}");
     let unmade: Vec<&Value> = first["checks"]
@@ -74,34 +75,13 @@ fn a_robot_that_is_ready_passes_and_starts_without_a_word() {
 }
 
 #[test]
-fn without_a_bridge_it_says_what_to_start() {
-    let rig = sandbox();
-    let report = report(&rig, "", 8);
-    for id in ["bridge", "status"] {
-        assert_eq!(verdict(&report, id), "fail");
-    }
-    assert_eq!(verdict(&report, "battery"), "none");
-    let finished = rig.run("preflight --robot 7", 8);
-    for expected in [
-        "FAIL  bridge          not running; limit: running",
-        "→ start it: `ril run bridge --robot 7`",
-        "NOT ready to take off",
-    ] {
-        finished.out_says(expected);
-    }
-    finished.err_says(" failed, ");
-    on_terminal(&rig, "preflight", 8);
-    rig.domain.assert_empty();
-}
-
-#[test]
 fn an_empty_battery_and_a_missing_fix_fail_and_a_start_says_so_and_goes_on() {
     let rig = sandbox();
     rig.write(
         "dsp-sim.toml",
         "[energy]\nbattery_v = 22.0\nfuel_percent = 40\n[gps]\nfix_after_s = 3600.0\n",
     );
-    let station = Station::start(&rig, "");
+    let station = station(&rig, 1);
     let report = report(&rig, "", 8);
     for (id, expected) in [
         ("battery", "fail"),
@@ -122,24 +102,6 @@ fn an_empty_battery_and_a_missing_fix_fail_and_a_start_says_so_and_goes_on() {
         started.err_says(expected);
     }
     assert_eq!(started.stdout, ["start: done"]);
-    // Limits are the operator's.
-    rig.write(
-        "ril.toml",
-        &format!("{OPERATOR}battery_v = {{ warn = 21.0, fail = 20.0 }}\ngps_quality_warn = [0]\n"),
-    );
-    let report = self::report(&rig, "", 8);
-    assert_eq!(verdict(&report, "battery"), "pass");
-    assert_eq!(verdict(&report, "gps-fix"), "warn");
-    rig.run("preflight", 8).err_says("1 not checked: home");
-    rig.write(
-        "ril.toml",
-        &format!(
-            "{OPERATOR}battery_v = {{ warn = 21.0, fail = 20.0 }}\ngps_quality_warn = [0]\nmay_be_unchecked = ['home']\n"
-        ),
-    );
-    let report = self::report(&rig, "", 0);
-    assert_eq!(verdict(&report, "home"), "warn");
-    self::report(&rig, "--strict", 8);
     station.end();
 }
 
@@ -152,13 +114,8 @@ fn a_dead_link_fails_and_what_depends_on_it_is_not_judged() {
         "ril.toml",
         "[observe]\ntimeout_s = 60.0\n[preflight]\nmax_age_s = 0.1\nlog_room_mib = 0\n",
     );
-    let station = Station::start(&rig, "");
-    let Station {
-        sim,
-        bridge,
-        status,
-    } = station;
-    end(sim, Signal::INT);
+    let station = station(&rig, 1);
+    end(station.sim, Signal::INT);
     rig.watch(1).until("the port is gone", |state| {
         state.link.state() == Some(LinkState::Gone)
             && ipc_types::MonotonicNs::now()
@@ -176,9 +133,7 @@ fn a_dead_link_fails_and_what_depends_on_it_is_not_judged() {
         assert_eq!(verdict(&report, id), expected, "{id}: {report:#}");
     }
     on_terminal(&rig, "preflight", 8);
-    for process in [status, bridge] {
-        end(process, Signal::INT);
-    }
+    end_all([station.status, station.bridge]);
 }
 
 /// Subscribers use up the descriptors of a bridge that may have few. Then either an order is answered all the same, or the robot is
@@ -186,7 +141,7 @@ fn a_dead_link_fails_and_what_depends_on_it_is_not_judged() {
 #[test]
 fn a_robot_that_would_not_answer_an_order_is_not_ready() {
     let rig = sandbox();
-    let station = Station::start(&rig, "");
+    let station = station(&rig, 1);
     let ipc = rig.domain.join("consumer");
     let mut watch = rig.watch(1);
     let process = Pid::from_raw(station.bridge.id() as i32);
@@ -258,7 +213,7 @@ fn of_a_relayed_robot_the_link_is_checked_and_the_disk_is_not() {
 #[test]
 fn what_the_live_bridge_runs_with_counts_and_not_a_file_that_was_changed_since() {
     let rig = sandbox();
-    let station = Station::start(&rig, "");
+    let station = station(&rig, 1);
     let ready = rig.run("preflight", 0);
     ready.out_says("battery and fuel are watched in flight, as the running configuration says");
     rig.run("doctor", 0).out_says(
@@ -282,6 +237,7 @@ fn what_the_live_bridge_runs_with_counts_and_not_a_file_that_was_changed_since()
     // A file that is named is meant.
     let report = self::report(&rig, "--bridge bridge.toml", 0);
     assert_eq!(verdict(&report, "supply-rules"), "warn", "{report:#}");
+    self::report(&rig, "--bridge bridge.toml --strict", 8);
     let checked = rig.finish("plan check square.waypoints --bridge bridge.toml");
     checked.out_says("of the robot: bridge.toml with 0 areas");
     station.end();

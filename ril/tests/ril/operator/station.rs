@@ -1,17 +1,11 @@
 //! A robot as an operator has it before a flight, and a terminal.
 
-use std::io::Read;
-use std::os::fd::OwnedFd;
-use std::process::Stdio;
-
-use ipc_types::files;
 use ipc_types::inspect::Life;
-use ril_tests::process::Signal;
-use ril_tests::{Process, Sandbox, pty};
-use rustix::fs::{Mode, OFlags};
-use rustix::termios::{Winsize, tcsetwinsize};
+use ril_tests::sandbox::Robot;
+use ril_tests::{Process, Sandbox};
 
-use crate::common::{Flight, end, sandbox};
+use crate::common::{Flight, sandbox, start_robot};
+use crate::watch::screen::on_terminal;
 
 /// A bridge that a machine that stalls for seconds does not take for dead, a fence, and limits of the supply.
 pub const BRIDGE: &str = "\
@@ -42,43 +36,20 @@ groups = ['time', 'geographic', 'gps_velocity', 'gps_quality', 'supply', 'dsp_er
 /// Telemetry that is old on a machine that stalls is not the robot's fault.
 pub const OPERATOR: &str = "[observe]\ntimeout_s = 60.0\n[preflight]\nmax_age_s = 60.0\nlog_room_mib = 0\nlink_loss_percent = { warn = 100.0, fail = 100.0 }\n";
 
-/// Simulator, bridge and status of robot 1, with the configurations above.
-pub struct Station {
-    pub sim: Process,
-    pub bridge: Process,
-    pub status: Process,
-}
-
-impl Station {
-    /// Writes the configurations that the test has not written, and starts the processes.
-    pub fn start(rig: &Sandbox, sim_options: &str) -> Station {
-        for (name, text) in [
-            ("bridge.toml", BRIDGE),
-            ("status.toml", STATUS),
-            ("ril.toml", OPERATOR),
-        ] {
-            if !rig.folder().join(name).exists() {
-                rig.write(name, text);
-            }
-        }
-        let sim = rig.sim(1, sim_options);
-        let bridge = rig.bridge(1);
-        let status = rig.status(1);
-        rig.watch(1).until_ready();
-        rig.run("wait --for up --for landed --timeout 600s", 0);
-        Station {
-            sim,
-            bridge,
-            status,
+/// Simulator, bridge and status of robot 1, with the configurations above where the test has written none.
+pub fn station(rig: &Sandbox, speed: u32) -> Robot {
+    for (name, text) in [
+        ("bridge.toml", BRIDGE),
+        ("status.toml", STATUS),
+        ("ril.toml", OPERATOR),
+    ] {
+        if !rig.path(name).exists() {
+            rig.write(name, text);
         }
     }
-
-    /// Ends all processes.
-    pub fn end(self) {
-        for process in [self.status, self.bridge, self.sim] {
-            end(process, Signal::INT);
-        }
-    }
+    let robot = start_robot(rig, speed);
+    rig.run("wait --for up --for landed --timeout 600s", 0);
+    robot
 }
 
 /// Waits for the end of a process, which must be in order, and returns what it wrote.
@@ -98,46 +69,6 @@ pub fn until_joined(rig: &Sandbox, name: &str) {
         }
         std::thread::yield_now();
     }
-}
-
-/// What `ril` writes on a terminal of 80 × 24, line by line; it must end with `code`. Standard error is another one.
-#[track_caller]
-pub fn on_terminal(rig: &Sandbox, args: &str, code: i32) -> Vec<String> {
-    let (mut master, path) = pty::open();
-    let size = Winsize {
-        ws_row: 24,
-        ws_col: 80,
-        ws_xpixel: 0,
-        ws_ypixel: 0,
-    };
-    tcsetwinsize(&master, size).unwrap();
-    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::CLOEXEC;
-    let slave: OwnedFd = rustix::fs::open(&path, flags, Mode::empty()).unwrap();
-    let mut command = rig.command(args.split_whitespace());
-    command
-        .envs(rig.domain.environment())
-        .stdin(Stdio::null())
-        .stdout(Stdio::from(slave))
-        .stderr(Stdio::null());
-    // It inherits the umask.
-    let mut child = files::while_no_port_opens(|| command.spawn()).unwrap();
-    // The command holds the slave open.
-    drop(command);
-    let mut bytes = Vec::new();
-    // The end of a terminal is an error, when its other end is closed.
-    let _ = master.read_to_end(&mut bytes);
-    let status = child.wait().unwrap();
-    let text = String::from_utf8(bytes).unwrap();
-    assert_eq!(status.code(), Some(code), "ril {args}: {text}");
-    let lines: Vec<String> = text
-        .lines()
-        .map(|line| line.trim_end().to_owned())
-        .collect();
-    for line in &lines {
-        assert!(line.chars().count() <= 80, "ril {args}: {line:?} wraps");
-    }
-    assert!(!lines.is_empty(), "ril {args} wrote nothing");
-    lines
 }
 
 #[test]

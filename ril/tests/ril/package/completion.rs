@@ -6,12 +6,12 @@ use std::os::unix::fs::symlink;
 use std::process::Command;
 
 use ipc_types::{ControlOf, RobotId};
-use ril_tests::process::{Finished, Signal};
+use ril_tests::process::Finished;
 use ril_tests::{Process, Sandbox, StandInBridge, StandInServer, StandInTopic};
 use rustix::fs::{CWD, Mode, mkfifoat};
 
 use super::has;
-use crate::common::{end, sandbox};
+use crate::common::{end_all, sandbox};
 
 ipc_types::shared_struct! {
     /// Voltages of a battery's cells.
@@ -178,9 +178,7 @@ fn robots_topics_fields_modules_and_parameters_are_those_that_live() {
     shells.each(&["ril", "param", "set", "cruise"], |found| {
         found == ["cruise_speed_mps"]
     });
-    for process in [bridge, sim] {
-        end(process, Signal::INT);
-    }
+    end_all([bridge, sim]);
 }
 
 #[test]

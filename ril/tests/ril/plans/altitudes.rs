@@ -1,18 +1,8 @@
 //! `ril takeoff` and `ril goto` with units, telemetry altitudes, heights above take-off, and coordinates as words of their own.
 
-use ril_tests::Sandbox;
 use ril_tests::process::Signal;
 
-use crate::common::{FOR_SLOW_MACHINES, end, json, sandbox};
-
-/// The helicopter's telemetry altitude, m.
-fn altitude_m(rig: &Sandbox) -> f64 {
-    let sample = json(
-        &rig.run("echo dsp --count 1 --json --field geographic", 0)
-            .stdout[0],
-    );
-    sample["geographic"]["altitude_m"].as_f64().unwrap()
-}
+use crate::common::{FOR_SLOW_MACHINES, end, end_all, place, sandbox};
 
 #[test]
 fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
@@ -21,10 +11,10 @@ fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
     let sim = rig.sim(1, "--speed 10");
     let bridge = rig.bridge(1);
     rig.watch(1).until_ready();
-    let ground_m = altitude_m(&rig);
+    let ground_m = place(&rig, 1).2;
     rig.run("start", 0);
     rig.run("takeoff 33ft", 0);
-    let hover_m = altitude_m(&rig);
+    let hover_m = place(&rig, 1).2;
     assert!(
         (hover_m - ground_m - 10.06).abs() < 2.0,
         "{hover_m} over {ground_m}"
@@ -33,14 +23,14 @@ fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
     // Where it hovers makes no difference to a height above take-off.
     rig.run("goto 37.4112 -6.0010 +15m", 0)
         .out_says("1 of 1 waypoints sent");
-    let high_m = altitude_m(&rig);
+    let high_m = place(&rig, 1).2;
     assert!(
         (high_m - ground_m - 15.0).abs() < 2.0,
         "{high_m} over {ground_m}"
     );
 
     rig.run(&format!("goto 37.4111 -6.0010 {:.1}m", ground_m + 8.0), 0);
-    let low_m = altitude_m(&rig);
+    let low_m = place(&rig, 1).2;
     assert!(
         (low_m - ground_m - 8.0).abs() < 2.0,
         "{low_m} over {ground_m}"
@@ -56,9 +46,7 @@ fn altitudes_have_units_and_are_those_of_telemetry_or_above_take_off() {
     rig.run("goto 37.4111 -6.0010 +8m", 5)
         .err_says("the height above take-off is not known");
     rig.run("land", 0);
-    for process in [bridge, sim] {
-        end(process, Signal::INT);
-    }
+    end_all([bridge, sim]);
 }
 
 #[test]

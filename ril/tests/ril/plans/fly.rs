@@ -8,15 +8,14 @@ use ril_tests::sandbox::Robot;
 use ril_tests::{Process, Sandbox};
 
 use super::check::SQUARE;
-use crate::common::{FOR_SLOW_MACHINES, json, sandbox, says, shown_state};
+use crate::common::{FOR_SLOW_MACHINES, json, sandbox, says, shown_state, start_robot};
 
 /// Simulator, bridge and status; the module is started.
 fn start(rig: &Sandbox) -> Robot {
     if !rig.path("bridge.toml").exists() {
         rig.write("bridge.toml", FOR_SLOW_MACHINES);
     }
-    let robot = rig.start_robot(1, 10);
-    rig.watch(1).until_ready();
+    let robot = start_robot(rig, 10);
     rig.run("start", 0);
     robot
 }

@@ -10,7 +10,6 @@ use ril_tests::process::Signal;
 
 use super::feed::{Feed, TOPIC, check, files, has, lines, record, record_by, samples, words};
 use crate::common::{sandbox, says};
-use rustix::process::{Pid, Resource, Rlimit, getrlimit, prlimit};
 
 /// A file of the record may have so many blocks of 512 bytes.
 const MAX_BLOCKS: u32 = 128;
@@ -46,52 +45,6 @@ fn a_file_that_may_not_grow_is_followed_by_another_one_that_says_so() {
     let all = files.iter().flat_map(|file| samples(file, TOPIC));
     let all: Vec<u64> = all.map(|(number, _)| number).collect();
     assert_eq!(all, (all[0]..=published).collect::<Vec<_>>());
-}
-
-#[test]
-fn a_recorder_that_may_write_nothing_goes_on_and_writes_all_of_it_when_it_may_again() {
-    let rig = sandbox();
-    let mut feed = Feed::new(&rig);
-    let mut recorder = record(&rig, "");
-    recorder.wait_for_text("recording file=");
-    let pid = Pid::from_raw(recorder.id() as i32).unwrap();
-    let may_write = |bytes: Option<u64>| {
-        let maximum = getrlimit(Resource::Fsize).maximum;
-        let limit = Rlimit {
-            current: bytes.or(maximum),
-            maximum,
-        };
-        prlimit(Some(pid), Resource::Fsize, limit).unwrap();
-    };
-    may_write(Some(0));
-    // Fewer than wait in shared memory, so that the recorder need not keep up.
-    (0..20).for_each(|_| _ = feed.publish());
-    recorder.wait_for_text("the recording cannot be written");
-    may_write(None);
-    let published = feed.publish();
-    while !files(&rig).iter().any(|file| has(file, published)) {
-        std::thread::yield_now();
-    }
-    recorder.signal(Signal::TERM);
-    recorder.exits(0);
-    let files = files(&rig);
-    let all = files.iter().flat_map(|file| samples(file, TOPIC));
-    let all: Vec<u64> = all.map(|(number, _)| number).collect();
-    assert_eq!(all, (all[0]..=published).collect::<Vec<_>>());
-}
-
-#[test]
-fn a_disk_that_is_nearly_full_is_left_alone() {
-    let rig = sandbox();
-    let mut feed = Feed::new(&rig);
-    let mut recorder = record(&rig, "--min-free 1048576");
-    recorder.wait_for_text("the disk is nearly full");
-    (0..10).for_each(|_| _ = feed.publish());
-    recorder.signal(Signal::TERM);
-    recorder
-        .exits(8)
-        .err_says("the disk did not take everything");
-    assert!(files(&rig).is_empty());
 }
 
 #[test]
@@ -170,14 +123,4 @@ fn options_that_do_not_fit_together_are_refused() {
         rig.run(&format!("log {verb} empty.mcap"), 2)
             .err_says("it is empty");
     }
-}
-
-#[test]
-fn without_a_message_no_file_is_left() {
-    let rig = sandbox();
-    let mut recorder = rig.start(&words(""));
-    recorder.wait_for_text("recording file=");
-    recorder.signal(Signal::INT);
-    recorder.exits(0);
-    assert!(files(&rig).is_empty());
 }

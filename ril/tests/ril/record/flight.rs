@@ -10,7 +10,7 @@ use recording::read::{RecordFile, summary_of};
 use ril_tests::process::Signal;
 
 use super::feed::{assert_in_time, check, files, only_file, samples, words};
-use crate::common::{end, json, sandbox};
+use crate::common::{end, end_all, json, sandbox};
 
 /// A consumer that keeps all that it gets.
 struct Consumer<T: Topic> {
@@ -86,9 +86,7 @@ fn the_record_has_what_the_bridge_runs_with_and_not_what_its_file_says_later() {
     let mut recorder = rig.start(&words(""));
     recorder.wait_for_text("recorded topic=\"/robot1/bridge/journal\"");
     rig.run("start", 0);
-    for process in [bridge, sim, recorder] {
-        end(process, Signal::TERM);
-    }
+    end_all([bridge, sim, recorder]);
     let summary = summary_of(&RecordFile::open(&only_file(&rig)).unwrap()).unwrap();
     let file = |name: &str| {
         let files = &summary.attachments;
@@ -112,9 +110,7 @@ fn each_file_of_a_recording_is_verified_without_the_one_before() {
     for _ in 0..4 {
         recorder.wait_for_text("recording file=");
     }
-    for process in [bridge, status, sim, recorder] {
-        end(process, Signal::TERM);
-    }
+    end_all([bridge, status, sim, recorder]);
     for file in &files(&rig)[..3] {
         let verified = rig.run(&format!("replay {} --verify --json", file.display()), 0);
         let verified = json(&verified.stdout[0]);

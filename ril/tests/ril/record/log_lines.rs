@@ -8,7 +8,7 @@ use ril_tests::process::Signal;
 use ros_messages::{Level, Log};
 
 use super::feed::{only_file, words};
-use crate::common::{end, sandbox};
+use crate::common::{end, end_all, sandbox};
 
 /// The lines of a process in the file, in their order: `INFO bridge::shell: ready`.
 fn recorded(file: &Path, process: &str) -> Vec<String> {
@@ -108,9 +108,7 @@ fn the_report_has_what_a_process_warned_of() {
     rig.run("takeoff --altitude 5", 5);
     end(sim, Signal::TERM);
     bridge.wait_for_text("the serial port is gone");
-    for process in [bridge, recorder] {
-        end(process, Signal::TERM);
-    }
+    end_all([bridge, recorder]);
     let file = only_file(&rig);
     rig.run(
         &format!("log report {} --output report.html", file.display()),

@@ -148,27 +148,3 @@ fn what_was_sent_before_the_recorder_had_joined_is_told() {
     assert_eq!(told.get(&EventKind::Late), Some(&(first - 1)), "{told:?}");
     rig.run(&format!("log check {}", file.display()), 0);
 }
-
-#[test]
-fn a_publisher_that_begins_again_is_told_in_its_place() {
-    let rig = sandbox();
-    let mut feed = Feed::new(&rig);
-    let mut recorder = record(&rig, "--split 1h");
-    (0..10).for_each(|_| _ = feed.publish());
-    drop(feed);
-    let mut feed = Feed::new(&rig);
-    // Publishing is what hands the earlier samples to a recorder that comes.
-    let mut last = feed.publish();
-    while !says(&lines(&mut recorder), "a publisher began again") {
-        last = feed.publish();
-        thread::yield_now();
-    }
-    recorder.signal(Signal::TERM);
-    recorder.exits(0);
-    let file = only_file(&rig);
-    let check = check(&file);
-    assert_eq!(told(&check, TOPIC).get(&EventKind::Restart), Some(&1));
-    let numbers: Vec<u64> = samples(&file, TOPIC).iter().map(|(n, _)| *n).collect();
-    assert_eq!(numbers.last(), Some(&last));
-    rig.run(&format!("log check {}", file.display()), 0);
-}

@@ -111,21 +111,6 @@ fn what_was_old_is_as_old_again_and_the_state_says_that_it_is_replayed() {
 }
 
 #[test]
-fn a_section_is_played_again_and_again() {
-    let (rig, made) = rig();
-    let mut hero = subscriber::<HeroTelemetry>(&rig);
-    let replay = rig.start("replay flight.mcap --from 2s --to 2500ms --loop --speed 10 --json");
-    // The latest before the section, and what is in it: at 2.0 s, 2.1 s, … 2.5 s.
-    let lap = altitudes(&made.hero[19..=25]);
-    let played = altitudes(&next(&mut hero, 2 * lap.len()));
-    assert_eq!(played[..2 * lap.len()], [&lap[..], &lap].concat());
-    let finished = end(replay, Signal::INT);
-    let summary = json(finished.stdout.last().unwrap());
-    assert_eq!(summary["schema"], "ril.Replay.v1");
-    assert!(summary["laps"].as_u64().unwrap() >= 1, "{summary}");
-}
-
-#[test]
 fn a_robot_that_lives_is_not_replaced_and_mistakes_are_told() {
     let (rig, _) = rig();
     let status = StandInStatus::start(&rig.domain);

@@ -4,11 +4,10 @@ use std::fs;
 use std::sync::LazyLock;
 
 use ril_tests::Sandbox;
-use ril_tests::process::Signal;
 use ril_tests::sandbox::records_in;
 
 use super::made::record;
-use crate::common::{end, json, sandbox};
+use crate::common::{end_all, json, sandbox};
 
 /// A flight of the real processes.
 pub struct RecordedFlight {
@@ -35,9 +34,7 @@ fn fly_and_record(rig: &Sandbox) -> RecordedFlight {
     for order in ["start", "takeoff --altitude 3", "land", "stop"] {
         rig.run(order, 0);
     }
-    for process in [bridge, status, sim, recorder] {
-        end(process, Signal::TERM);
-    }
+    end_all([bridge, status, sim, recorder]);
     let files = records_in(&rig.folder().join("rec"));
     assert_eq!(files.len(), 1, "{files:?}");
     RecordedFlight {
@@ -64,6 +61,7 @@ fn what_was_recorded_is_verified_bit_for_bit_and_played() {
     }
     let played = rig.run("replay flight.mcap --speed 100 --json", 0);
     let summary = json(played.stdout.last().unwrap());
+    assert_eq!(summary["schema"], "ril.Replay.v1");
     assert!(summary["samples"].as_u64().unwrap() > 200, "{summary}");
     // Four requests, and what became of them.
     assert!(summary["requests"].as_u64().unwrap() >= 8, "{summary}");

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use super::page::{Message, Page, WATCHDOG};
 use super::{View, order};
-use crate::common::{FOR_SLOW_MACHINES, end, movement, sandbox};
+use crate::common::{FOR_SLOW_MACHINES, end, end_all, movement, sandbox};
 
 /// By how much the wall clock may be adjusted while a test runs.
 const TOLERANCE_NS: u64 = 400_000_000;
@@ -219,9 +219,7 @@ fn foxglove_has_every_topic_with_the_bytes_of_recordings() {
         }
     }
     view.end();
-    for process in [robot.bridge, robot.sim, robot.status] {
-        end(process, Signal::INT);
-    }
+    robot.end();
 }
 
 /// Skips a header, and gives its frame.
@@ -269,19 +267,15 @@ fn foxglove_has_a_place_in_space_on_the_map_alarms_and_events() {
         client.channels["/robot1/chart"]["schemaName"],
         "foxglove_msgs/msg/GeoJSON"
     );
-    let (_, bytes) = client.sample("/robot1/chart");
-    let text = Reader::new(&bytes)
-        .and_then(|mut reader| reader.string())
-        .expect("a text");
-    let mut chart: Value = serde_json::from_str(text).expect("JSON");
     // What the bridge holds may come behind what is known without it.
-    while chart["features"][0]["properties"]["name"] != "mast" {
+    let chart = loop {
         let (_, bytes) = client.sample("/robot1/chart");
-        let text = Reader::new(&bytes)
-            .and_then(|mut reader| reader.string())
-            .expect("a text");
-        chart = serde_json::from_str(text).expect("JSON");
-    }
+        let text = Reader::new(&bytes).and_then(|mut reader| reader.string());
+        let chart: Value = serde_json::from_str(text.expect("a text")).expect("JSON");
+        if chart["features"][0]["properties"]["name"] == "mast" {
+            break chart;
+        }
+    };
     assert_eq!(chart["features"][0]["geometry"]["type"], "Polygon");
 
     // The first event, then that the bridge is gone.
@@ -306,9 +300,7 @@ fn foxglove_has_a_place_in_space_on_the_map_alarms_and_events() {
         }
     }
     view.end();
-    for process in [sim, status] {
-        end(process, Signal::INT);
-    }
+    end_all([sim, status]);
 }
 
 #[test]
@@ -421,7 +413,5 @@ fn foxglove_reads_parameters_and_sets_them_by_the_bridges_rules() {
     let mut stranger = Client::connect(&view, "foxglove.sdk.v1", None);
     assert_eq!(stranger.set(name, &json!(2)), json!(4.5));
     view.end();
-    for process in [robot.bridge, robot.sim, robot.status] {
-        end(process, Signal::INT);
-    }
+    robot.end();
 }

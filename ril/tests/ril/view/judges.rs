@@ -28,7 +28,7 @@ const NODE_PACKAGES: [&str; 5] = [
 ];
 
 /// From PyPI.
-const PYTHON_PACKAGES: [&str; 1] = ["robo-ws-bridge>=0.11,<0.12"];
+const PYTHON_PACKAGES: &str = "robo-ws-bridge>=0.11,<0.12";
 
 /// Messages of each topic.
 const COUNT: usize = 3;
@@ -182,14 +182,12 @@ fn lichtblicks_library_gets_each_topic_as_ril_echo_prints_it() {
         |sample: &BTreeMap<String, String>| altitudes.contains(&sample["geodetic.altitude_m"]);
     assert!(telemetry.iter().any(is_of), "{altitudes:?}");
     view.end();
-    for process in [robot.bridge, robot.sim, robot.status] {
-        end(process, Signal::INT);
-    }
+    robot.end();
 }
 
 #[test]
 fn a_client_in_python_reads_orders_and_asks() {
-    let python = match packages::python("judges", &PYTHON_PACKAGES, "import robo_ws_bridge") {
+    let python = match packages::python(PYTHON_PACKAGES) {
         Ok(python) => python,
         Err(why) => return skip("the view in robo-ws-bridge", &why),
     };

@@ -18,7 +18,7 @@ use ril_tests::{Answer, Process, Sandbox, StandInBridge};
 use rustix::process::{Pid, Resource, Rlimit, prlimit};
 use serde_json::{Value, json};
 
-use crate::common::{FOR_SLOW_MACHINES, Flight, end, json as json_of, movement, sandbox};
+use crate::common::{FOR_SLOW_MACHINES, Flight, end, end_all, json as json_of, movement, sandbox};
 use page::{Page, request};
 
 /// A view that runs on a port of its own.
@@ -52,8 +52,17 @@ impl View {
 
     /// The same with further options.
     fn start_with(rig: &Sandbox, options: &str) -> View {
+        View::start_by(rig, &format!("run view {options}"))
+    }
+
+    /// The replay of a file.
+    fn of_file(rig: &Sandbox, file: &str) -> View {
+        View::start_by(rig, &format!("view {file} --no-browser"))
+    }
+
+    fn start_by(rig: &Sandbox, args: &str) -> View {
         let port = free_port();
-        let mut process = ril(rig, &format!("run view --port {port} {options}"));
+        let mut process = ril(rig, &format!("{args} --port {port}"));
         process.wait_for_text("ready");
         let token = token(rig, port);
         View {
@@ -146,9 +155,7 @@ fn a_page_sees_a_robot_fly_and_that_its_bridge_is_gone() {
     let events = past["events"].as_array().unwrap();
     assert_eq!(events.last().unwrap()["severity"], "alarm", "{past}");
     view.end();
-    for process in [sim, status] {
-        end(process, Signal::INT);
-    }
+    end_all([sim, status]);
 }
 
 #[test]

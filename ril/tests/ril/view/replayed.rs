@@ -4,41 +4,16 @@ use std::collections::BTreeSet;
 
 use ipc_types::code::LinkState;
 use ipc_types::payload::{ModuleState, SharedStruct};
+use ril_tests::StandInBridge;
 use ril_tests::process::Signal;
 use ril_tests::sandbox::free_port;
-use ril_tests::{Process, Sandbox, StandInBridge};
 use serde_json::{Value, json};
 
 use super::page::{Message, Page, request};
-use super::{View, order, ril, run_file, token};
+use super::{View, order, ril, run_file};
 use crate::common::{end, sandbox};
 use crate::record::feed::{only_file, until_publishers, words};
 use crate::replay::made::record;
-
-/// A replay on a port of its own.
-struct ShownFile {
-    process: Process,
-    port: u16,
-    token: String,
-}
-
-impl ShownFile {
-    fn start(rig: &Sandbox, file: &str) -> ShownFile {
-        let port = free_port();
-        let mut process = ril(rig, &format!("view {file} --no-browser --port {port}"));
-        process.wait_for_text("ready");
-        let token = token(rig, port);
-        ShownFile {
-            process,
-            port,
-            token,
-        }
-    }
-
-    fn page(&self) -> Page {
-        Page::open(self.port, Some(&self.token))
-    }
-}
 
 /// The next sample that a Foxglove client gets: its time and its bytes.
 fn sample(client: &mut Page) -> (u64, Vec<u8>) {
@@ -63,6 +38,15 @@ fn is_replay(message: &Value) -> bool {
 }
 
 const SILENT: &str = "the bridge says nothing: is it stopped, or is the machine overloaded?";
+
+/// The event of a replay was said at its time, by the clock of then: a machine that stalls makes either of them late.
+#[track_caller]
+fn assert_same_time(hello: &Value, event: &Value, live: &Value) {
+    let start_s = hello["replay"]["start_unix_ms"].as_f64().unwrap() / 1000.0;
+    let live_s = live["at_unix_ms"].as_f64().unwrap() / 1000.0;
+    let apart_s = live_s - (start_s + event["at_s"].as_f64().unwrap());
+    assert!(apart_s.abs() < 20.0, "{event} {live}");
+}
 
 /// What these events say of the link and of a bridge that is silent. On a machine that stalls something may be said twice.
 fn said<'a>(events: impl IntoIterator<Item = &'a Value>) -> BTreeSet<&'a str> {
@@ -115,21 +99,17 @@ fn the_replay_of_a_faulty_flight_has_the_alarms_of_the_live_view() {
     drop(bridge);
 
     let file = only_file(&rig);
-    let shown = ShownFile::start(&rig, file.to_str().unwrap());
+    let shown = View::of_file(&rig, file.to_str().unwrap());
     let mut page = shown.page();
     let hello = page.until_type("hello");
     let events = hello["replay"]["events"].as_array().unwrap();
     assert_eq!(said(events), said(&live), "{hello:#}");
-    // At their times, by the clock of then: a machine that stalls makes the live view late.
-    let start_s = hello["replay"]["start_unix_ms"].as_f64().unwrap() / 1000.0;
     for text in said(&live) {
-        let event = events.iter().find(|event| event["text"] == text).unwrap();
-        let same = live.iter().find(|event| event["text"] == text).unwrap();
-        let live_s = same["at_unix_ms"].as_f64().unwrap() / 1000.0;
-        let apart_s = live_s - (start_s + event["at_s"].as_f64().unwrap());
-        assert!(apart_s.abs() < 20.0, "{event} {same}");
+        let [event, same] =
+            [events, &live].map(|all| all.iter().find(|event| event["text"] == text).unwrap());
+        assert_same_time(&hello, event, same);
     }
-    end(shown.process, Signal::TERM);
+    shown.end();
 }
 
 /// Words of the alarms that a process has ended.
@@ -169,11 +149,10 @@ fn a_replay_shows_processes_that_were_killed_as_gone_when_the_live_view_did() {
     end(robot.sim, Signal::INT);
 
     let file = only_file(&rig);
-    let shown = ShownFile::start(&rig, file.to_str().unwrap());
+    let shown = View::of_file(&rig, file.to_str().unwrap());
     let mut page = shown.page();
     let hello = page.until_type("hello");
     let events = hello["replay"]["events"].as_array().unwrap();
-    let start_s = hello["replay"]["start_unix_ms"].as_f64().unwrap() / 1000.0;
     for text in ENDED {
         let find = |events: &[Value]| {
             let mut events = events.iter();
@@ -187,10 +166,7 @@ fn a_replay_shows_processes_that_were_killed_as_gone_when_the_live_view_did() {
             (&event["text"], &event["severity"]),
             (&same["text"], &same["severity"])
         );
-        // At its time: a machine that stalls makes either of them late.
-        let live_s = same["at_unix_ms"].as_f64().unwrap() / 1000.0;
-        let apart_s = live_s - (start_s + event["at_s"].as_f64().unwrap());
-        assert!(apart_s.abs() < 20.0, "{event} {same}");
+        assert_same_time(&hello, &event, &same);
     }
     // The last moment of the file has both alarms.
     page.send(&replay("seek", Some(1e6), None));
@@ -199,14 +175,14 @@ fn a_replay_shows_processes_that_were_killed_as_gone_when_the_live_view_did() {
         let has = |id: &str| alarms.is_some_and(|all| all.iter().any(|alarm| alarm["id"] == id));
         message["type"] == "robot" && has("bridge-gone") && has("status-gone")
     });
-    end(shown.process, Signal::TERM);
+    shown.end();
 }
 
 #[test]
 fn all_pages_share_one_playhead_and_order_nothing() {
     let rig = sandbox();
     let made = record(rig.folder());
-    let shown = ShownFile::start(&rig, "flight.mcap");
+    let shown = View::of_file(&rig, "flight.mcap");
     let mut page = shown.page();
     let hello = page.until_type("hello");
     let info = &hello["replay"];
@@ -303,7 +279,7 @@ fn all_pages_share_one_playhead_and_order_nothing() {
     page.until("where it is", |message| {
         is_replay(message) && message["position_s"].as_f64() < Some(2.0)
     });
-    end(shown.process, Signal::INT);
+    shown.end();
 }
 
 /// Subscribes to the bridge's state, and gives its channel.
@@ -324,7 +300,7 @@ fn subscribe_to_state(client: &mut Page) -> Value {
 fn foxglove_gets_the_recorded_samples() {
     let rig = sandbox();
     let made = record(rig.folder());
-    let shown = ShownFile::start(&rig, "flight.mcap");
+    let shown = View::of_file(&rig, "flight.mcap");
     let mut client = Page::foxglove("foxglove.sdk.v1", shown.port, None).expect("an upgrade");
     let mut page = shown.page();
     page.until_type("hello");
@@ -366,19 +342,19 @@ fn foxglove_gets_the_recorded_samples() {
         is_replay(message) && message["position_s"] == 5.0 && message["playing"] == false
     });
     assert!(made.file.exists());
-    end(shown.process, Signal::TERM);
+    shown.end();
 }
 
 #[test]
 fn a_foxglove_client_without_a_page_sees_the_recording_play() {
     let rig = sandbox();
     let _made = record(rig.folder());
-    let shown = ShownFile::start(&rig, "flight.mcap");
+    let shown = View::of_file(&rig, "flight.mcap");
     let mut client = Page::foxglove("foxglove.websocket.v1", shown.port, None).expect("an upgrade");
     subscribe_to_state(&mut client);
     let first = sample(&mut client).0;
     while sample(&mut client).0 == first {}
-    end(shown.process, Signal::TERM);
+    shown.end();
 }
 
 #[test]

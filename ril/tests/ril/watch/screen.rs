@@ -209,6 +209,24 @@ impl Screen {
     }
 }
 
+/// What `ril` writes on a terminal of 80 × 24, line by line; it must end with `code`. Standard error is a file.
+#[track_caller]
+pub fn on_terminal(rig: &Sandbox, args: &str, code: i32) -> Vec<String> {
+    let mut screen = Screen::start(rig, args, 80, 24);
+    let status = screen.ends(true);
+    let text = String::from_utf8(std::mem::take(&mut screen.bytes)).unwrap();
+    assert_eq!(status.code(), Some(code), "ril {args}: {text}");
+    let lines: Vec<String> = text
+        .lines()
+        .map(|line| line.trim_end().to_owned())
+        .collect();
+    for line in &lines {
+        assert!(line.chars().count() <= 80, "ril {args}: {line:?} wraps");
+    }
+    assert!(!lines.is_empty(), "ril {args} wrote nothing");
+    lines
+}
+
 impl Drop for Screen {
     fn drop(&mut self) {
         let _ = self.child.kill();

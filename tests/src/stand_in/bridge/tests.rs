@@ -1,8 +1,7 @@
 //! The stand-in answers as the test says, and else as a bridge does.
 
-use ipc_types::code::ControlCommand;
+use ipc_types::Client;
 use ipc_types::payload::WaypointPosition;
-use ipc_types::{Client, SendError};
 
 use super::*;
 use crate::TestDomain;
@@ -73,51 +72,6 @@ fn a_request_that_hangs_can_be_answered_later() {
     assert_eq!(bridge.report(5, &done), Ok(()));
     assert_eq!(follow(&mut client), [(Stage::Done, Reason::None)]);
     assert_eq!(bridge.report(5, &done), Err(ReportError::NotOpen));
-}
-
-#[test]
-fn a_bridge_that_dies_leaves_the_outcome_unknown() {
-    let domain = TestDomain::new();
-    let bridge = StandInBridge::start(&domain);
-    let ipc = domain.join("operator");
-    let mut client = ipc.client::<MovementData>().expect("a client");
-    bridge.answer_next(Answer::Die);
-    assert_eq!(
-        take_off(&mut client, 5),
-        [(Stage::Unknown, Reason::BridgeGone)]
-    );
-    let again = client.send(&MovementData::land(6));
-    assert!(
-        matches!(again, Err(SendError::NoServer { .. })),
-        "{again:?}"
-    );
-    bridge.die();
-}
-
-#[test]
-fn both_telemetries_and_controls_pass() {
-    let domain = TestDomain::new();
-    let bridge = StandInBridge::start(&domain);
-    let ipc = domain.join("consumer");
-    let mut states = ipc.subscriber::<ModuleState>().expect("a subscriber");
-    states.wait(WAIT_LIMIT).expect("a wait");
-    let state = states.latest().expect("states").expect("the first");
-    assert_eq!(state.status(), Some(ModuleStatus::Running));
-    let mut telemetry = ipc.subscriber::<DspTelemetry>().expect("a subscriber");
-    assert_eq!(bridge.publish(&DspTelemetry::default()), 1);
-    telemetry.wait(WAIT_LIMIT).expect("a wait");
-    assert!(
-        telemetry
-            .latest()
-            .expect("samples")
-            .expect("one")
-            .received_ns
-            > 0
-    );
-    let mut control = ipc.client::<ModuleControl>().expect("a client");
-    let start = ModuleControl::new(3, ControlCommand::Start);
-    control.send(&start).expect("sent");
-    assert_eq!(bridge.next_request(), Received::Control(start));
 }
 
 fn reports(client: &mut Client<MovementData>, count: usize) -> Vec<(u64, Stage, Reason)> {
