@@ -79,7 +79,20 @@ pub fn run(command: &mut Command) -> Result<(), String> {
 }
 
 fn cargo() -> Command {
-    Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    without_this_package(Command::new(cargo))
+}
+
+/// Hides from a command that runs cargo which package the outer cargo is testing. Build scripts of libraries ask for these variables,
+/// so cargo would build those libraries again for the inner command, and again for the next outer one.
+fn without_this_package(mut command: Command) -> Command {
+    for (name, _) in std::env::vars_os() {
+        let text = name.to_string_lossy();
+        if text.starts_with("CARGO_PKG_") || text.starts_with("CARGO_MANIFEST_") {
+            command.env_remove(&name);
+        }
+    }
+    command
 }
 
 /// The folder in which cargo leaves libraries and programs, with `libhero_ril` and `ril` in it, of this build's profile.
@@ -306,7 +319,7 @@ fn virtual_environment() -> Result<PathBuf, String> {
         true => "dev",
         false => "release",
     };
-    let mut build = Command::new(&python);
+    let mut build = without_this_package(Command::new(&python));
     build
         .args(["-m", "maturin", "build", "--quiet", "--profile", profile])
         .arg("--out")

@@ -213,7 +213,7 @@ impl Quiz {
     fn check(&self) {
         assert!(!self.questions.is_empty());
         for harness in Harness::all() {
-            let wrong = self.wrong(&harness);
+            let wrong = self.wrong(harness);
             assert!(wrong.is_none(), "{}: {}", harness.name, wrong.unwrap());
         }
     }

@@ -2,12 +2,13 @@
 
 use std::fmt::Write as _;
 use std::fs::{self, File};
-use std::io::Write as _;
+use std::io::{Seek as _, Write as _};
+use std::os::fd::AsRawFd as _;
 use std::path::Path;
-use std::process::Command;
+use std::process::{self, Command};
+use std::sync::OnceLock;
 
 use dsp_protocol::{DecodeError, Group};
-use tempfile::TempDir;
 
 use super::source::{c_place, path};
 
@@ -75,15 +76,20 @@ pub fn compiler() -> Option<String> {
     }
 }
 
-/// The program, in a folder of its own.
+/// The program. Its file has no name any more, so that nothing is left of those that all tests share.
 pub struct Harness {
     pub name: &'static str,
-    folder: TempDir,
+    program: File,
 }
 
 impl Harness {
-    /// All builds that this machine can make and run; none without a compiler.
-    pub fn all() -> Vec<Harness> {
+    /// All builds that this machine can make and run, made once; none without a compiler.
+    pub fn all() -> &'static [Harness] {
+        static ALL: OnceLock<Vec<Harness>> = OnceLock::new();
+        ALL.get_or_init(Harness::build_all)
+    }
+
+    fn build_all() -> Vec<Harness> {
         let source = fs::read_to_string(path("hero_dsp.c")).expect("a file of the repository");
         let Some(compiler) = compiler() else {
             return vec![];
@@ -133,7 +139,8 @@ impl Harness {
         let mut link = Command::new(compiler);
         link.args(options).args([at("harness.o"), at("hero_dsp.o")]);
         run(link.arg("-o").arg(at("harness")))?;
-        Ok(Harness { name, folder })
+        let program = File::open(at("harness")).expect("the program");
+        Ok(Harness { name, program })
     }
 
     /// The answers to `questions`, one for each.
@@ -152,12 +159,13 @@ impl Harness {
     /// # Errors
     /// What the program printed when it failed.
     pub fn try_ask(&self, questions: &[String]) -> Result<Vec<String>, String> {
-        let file = self.folder.path().join("questions");
+        let mut file = tempfile::tempfile().expect("a file");
         let text: String = questions.iter().map(|line| format!("{line}\n")).collect();
-        fs::write(&file, text).expect("a file");
-        let mut command = Command::new(self.folder.path().join("harness"));
-        command.env("ASAN_OPTIONS", "detect_leaks=0");
-        command.stdin(File::open(&file).expect("the questions"));
+        file.write_all(text.as_bytes()).expect("the questions");
+        file.rewind().expect("a file");
+        let (own, program) = (process::id(), self.program.as_raw_fd());
+        let mut command = Command::new(format!("/proc/{own}/fd/{program}"));
+        command.env("ASAN_OPTIONS", "detect_leaks=0").stdin(file);
         Ok(run(&mut command)?.lines().map(str::to_owned).collect())
     }
 }

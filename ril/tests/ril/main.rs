@@ -1,14 +1,13 @@
 //! `ril` with the real processes, in shared memory of each test's own.
 
-#[path = "../common/mod.rs"]
-mod common;
-
 mod as_root;
 mod audit;
 mod authority;
 mod cable;
+mod common;
 mod conform;
 mod consistency;
+mod counts;
 mod demo;
 mod doctor;
 mod documents;

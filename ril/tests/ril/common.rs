@@ -1,8 +1,5 @@
 //! What the end-to-end tests share: `ril` in a shared-memory domain and a folder of the test's own, and a helicopter in the air.
 
-// Each test program uses a part of it.
-#![allow(dead_code, unused_imports)]
-
 use std::path::Path;
 
 use ril_tests::languages::skip;
