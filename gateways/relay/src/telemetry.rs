@@ -305,7 +305,7 @@ mod tests {
         let mut sender = SampleSender::new(INSTANCE, Selection::All);
         let mut pace = Pace::default();
         for second in 0..9 {
-            pace.hear(1, Some(1000), at(second * 1000));
+            pace.on_lateness(1, Some(1000), at(second * 1000));
         }
         let now = at(9000);
         pace.spend(3000, now);
@@ -330,7 +330,7 @@ mod tests {
         let mut sender = SampleSender::new(INSTANCE, Selection::Pieces);
         let mut pace = Pace::default();
         for second in 0..9 {
-            pace.hear(1, Some(1000), at(second * 1000));
+            pace.on_lateness(1, Some(1000), at(second * 1000));
         }
         let (mut now, mut sent) = (at(9000), Vec::new());
         pace.spend(3000, now);
@@ -340,7 +340,7 @@ mod tests {
         let mut times = 0;
         while let Some(due) = sender.deadline(&pace) {
             now = due;
-            pace.hear(1, Some(1000), now);
+            pace.on_lateness(1, Some(1000), now);
             sender.send(now, 0, &mut pace, |_, sample| sent.push(sample[0]));
             times += 1;
         }
@@ -391,7 +391,7 @@ mod tests {
         assert_eq!(sent(&mut sender, at(3)), [(2, 10)]);
         assert_eq!(sent(&mut sender, at(4)), []);
         let mut pace = Pace::default();
-        pace.hear(1, None, at(1000));
+        pace.on_lateness(1, None, at(1000));
         pace.spend(3000, at(1000));
         sender.want_latest();
         sender.send(at(1500), 0, &mut pace, |_, _| panic!("it is held back"));

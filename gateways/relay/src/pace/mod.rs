@@ -106,15 +106,15 @@ impl Pace {
     }
 
     /// A station says that it does not have all descriptions yet.
-    pub fn hear_describing(&mut self, station: u64, now: MonotonicNs) {
+    pub fn on_describing(&mut self, station: u64, now: MonotonicNs) {
         let described = self.described.filter(|at| now.since(*at) < SILENT);
-        self.hear(station, None, now);
+        self.on_lateness(station, None, now);
         self.described = described;
     }
 
     /// A station that has all descriptions says by how much longer than its quickest exchange the last one took. `None` if it does not
     /// know.
-    pub fn hear(&mut self, station: u64, late_ms: Option<u32>, now: MonotonicNs) {
+    pub fn on_lateness(&mut self, station: u64, late_ms: Option<u32>, now: MonotonicNs) {
         self.heard
             .retain(|(other, _, at)| *other != station && now.since(*at) < SILENT);
         self.heard.push((station, late_ms, now));

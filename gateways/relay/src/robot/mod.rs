@@ -146,7 +146,7 @@ impl RobotSide {
         let may_command = self.may_command(station);
         let is_changed = self
             .stations
-            .hear(station, ping.station_instance, may_command, at);
+            .on_message(station, ping.station_instance, may_command, at);
         if is_changed {
             if self.admission.logs(at) {
                 tracing::info!(station, may_command, "a station is there");
@@ -156,8 +156,8 @@ impl RobotSide {
         self.is_latest_wanted |= ping.wants_latest;
         let pace = &mut self.services.pace;
         match ping.has_all {
-            true => pace.hear(ping.station_instance, ping.late_ms, at),
-            false => pace.hear_describing(ping.station_instance, at),
+            true => pace.on_lateness(ping.station_instance, ping.late_ms, at),
+            false => pace.on_describing(ping.station_instance, at),
         }
         let session = match may_command {
             true => self

@@ -45,7 +45,13 @@ impl Stations {
     }
 
     /// A message of a station has come. Says whether the station was not there before, or was restarted.
-    pub fn hear(&mut self, name: &str, instance: u64, may_command: bool, now: MonotonicNs) -> bool {
+    pub fn on_message(
+        &mut self,
+        name: &str,
+        instance: u64,
+        may_command: bool,
+        now: MonotonicNs,
+    ) -> bool {
         if let Some(station) = self.list.iter_mut().find(|station| station.name == name) {
             let is_changed = !station.is_up || station.instance != instance;
             if is_changed {
@@ -171,24 +177,27 @@ mod tests {
     #[test]
     fn stations_come_fall_silent_and_come_again() {
         let mut stations = Stations::new(Duration::from_millis(1000));
-        assert!(stations.hear("gcs", 1, true, at(0)));
-        assert!(!stations.hear("gcs", 1, true, at(500)));
+        assert!(stations.on_message("gcs", 1, true, at(0)));
+        assert!(!stations.on_message("gcs", 1, true, at(500)));
         assert_eq!(stations.deadline(), Some(at(1500)));
         assert_eq!(stations.pass(at(1499)), Vec::<String>::new());
         assert_eq!(stations.pass(at(1500)), ["gcs"]);
         assert!(!stations.is_any_up() && stations.deadline().is_none());
-        assert!(stations.hear("gcs", 1, true, at(2000)), "it is back");
-        assert!(stations.hear("gcs", 2, true, at(2100)), "it was restarted");
+        assert!(stations.on_message("gcs", 1, true, at(2000)), "it is back");
+        assert!(
+            stations.on_message("gcs", 2, true, at(2100)),
+            "it was restarted"
+        );
     }
 
     #[test]
     fn of_the_stations_that_are_not_heard_the_one_that_was_silent_longest_is_forgotten() {
         let mut stations = Stations::new(Duration::from_millis(1000));
         for index in 0..MAX_STATIONS as u64 {
-            stations.hear(&format!("gcs-{index}"), index, false, at(index));
+            stations.on_message(&format!("gcs-{index}"), index, false, at(index));
         }
         stations.pass(at(1002));
-        assert!(stations.hear("new", 99, false, at(1002)));
+        assert!(stations.on_message("new", 99, false, at(1002)));
         let rows = stations.rows(0, none);
         assert_eq!(rows.len(), MAX_STATIONS);
         assert_eq!(rows[0].last_heard_ns, at(1).0);
@@ -199,13 +208,16 @@ mod tests {
         let mut stations = Stations::new(Duration::from_millis(1000));
         for ms in (0..60_000).step_by(500) {
             for index in 0..2 * MAX_STATIONS as u64 {
-                let is_changed = stations.hear(&format!("x{index}"), index, false, at(ms));
+                let is_changed = stations.on_message(&format!("x{index}"), index, false, at(ms));
                 let is_first = ms == 0 && index < MAX_STATIONS as u64;
                 assert_eq!(is_changed, is_first, "{index} at {ms} ms");
             }
             assert_eq!(stations.pass(at(ms)), Vec::<String>::new());
         }
-        assert!(stations.hear("gcs", 99, true, at(60_000)), "it may command");
+        assert!(
+            stations.on_message("gcs", 99, true, at(60_000)),
+            "it may command"
+        );
         let rows = stations.rows(0, none);
         assert_eq!(rows.len(), MAX_STATIONS);
         assert_eq!(shown(&rows)[MAX_STATIONS - 1].0, "gcs");
@@ -214,21 +226,24 @@ mod tests {
     #[test]
     fn a_made_up_name_takes_no_place_of_a_station_that_may_command() {
         let mut stations = Stations::new(Duration::from_millis(1000));
-        stations.hear("gcs", 1, true, at(0));
+        stations.on_message("gcs", 1, true, at(0));
         for index in 0..100 {
             stations.pass(at(2000 * index));
-            stations.hear(&format!("x{index}"), index, false, at(2000 * index));
+            stations.on_message(&format!("x{index}"), index, false, at(2000 * index));
         }
         let rows = stations.rows(0, none);
         assert_eq!(rows.len(), MAX_STATIONS);
         assert_eq!(rows[0].may_command, 1);
         let mut full = Stations::new(Duration::from_millis(1000));
         for index in 0..MAX_STATIONS as u64 {
-            full.hear(&format!("gcs-{index}"), index, true, at(index));
+            full.on_message(&format!("gcs-{index}"), index, true, at(index));
         }
         full.pass(at(5000));
-        assert!(!full.hear("x", 99, false, at(5000)), "there is no room");
-        assert!(full.hear("gcs-new", 99, true, at(5000)));
+        assert!(
+            !full.on_message("x", 99, false, at(5000)),
+            "there is no room"
+        );
+        assert!(full.on_message("gcs-new", 99, true, at(5000)));
     }
 
     /// What the robot's side does with a clock message: the session in its answer.
@@ -238,7 +253,7 @@ mod tests {
         now: MonotonicNs,
     ) -> u64 {
         let name = format!("gcs-{instance}");
-        let _ = stations.hear(&name, instance, true, now);
+        let _ = stations.on_message(&name, instance, true, now);
         orders.session_for(instance, &name, now, &mut Vec::new())
     }
 
@@ -287,7 +302,7 @@ mod tests {
     #[test]
     fn a_station_that_may_not_command_is_shown_with_that() {
         let mut stations = Stations::new(Duration::from_millis(1000));
-        stations.hear("viewer", 1, false, at(0));
+        stations.on_message("viewer", 1, false, at(0));
         let rows = stations.rows(0, none);
         assert_eq!(shown(&rows), [("viewer", Some(Reason::RelayNotPermitted))]);
     }

@@ -134,7 +134,7 @@ impl RobotSide {
         let may_command = name == NAMES[0];
         let _ = self
             .stations
-            .hear(name, ping.station_instance, may_command, now);
+            .on_message(name, ping.station_instance, may_command, now);
         if may_command {
             let instance = ping.station_instance;
             let session = self.orders.session_for(instance, name, now, &mut self.out);

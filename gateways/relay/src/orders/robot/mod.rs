@@ -79,7 +79,7 @@ impl RobotOrders {
         now: MonotonicNs,
         out: &mut Vec<Output>,
     ) -> u64 {
-        let (token, forgotten) = self.sessions.hear(station, name, now);
+        let (token, forgotten) = self.sessions.on_message(station, name, now);
         if let Some(session) = forgotten {
             let limit = self.config.link_loss;
             let is_changed = limit.and_then(|limit| session.lost_at(limit)).is_some();
@@ -108,7 +108,7 @@ impl RobotOrders {
             out.push(Output::UnknownSession(order.session));
             return;
         };
-        session.hear(now);
+        session.on_message(now);
         let (station, former_floor) = (session.station, session.floor);
         let is_sent = session.see(order.number, order.floor);
         let floor = session.floor;

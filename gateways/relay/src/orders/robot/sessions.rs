@@ -101,7 +101,7 @@ impl StationSession {
         u64::from(self.seen.trailing_ones()) >= number.saturating_sub(self.floor)
     }
 
-    pub(super) fn hear(&mut self, now: MonotonicNs) {
+    pub(super) fn on_message(&mut self, now: MonotonicNs) {
         self.heard = self.heard.max(now);
         self.is_reported = false;
     }
@@ -153,7 +153,7 @@ impl Sessions {
 
     /// A clock message of this instance of the station `name` has come: the token of its session, and the session that was forgotten for
     /// it. The token is [`NO_PLACE`] if all sessions are those of active instances, and [`NOT_PERMITTED`] if the instance is another station's.
-    pub(super) fn hear(
+    pub(super) fn on_message(
         &mut self,
         station: u64,
         name: &str,
@@ -165,7 +165,7 @@ impl Sessions {
                 return (NOT_PERMITTED, None);
             }
             session.pinged = session.pinged.max(now);
-            session.hear(now);
+            session.on_message(now);
             return (session.token, None);
         }
         let mut forgotten = None;

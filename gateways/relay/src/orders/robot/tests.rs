@@ -95,7 +95,7 @@ impl Rig {
         std::mem::take(&mut self.out)
     }
 
-    fn hear(&mut self, station: u64) -> u64 {
+    fn session(&mut self, station: u64) -> u64 {
         let now = MonotonicNs(self.now);
         self.robot.session_for(station, "gcs", now, &mut self.out)
     }
@@ -244,7 +244,7 @@ fn an_order_that_waits_is_given_up_and_forgotten_without_being_passed_on() {
     rig.order(&rig.new_order(4));
     rig.now += INSTANCE_KEPT.as_nanos() as u64;
     for station in 200..208 {
-        rig.hear(station);
+        rig.session(station);
     }
     assert_eq!(rig.robot.remembered(), 1, "the one that was passed on");
 }
@@ -458,7 +458,7 @@ fn an_id_that_another_station_has_open_is_refused_as_busy() {
     let order = rig.new_order(1);
     rig.order(&order);
     let other = Order {
-        session: rig.hear(22),
+        session: rig.session(22),
         ..order
     };
     let out = rig.order(&other);
@@ -479,13 +479,13 @@ fn an_active_session_is_never_forgotten_for_a_new_one() {
     let mut rig = Rig::with(Config::default());
     let order = rig.new_order(1);
     rig.order(&order);
-    let others: Vec<u64> = (200..207).map(|station| rig.hear(station)).collect();
+    let others: Vec<u64> = (200..207).map(|station| rig.session(station)).collect();
     for round in 0..100 {
         rig.now += 500 * MS;
-        assert_eq!(rig.hear(300 + round), NO_PLACE, "the ninth");
-        assert_eq!(rig.hear(STATION), rig.session);
+        assert_eq!(rig.session(300 + round), NO_PLACE, "the ninth");
+        assert_eq!(rig.session(STATION), rig.session);
         for (station, session) in (200..207).zip(&others) {
-            assert_eq!(rig.hear(station), *session);
+            assert_eq!(rig.session(station), *session);
         }
     }
     assert_eq!(rig.robot.counts_of(300), None);
@@ -498,10 +498,10 @@ fn an_active_session_is_never_forgotten_for_a_new_one() {
 fn an_order_of_a_station_that_has_no_place_is_of_no_session() {
     let mut rig = Rig::new();
     for station in 200..207 {
-        rig.hear(station);
+        rig.session(station);
     }
     let order = Order {
-        session: rig.hear(300),
+        session: rig.session(300),
         ..rig.new_order(1)
     };
     assert!(matches!(rig.order(&order)[..], [Output::UnknownSession(_)]));
@@ -514,17 +514,17 @@ fn the_station_that_was_silent_longest_is_forgotten_and_its_open_requests_go_on(
     rig.order(&order);
     for station in 200..207 {
         rig.now += MS;
-        rig.hear(station);
+        rig.session(station);
     }
     rig.now += INSTANCE_KEPT.as_nanos() as u64 - 7 * MS - 1;
-    assert_eq!(rig.hear(300), NO_PLACE);
+    assert_eq!(rig.session(300), NO_PLACE);
     rig.now += 1;
-    assert!(rig.hear(300) > NO_PLACE);
+    assert!(rig.session(300) > NO_PLACE);
     assert_eq!(rig.robot.name_of(STATION), None);
     assert!(matches!(rig.order(&order)[..], [Output::UnknownSession(_)]));
     rig.now += INSTANCE_KEPT.as_nanos() as u64;
     let again = Order {
-        session: rig.hear(STATION),
+        session: rig.session(STATION),
         number: 2,
         floor: 2,
         is_repeat: true,
@@ -545,7 +545,7 @@ fn requests_of_forgotten_stations_are_bounded_and_forgotten_when_they_end() {
     for station in 1..=stations {
         // The one of the rig is the first that is forgotten.
         rig.now += 2 * INSTANCE_KEPT.as_nanos() as u64;
-        let session = rig.hear(1_000 + station);
+        let session = rig.session(1_000 + station);
         for number in 1..=32 {
             let id = 10_000 * station + number;
             let order = Order {
@@ -603,9 +603,9 @@ fn a_silent_station_with_an_open_order_is_lost_once() {
     assert_eq!(rig.tick_after(5 * SECOND), vec![lost.clone()]);
     assert_eq!(rig.tick_after(60 * SECOND), []);
     assert_eq!(rig.robot.deadline(), None);
-    rig.hear(STATION);
+    rig.session(STATION);
     assert_eq!(rig.tick_after(5 * SECOND), [lost]);
-    rig.hear(STATION);
+    rig.session(STATION);
     let out = rig.report(101, Stage::Done, Reason::None);
     assert_eq!(answers(&out).len(), 1, "the order stayed open");
     assert_eq!(rig.tick_after(60 * SECOND), []);
@@ -632,7 +632,7 @@ fn a_station_that_is_forgotten_with_open_orders_is_lost() {
     rig.now += INSTANCE_KEPT.as_nanos() as u64;
     for station in 200..208 {
         assert_eq!(rig.out, []);
-        rig.hear(station);
+        rig.session(station);
     }
     assert_eq!(rig.out, [Output::LinkLost { station: STATION }]);
 }
@@ -659,5 +659,5 @@ fn an_instance_is_the_station_s_that_has_shown_it_first() {
     let other = rig.robot.session_for(STATION, "other", now, out);
     assert_eq!(other, NOT_PERMITTED);
     assert_eq!(rig.robot.name_of(STATION), Some("gcs"));
-    assert_eq!(rig.hear(STATION), rig.session);
+    assert_eq!(rig.session(STATION), rig.session);
 }

@@ -33,7 +33,7 @@ fn flood(bytes_per_s: u64, len: usize) -> (u64, Vec<u32>) {
         let now = at(ms);
         if ms % 500 == 0 {
             let late_ms = link.late_ms(now);
-            pace.hear(7, Some(late_ms), now);
+            pace.on_lateness(7, Some(late_ms), now);
             delays.push(late_ms);
         }
         if !pace.is_open(now) {
@@ -77,7 +77,7 @@ fn a_link_begins_with_little_and_what_it_does_not_carry_waits_for_less_than_a_se
     }
     // 34 kB a second, which a good link carries: twice as much each half second from 3 kB/s on.
     let mut pace = Pace::default();
-    pace.hear(1, Some(0), at(0));
+    pace.on_lateness(1, Some(0), at(0));
     assert_eq!((pace.rate(at(0)), pace.shown(at(0))), (Some(FIRST), 3000));
     let mut ms = 0;
     while pace.rate(at(ms)).is_some() {
@@ -87,7 +87,7 @@ fn a_link_begins_with_little_and_what_it_does_not_carry_waits_for_less_than_a_se
             false => pace.hold(),
         }
         if ms % 500 == 0 {
-            pace.hear(1, Some(0), at(ms));
+            pace.on_lateness(1, Some(0), at(ms));
         }
     }
     assert_eq!((ms, pace.shown(at(ms))), (3000, 0));
@@ -99,7 +99,7 @@ fn without_a_station_all_goes_out_and_the_next_one_begins_anew() {
     pace.spend(1_000_000, at(0));
     assert!(pace.is_open(at(0)));
     for second in 0..9 {
-        pace.hear(1, Some(1000), at(second * 1000));
+        pace.on_lateness(1, Some(1000), at(second * 1000));
     }
     pace.spend(100_000, at(8000));
     assert_eq!((pace.rate(at(8000)), pace.opens()), (Some(LEAST), at(9980)));
@@ -108,7 +108,7 @@ fn without_a_station_all_goes_out_and_the_next_one_begins_anew() {
         (pace.rate(at(alone)), pace.is_open(at(alone))),
         (None, true)
     );
-    pace.hear(2, Some(0), at(alone));
+    pace.on_lateness(2, Some(0), at(alone));
     assert_eq!(pace.rate(at(alone)), Some(FIRST));
 }
 
@@ -117,16 +117,16 @@ fn until_a_station_has_all_descriptions_next_to_nothing_goes_out_unless_there_is
     let mut pace = Pace::default();
     pace.meet(at(0));
     assert_eq!(pace.rate(at(0)), Some(DESCRIBING));
-    pace.hear_describing(1, at(500));
-    pace.hear_describing(1, at(1000));
+    pace.on_describing(1, at(500));
+    pace.on_describing(1, at(1000));
     assert_eq!(pace.rate(at(1000)), Some(DESCRIBING));
-    pace.hear(1, None, at(1500));
+    pace.on_lateness(1, None, at(1500));
     assert_eq!(pace.rate(at(1500)), Some(FIRST));
-    pace.hear_describing(2, at(1600));
+    pace.on_describing(2, at(1600));
     assert_eq!(pace.rate(at(1600)), Some(FIRST));
     // The one that had all is gone.
     for half in 4..10 {
-        pace.hear_describing(2, at(half * 500));
+        pace.on_describing(2, at(half * 500));
     }
     assert_eq!(pace.rate(at(4600)), Some(DESCRIBING));
     // Who never speaks reads all.
@@ -139,7 +139,7 @@ fn until_a_station_has_all_descriptions_next_to_nothing_goes_out_unless_there_is
 fn free() -> Pace {
     let mut pace = Pace::default();
     for half in 0..5 {
-        pace.hear(1, Some(0), at(half * 500));
+        pace.on_lateness(1, Some(0), at(half * 500));
     }
     assert_eq!(pace.rate(at(2000)), None);
     pace
@@ -151,19 +151,19 @@ fn one_late_exchange_and_a_station_on_a_bad_link_beside_a_good_one_change_nothin
     for second in 3..60 {
         let late_ms = if second == 30 { 2000 } else { 0 };
         pace.spend(30_000, at(second * 1000));
-        pace.hear(1, Some(late_ms), at(second * 1000));
+        pace.on_lateness(1, Some(late_ms), at(second * 1000));
         assert_eq!(pace.rate(at(second * 1000)), None);
     }
     for second in 60..120 {
         pace.spend(30_000, at(second * 1000));
-        pace.hear(1, Some(5000), at(second * 1000));
-        pace.hear(2, Some(10), at(second * 1000));
+        pace.on_lateness(1, Some(5000), at(second * 1000));
+        pace.on_lateness(2, Some(10), at(second * 1000));
         assert_eq!(pace.rate(at(second * 1000)), None);
     }
     // The good one goes, and the bad one decides.
     for second in 120..130 {
         pace.spend(30_000, at(second * 1000));
-        pace.hear(1, Some(5000), at(second * 1000));
+        pace.on_lateness(1, Some(5000), at(second * 1000));
     }
     assert!(pace.rate(at(129_000)).is_some());
 }
@@ -175,9 +175,9 @@ fn unknown_stations_that_report_delays_slow_no_other_one_down() {
         let now = at(second * 1000);
         pace.spend(30_000, now);
         for station in 100..200 {
-            pace.hear(station, Some(u32::MAX), now);
+            pace.on_lateness(station, Some(u32::MAX), now);
         }
-        pace.hear(1, Some(10), now);
+        pace.on_lateness(1, Some(10), now);
         assert_eq!(pace.rate(now), None);
     }
 }
@@ -187,7 +187,7 @@ fn when_the_link_is_good_again_all_goes_out_again() {
     let mut pace = Pace::default();
     for second in 0..20 {
         pace.spend(30_000, at(second * 1000));
-        pace.hear(1, Some(1000), at(second * 1000));
+        pace.on_lateness(1, Some(1000), at(second * 1000));
     }
     assert_eq!(pace.rate(at(19_000)), Some(LEAST));
     // Two topics that are published together.
@@ -201,7 +201,7 @@ fn when_the_link_is_good_again_all_goes_out_again() {
         }
         free_ms += 20;
         if free_ms % 500 == 0 {
-            pace.hear(1, Some(0), at(free_ms));
+            pace.on_lateness(1, Some(0), at(free_ms));
         }
     }
     // An eighth more twice a second, from 1.5 kB/s to the 42 kB/s that come, less of it near what was too much, and ten seconds without a

@@ -101,8 +101,8 @@ fn minute(bytes_per_ms: u64) -> Seen {
             match to_robot.pop_front().expect("it is there").1 {
                 Ok(ping) => {
                     match ping.has_all {
-                        true => pace.hear(STATION, ping.late_ms, now),
-                        false => pace.hear_describing(STATION, now),
+                        true => pace.on_lateness(STATION, ping.late_ms, now),
+                        false => pace.on_describing(STATION, now),
                     }
                     way.send(MESSAGE, Passing::Pong(pong(&ping, now, pages.len())));
                 }
