@@ -2,6 +2,7 @@
 
 use bridge::BridgeConfig;
 use dsp_protocol::Command;
+use runtime::config::proof::{assert_annotated, assert_refused};
 
 const EXAMPLE: &str = include_str!("../bridge.toml");
 
@@ -11,8 +12,7 @@ fn parse(text: &str) -> Result<BridgeConfig, String> {
 
 #[test]
 fn the_example_is_the_default() {
-    assert_eq!(parse(EXAMPLE).unwrap(), BridgeConfig::default());
-    assert_eq!(parse("").unwrap(), BridgeConfig::default());
+    assert_annotated::<BridgeConfig>(EXAMPLE, &["parameters"]);
 }
 
 #[test]
@@ -23,30 +23,58 @@ fn a_changed_example_is_not_the_default() {
 
 #[test]
 fn mistakes_are_named_with_file_line_and_reason() {
-    #[rustfmt::skip]
-    let table = [
-        ("[serial]\nbaud = 9600", "bridge.toml:2:", "baud_rate"),
-        ("[serail]\nport = \"x\"", "bridge.toml:1:", "serial"),
-        ("[serial]\nbaud_rate = 1", "bridge.toml:2:", "50 to 4000000"),
-        ("[serial]\nbaud_rate = \"fast\"", "bridge.toml:2:", "string"),
-        ("[status]\n\ngroups = [\"time\", \"gps\"]", "bridge.toml:3:", "gps_velocity"),
-        ("[status]\ncoherence = \"later\"", "bridge.toml:2:", "immediate"),
-        ("[arrival]\naltitude_m = nan", "bridge.toml:2:", "out of range"),
-        ("[arrival]\nlatitude_deg = 0.0", "bridge.toml:2:", "out of range"),
-        ("[movement]\ntime_limit_s = -1.0", "bridge.toml:2:", "out of range"),
-        ("[parameters]\ncruise_speed = 5.0", "bridge.toml:2:", "cruise_speed_mps"),
-        ("[parameters]\n# fast\ncruise_speed_mps = 500.0", "bridge.toml:3:", "0.1 to 20"),
-        ("[parameters]\ntrim_roll_us = 501", "bridge.toml:2:", "-500 to 500"),
-        ("[parameters]\ntake_off = 1", "bridge.toml:2:", "unknown parameter"),
-        ("[errors]\nhero_dsp_fatal = [70000]", "bridge.toml:2:", "u16"),
-        ("[link]\nprofile = \"fast\"", "bridge.toml:2:", "classic or extended"),
-        ("[link\n", "bridge.toml:1:", "]"),
-    ];
-    for (text, place, hint) in table {
-        let error = parse(text).unwrap_err();
-        assert!(error.starts_with(place), "{text:?}: {error}");
-        assert!(error.contains(hint), "{text:?}: {error}");
-    }
+    assert_refused::<BridgeConfig>(
+        r#"
+        [serial]
+        baud = 9600 #! baud_rate
+        ---
+        [serail] #! serial
+        port = "x"
+        ---
+        [serial]
+        baud_rate = 1 #! 50 to 4000000
+        ---
+        [serial]
+        baud_rate = "fast" #! string
+        ---
+        [status]
+
+        groups = ["time", "gps"] #! gps_velocity
+        ---
+        [status]
+        coherence = "later" #! immediate
+        ---
+        [arrival]
+        altitude_m = nan #! out of range
+        ---
+        [arrival]
+        latitude_deg = 0.0 #! out of range
+        ---
+        [movement]
+        time_limit_s = -1.0 #! out of range
+        ---
+        [parameters]
+        cruise_speed = 5.0 #! cruise_speed_mps
+        ---
+        [parameters]
+        # fast
+        cruise_speed_mps = 500.0 #! 0.1 to 20
+        ---
+        [parameters]
+        trim_roll_us = 501 #! -500 to 500
+        ---
+        [parameters]
+        take_off = 1 #! unknown parameter
+        ---
+        [errors]
+        hero_dsp_fatal = [70000] #! u16
+        ---
+        [link]
+        profile = "fast" #! classic or extended
+        ---
+        [link #! ]
+        "#,
+    );
 }
 
 #[test]

@@ -5,48 +5,8 @@
 
 use Access::{Always, Bridge, OnGround};
 
-/// 16-bit port: the status mask.
-pub const STATUS_MASK: u16 = 10_000;
-/// 16-bit port: status period, ms.
-pub const STATUS_PERIOD_MS: u16 = 10_001;
-/// 16-bit port: flow control period, ms.
-pub const FLOW_CONTROL_PERIOD_MS: u16 = 10_002;
 /// 16-bit port: how many waypoints the DSP took; bit 15 is always set.
 pub const WAYPOINT_COUNT: u16 = 10_003;
-/// 16-bit port: after how long without a message from the PC the DSP empties its path buffer, ms; 0 never.
-pub const PC_TIMEOUT_MS: u16 = 10_004;
-/// 16-bit port: write 1 to take off.
-pub const TAKE_OFF: u16 = 10_121;
-/// 16-bit port: write 1 to land.
-pub const LAND: u16 = 10_122;
-/// 16-bit port: trim of the collective pitch, µs, signed.
-pub const TRIM_COLLECTIVE_US: u16 = 10_200;
-/// 16-bit port: trim of the roll cyclic, µs, signed.
-pub const TRIM_ROLL_US: u16 = 10_201;
-/// 16-bit port: trim of the pitch cyclic, µs, signed.
-pub const TRIM_PITCH_US: u16 = 10_202;
-/// 16-bit port: trim of the tail rotor, µs, signed.
-pub const TRIM_TAIL_US: u16 = 10_203;
-/// 16-bit port: trim of the throttle, µs, signed.
-pub const TRIM_THROTTLE_US: u16 = 10_204;
-/// 16-bit port: rotor speed set point, rpm.
-pub const ROTOR_SPEED_RPM: u16 = 10_210;
-/// 32-bit port: cruise speed, m/s.
-pub const CRUISE_SPEED_MPS: u16 = 20_000;
-/// 32-bit port: climb speed, m/s.
-pub const CLIMB_SPEED_MPS: u16 = 20_001;
-/// 32-bit port: acceptance radius of a waypoint, m.
-pub const ACCEPTANCE_RADIUS_M: u16 = 20_002;
-/// 32-bit port: gain of the position loop, 1/s.
-pub const POSITION_GAIN: u16 = 20_010;
-/// 32-bit port: gain of the velocity loop, 1/s.
-pub const VELOCITY_GAIN: u16 = 20_011;
-/// 32-bit port: gain of the attitude loop, 1/s.
-pub const ATTITUDE_GAIN: u16 = 20_012;
-/// 32-bit port: gain of the yaw loop, 1/s.
-pub const YAW_GAIN: u16 = 20_013;
-/// 32-bit port: take-off altitude above the point of take-off, m.
-pub const TAKE_OFF_ALTITUDE_M: u16 = 20_121;
 
 /// Who may write a port, and when (`docs/protocol.md` section 6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,81 +95,68 @@ pub enum Port {
     Bits32(&'static Port32),
 }
 
-/// All 16-bit ports, ascending.
-pub const PORTS_16: &[Port16] = &[
-    unsigned(STATUS_MASK, "status_mask", (0, 65_535), 0, Bridge),
-    unsigned(
-        STATUS_PERIOD_MS,
-        "status_period_ms",
-        (1, 10_000),
-        20,
-        Always,
-    ),
-    unsigned(
-        FLOW_CONTROL_PERIOD_MS,
-        "flow_control_period_ms",
-        (10, 1000),
-        100,
-        Always,
-    ),
-    unsigned(PC_TIMEOUT_MS, "pc_timeout_ms", (0, 60_000), 0, Bridge),
-    unsigned(TAKE_OFF, "take_off", (1, 1), 0, Bridge),
-    unsigned(LAND, "land", (1, 1), 0, Bridge),
-    signed(
-        TRIM_COLLECTIVE_US,
-        "trim_collective_us",
-        (-500, 500),
-        0,
-        OnGround,
-    ),
-    signed(TRIM_ROLL_US, "trim_roll_us", (-500, 500), 0, OnGround),
-    signed(TRIM_PITCH_US, "trim_pitch_us", (-500, 500), 0, OnGround),
-    signed(TRIM_TAIL_US, "trim_tail_us", (-500, 500), 0, OnGround),
-    signed(
-        TRIM_THROTTLE_US,
-        "trim_throttle_us",
-        (-500, 500),
-        0,
-        OnGround,
-    ),
-    unsigned(
-        ROTOR_SPEED_RPM,
-        "rotor_speed_rpm",
-        (500, 3000),
-        1500,
-        OnGround,
-    ),
-];
+/// Defines the ports of one width: of each the constant that is its number, and its row in the table.
+macro_rules! ports {
+    (
+        $(#[$about:meta])+ $table:ident: $kind:ty;
+        $($(#[$meta:meta])+ $port:ident = $number:literal, $make:ident $name:literal in $range:tt, at boot $boot:literal, $access:ident;)+
+    ) => {
+        $($(#[$meta])+ pub const $port: u16 = $number;)+
 
-/// All 32-bit ports, ascending.
-pub const PORTS_32: &[Port32] = &[
-    float(
-        CRUISE_SPEED_MPS,
-        "cruise_speed_mps",
-        (0.1, 20.0),
-        5.0,
-        Always,
-    ),
-    float(CLIMB_SPEED_MPS, "climb_speed_mps", (0.1, 5.0), 2.0, Always),
-    float(
-        ACCEPTANCE_RADIUS_M,
-        "acceptance_radius_m",
-        (0.1, 50.0),
-        0.5,
-        Always,
-    ),
-    float(POSITION_GAIN, "position_gain", (0.05, 5.0), 0.8, OnGround),
-    float(VELOCITY_GAIN, "velocity_gain", (0.05, 10.0), 2.0, OnGround),
-    float(ATTITUDE_GAIN, "attitude_gain", (0.5, 20.0), 6.0, OnGround),
-    float(YAW_GAIN, "yaw_gain", (0.05, 10.0), 1.5, OnGround),
-    float(
-        TAKE_OFF_ALTITUDE_M,
-        "take_off_altitude_m",
-        (0.5, 200.0),
-        10.0,
-        Always,
-    ),
-];
+        $(#[$about])+
+        pub const $table: &[$kind] = &[$($make($port, $name, $range, $boot, $access),)+];
+    };
+}
+
+ports! {
+    /// All 16-bit ports, ascending.
+    PORTS_16: Port16;
+    /// 16-bit port: the status mask.
+    STATUS_MASK = 10_000, unsigned "status_mask" in (0, 65_535), at boot 0, Bridge;
+    /// 16-bit port: status period, ms.
+    STATUS_PERIOD_MS = 10_001, unsigned "status_period_ms" in (1, 10_000), at boot 20, Always;
+    /// 16-bit port: flow control period, ms.
+    FLOW_CONTROL_PERIOD_MS = 10_002, unsigned "flow_control_period_ms" in (10, 1000), at boot 100, Always;
+    /// 16-bit port: after how long without a message from the PC the DSP empties its path buffer, ms; 0 never.
+    PC_TIMEOUT_MS = 10_004, unsigned "pc_timeout_ms" in (0, 60_000), at boot 0, Bridge;
+    /// 16-bit port: write 1 to take off.
+    TAKE_OFF = 10_121, unsigned "take_off" in (1, 1), at boot 0, Bridge;
+    /// 16-bit port: write 1 to land.
+    LAND = 10_122, unsigned "land" in (1, 1), at boot 0, Bridge;
+    /// 16-bit port: trim of the collective pitch, µs, signed.
+    TRIM_COLLECTIVE_US = 10_200, signed "trim_collective_us" in (-500, 500), at boot 0, OnGround;
+    /// 16-bit port: trim of the roll cyclic, µs, signed.
+    TRIM_ROLL_US = 10_201, signed "trim_roll_us" in (-500, 500), at boot 0, OnGround;
+    /// 16-bit port: trim of the pitch cyclic, µs, signed.
+    TRIM_PITCH_US = 10_202, signed "trim_pitch_us" in (-500, 500), at boot 0, OnGround;
+    /// 16-bit port: trim of the tail rotor, µs, signed.
+    TRIM_TAIL_US = 10_203, signed "trim_tail_us" in (-500, 500), at boot 0, OnGround;
+    /// 16-bit port: trim of the throttle, µs, signed.
+    TRIM_THROTTLE_US = 10_204, signed "trim_throttle_us" in (-500, 500), at boot 0, OnGround;
+    /// 16-bit port: rotor speed set point, rpm.
+    ROTOR_SPEED_RPM = 10_210, unsigned "rotor_speed_rpm" in (500, 3000), at boot 1500, OnGround;
+}
+
+ports! {
+    /// All 32-bit ports, ascending.
+    PORTS_32: Port32;
+    /// 32-bit port: cruise speed, m/s.
+    CRUISE_SPEED_MPS = 20_000, float "cruise_speed_mps" in (0.1, 20.0), at boot 5.0, Always;
+    /// 32-bit port: climb speed, m/s.
+    CLIMB_SPEED_MPS = 20_001, float "climb_speed_mps" in (0.1, 5.0), at boot 2.0, Always;
+    /// 32-bit port: acceptance radius of a waypoint, m.
+    ACCEPTANCE_RADIUS_M = 20_002, float "acceptance_radius_m" in (0.1, 50.0), at boot 0.5, Always;
+    /// 32-bit port: gain of the position loop, 1/s.
+    POSITION_GAIN = 20_010, float "position_gain" in (0.05, 5.0), at boot 0.8, OnGround;
+    /// 32-bit port: gain of the velocity loop, 1/s.
+    VELOCITY_GAIN = 20_011, float "velocity_gain" in (0.05, 10.0), at boot 2.0, OnGround;
+    /// 32-bit port: gain of the attitude loop, 1/s.
+    ATTITUDE_GAIN = 20_012, float "attitude_gain" in (0.5, 20.0), at boot 6.0, OnGround;
+    /// 32-bit port: gain of the yaw loop, 1/s.
+    YAW_GAIN = 20_013, float "yaw_gain" in (0.05, 10.0), at boot 1.5, OnGround;
+    /// 32-bit port: take-off altitude above the point of take-off, m.
+    TAKE_OFF_ALTITUDE_M = 20_121, float "take_off_altitude_m" in (0.5, 200.0), at boot 10.0, Always;
+}
 
 const fn unsigned(
     number: u16,

@@ -91,28 +91,25 @@ impl Fields {
         self.get::<u8>(name) == 1
     }
 
-    /// The fields of a group when the first of them is there.
-    fn group<T>(&mut self, first: &str, read: impl FnOnce(&mut Self) -> T) -> Option<T> {
-        self.has(first).then(|| read(self))
-    }
-
     fn number<T: FromStr<Err: Debug>>(&mut self, name: &str) -> Option<T> {
-        self.group(name, |fields| fields.get(name))
-    }
-
-    fn pulses(&mut self, of: &str) -> Option<ServoPulses> {
-        self.group(&format!("{of}_collective_us"), |fields| ServoPulses {
-            collective_us: fields.get(&format!("{of}_collective_us")),
-            roll_us: fields.get(&format!("{of}_roll_us")),
-            pitch_us: fields.get(&format!("{of}_pitch_us")),
-            tail_us: fields.get(&format!("{of}_tail_us")),
-            throttle_us: fields.get(&format!("{of}_throttle_us")),
-        })
+        self.has(name).then(|| self.get(name))
     }
 
     fn finish(self, name: &str) {
         assert!(self.0.is_empty(), "{name}: unused fields {:?}", self.0);
     }
+}
+
+/// A group of which each field has its own name in the column, behind a prefix; `None` if none of them is there.
+macro_rules! group {
+    ($fields:ident, $prefix:literal, $group:ident { $($field:ident),+ }) => {
+        [$(concat!($prefix, stringify!($field))),+]
+            .iter()
+            .any(|name| $fields.has(name))
+            .then(|| $group {
+                $($field: $fields.get(concat!($prefix, stringify!($field))),)+
+            })
+    };
 }
 
 fn status_of(fields: &mut Fields) -> Status {
@@ -121,58 +118,100 @@ fn status_of(fields: &mut Fields) -> Status {
     let status = Status {
         flying: fields.switch("flying"),
         time_ms: fields.number("time_ms"),
-        geographic: fields.group("latitude_deg", |fields| Geographic {
-            latitude_deg: fields.get("latitude_deg"),
-            longitude_deg: fields.get("longitude_deg"),
-            altitude_m: fields.get("altitude_m"),
-        }),
-        xy: fields.group("x_m", |fields| Xy {
-            x_m: fields.get("x_m"),
-            y_m: fields.get("y_m"),
-        }),
-        gps_velocity: fields.group("heading_deg", |fields| GpsVelocity {
-            horizontal_speed_mps: fields.get("horizontal_speed_mps"),
-            vertical_speed_mps: fields.get("vertical_speed_mps"),
-            heading_deg: fields.get("heading_deg"),
-        }),
+        geographic: group!(
+            fields,
+            "",
+            Geographic {
+                latitude_deg,
+                longitude_deg,
+                altitude_m
+            }
+        ),
+        xy: group!(fields, "", Xy { x_m, y_m }),
+        gps_velocity: group!(
+            fields,
+            "",
+            GpsVelocity {
+                horizontal_speed_mps,
+                vertical_speed_mps,
+                heading_deg
+            }
+        ),
         gps_quality: fields.number("gps_quality"),
-        attitude: fields.group("pitch_deg", |fields| Attitude {
-            pitch_deg: fields.get("pitch_deg"),
-            roll_deg: fields.get("roll_deg"),
-            yaw_deg: fields.get("yaw_deg"),
-        }),
-        acceleration: fields.group("acceleration_x_mps2", |fields| Acceleration {
-            x_mps2: fields.get("acceleration_x_mps2"),
-            y_mps2: fields.get("acceleration_y_mps2"),
-            z_mps2: fields.get("acceleration_z_mps2"),
-        }),
-        angular_rate: fields.group("rate_x_radps", |fields| AngularRate {
-            x_radps: fields.get("rate_x_radps"),
-            y_radps: fields.get("rate_y_radps"),
-            z_radps: fields.get("rate_z_radps"),
-        }),
-        pilot_pwm: fields.pulses("pilot"),
+        attitude: group!(
+            fields,
+            "",
+            Attitude {
+                pitch_deg,
+                roll_deg,
+                yaw_deg
+            }
+        ),
+        acceleration: group!(
+            fields,
+            "acceleration_",
+            Acceleration {
+                x_mps2,
+                y_mps2,
+                z_mps2
+            }
+        ),
+        angular_rate: group!(
+            fields,
+            "rate_",
+            AngularRate {
+                x_radps,
+                y_radps,
+                z_radps
+            }
+        ),
+        pilot_pwm: group!(
+            fields,
+            "pilot_",
+            ServoPulses {
+                collective_us,
+                roll_us,
+                pitch_us,
+                tail_us,
+                throttle_us
+            }
+        ),
         sonar_adc: fields.number("sonar_adc"),
-        supply: fields.group("battery_mv", |fields| Supply {
-            battery_mv: fields.get("battery_mv"),
-            fuel_percent: fields.get("fuel_percent"),
-            auto_switch: fields.get("auto_switch"),
-        }),
-        pan_tilt: fields.group("pan_adc", |fields| PanTilt {
-            pan_adc: fields.get("pan_adc"),
-            tilt_adc: fields.get("tilt_adc"),
-        }),
+        supply: group!(
+            fields,
+            "",
+            Supply {
+                battery_mv,
+                fuel_percent,
+                auto_switch
+            }
+        ),
+        pan_tilt: group!(fields, "", PanTilt { pan_adc, tilt_adc }),
         rotor_rpm: fields.number("rotor_rpm"),
         barometer_adc: fields.number("barometer_adc"),
-        actuation: fields.pulses("actuation"),
-        references: fields.group("reference_yaw_deg", |fields| References {
-            x_speed_mps: fields.get("reference_x_speed_mps"),
-            y_speed_mps: fields.get("reference_y_speed_mps"),
-            altitude_m: fields.get("reference_altitude_m"),
-            pitch_deg: fields.get("reference_pitch_deg"),
-            roll_deg: fields.get("reference_roll_deg"),
-            yaw_deg: fields.get("reference_yaw_deg"),
-        }),
+        actuation: group!(
+            fields,
+            "actuation_",
+            ServoPulses {
+                collective_us,
+                roll_us,
+                pitch_us,
+                tail_us,
+                throttle_us
+            }
+        ),
+        references: group!(
+            fields,
+            "reference_",
+            References {
+                x_speed_mps,
+                y_speed_mps,
+                altitude_m,
+                pitch_deg,
+                roll_deg,
+                yaw_deg
+            }
+        ),
     };
     assert_eq!(status.mask(), mask);
     status

@@ -332,60 +332,56 @@ fn boot_errors<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u16>, D
 
 #[cfg(test)]
 mod tests {
+    use runtime::config::proof;
+
     use super::*;
 
     #[test]
     fn the_annotated_example_says_the_defaults() {
-        let example = include_str!("../dsp-sim.toml");
-        let parsed: Config = runtime::config::parse(example, "dsp-sim.toml").unwrap();
-        assert_eq!(parsed, Config::default());
-        // Every key is shown: what is commented out in the example would not be tested.
-        for key in [
-            "baud_rate",
-            "profile",
-            "heading_deg",
-            "from_deg",
-            "level",
-            "fix_after_s",
-            "battery_v",
-            "fuel_percent",
-            "drain_factor",
-            "errors",
-            "has_pc_timeout",
-            "has_waypoint_count",
-            "has_time",
-            "refuses_take_off_before_start_up",
-            "take_off_delay_ms",
-            "extra_groups",
-            "clock_start_ms",
-        ] {
-            let shown = example.lines().any(|line| line.starts_with(key));
-            assert!(shown, "{key} is not in the example");
-        }
+        proof::assert_annotated::<Config>(include_str!("../dsp-sim.toml"), &[]);
     }
 
     #[test]
     fn what_cannot_be_is_refused_with_its_line() {
-        #[rustfmt::skip]
-        let cases = [
-            ("[serial]\nbaud_rate = 5000000", "x.toml:2: 5000000 is out of range"),
-            ("[serial]\nprofile = \"Extended\"", "x.toml:2: `Extended` is no profile; it is `classic` or `extended`"),
-            ("[serial]\nbaud = 9600", "x.toml:2: unknown field `baud`"),
-            ("[home]\n\nlatitude_deg = 90.0", "x.toml:3: 90 is out of range"),
-            ("[wind]\nspeed_mps = nan", "x.toml:2: NaN is out of range"),
-            ("[noise]\nseed = -1", "x.toml:2: "),
-            ("[boot]\nerrors = [70000]", "x.toml:2: "),
-            ("[boot]\nerrors = [1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1]", "at most 16 errors"),
-            ("[energy]\nfuel_percent = 101.0", "x.toml:2: 101 is"),
-            ("[dsp]\ntake_off_delay_ms = 10001", "x.toml:2: 10001 is"),
-            ("[dsp]\nextra_groups = 65536", "x.toml:2: "),
-            ("[engine]", "x.toml:1: unknown field `engine`"),
-        ];
-        for (text, expected) in cases {
-            let error = runtime::config::parse::<Config>(text, "x.toml").unwrap_err();
-            let message = error.to_string();
-            assert!(message.contains(expected), "{text}: {message}");
-        }
+        proof::assert_refused::<Config>(
+            r#"
+            [serial]
+            baud_rate = 5000000 #! 5000000 is out of range
+            ---
+            [serial]
+            profile = "Extended" #! `Extended` is no profile; it is `classic` or `extended`
+            ---
+            [serial]
+            baud = 9600 #! unknown field `baud`
+            ---
+            [home]
+
+            latitude_deg = 90.0 #! 90 is out of range
+            ---
+            [wind]
+            speed_mps = nan #! NaN is out of range
+            ---
+            [noise]
+            seed = -1 #!
+            ---
+            [boot]
+            errors = [70000] #!
+            ---
+            [boot]
+            errors = [1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1] #! at most 16 errors
+            ---
+            [energy]
+            fuel_percent = 101.0 #! 101 is
+            ---
+            [dsp]
+            take_off_delay_ms = 10001 #! 10001 is
+            ---
+            [dsp]
+            extra_groups = 65536 #!
+            ---
+            [engine] #! unknown field `engine`
+            "#,
+        );
     }
 
     #[test]

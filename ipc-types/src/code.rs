@@ -20,7 +20,7 @@ macro_rules! codes {
 
         impl $name {
             /// All values, in the order of their numbers.
-            pub const ALL: &'static [$name] = &[$( $name::$variant, )+];
+            pub const ALL: [$name; [$( $code, )+].len()] = [$( $name::$variant, )+];
 
             /// The value with this number, or `None` if the number is not one of the contract.
             pub const fn from_code(code: u32) -> Option<$name> {
@@ -35,7 +35,7 @@ macro_rules! codes {
                 self as u32
             }
 
-            /// The name that tools print: lower case with dashes.
+            /// The name that tools print.
             pub const fn name(self) -> &'static str {
                 match self {
                     $( $name::$variant => $text, )+
@@ -71,6 +71,68 @@ macro_rules! codes {
             }
         }
     };
+}
+
+codes! {
+    /// One group of values in a telemetry sample; its number is that of its bit in `valid_groups` of `DspTelemetry` and `HeroTelemetry`.
+    ///
+    /// They are those of the DSP's status mask (`docs/protocol.md` section 4.1), named the same.
+    #[derive(PartialOrd, Ord)]
+    pub enum TelemetryGroup {
+        /// Time since the DSP's boot.
+        Time = 0 => "time",
+        /// Latitude, longitude, altitude.
+        Geographic = 1 => "geographic",
+        /// Flat position around the first valid GPS fix.
+        Xy = 2 => "xy",
+        /// GPS velocity.
+        GpsVelocity = 3 => "gps_velocity",
+        /// GPS quality.
+        GpsQuality = 4 => "gps_quality",
+        /// IMU attitude.
+        Attitude = 5 => "attitude",
+        /// IMU acceleration.
+        Acceleration = 6 => "acceleration",
+        /// IMU angular rate.
+        AngularRate = 7 => "angular_rate",
+        /// Pilot's PWM signals.
+        PilotPwm = 8 => "pilot_pwm",
+        /// Sonar.
+        Sonar = 9 => "sonar",
+        /// Battery, fuel, auto/manual switch.
+        Supply = 10 => "supply",
+        /// Pan and tilt.
+        PanTilt = 11 => "pan_tilt",
+        /// Main rotor speed.
+        RotorSpeed = 12 => "rotor_speed",
+        /// Barometric altimeter.
+        Barometer = 13 => "barometer",
+        /// Actuation of the servos.
+        Actuation = 14 => "actuation",
+        /// Controller references.
+        References = 15 => "references",
+    }
+}
+
+impl TelemetryGroup {
+    /// The group's bit in `valid_groups`.
+    pub const fn bit(self) -> u16 {
+        1 << self.code()
+    }
+
+    /// The group with this name, or `None`.
+    pub fn from_name(name: &str) -> Option<TelemetryGroup> {
+        TelemetryGroup::ALL
+            .into_iter()
+            .find(|group| group.name() == name)
+    }
+
+    /// The groups whose bits are set in `mask`, in the order of their bits.
+    pub fn in_mask(mask: u16) -> impl Iterator<Item = TelemetryGroup> {
+        TelemetryGroup::ALL
+            .into_iter()
+            .filter(move |group| mask & group.bit() != 0)
+    }
 }
 
 codes! {
@@ -483,10 +545,10 @@ mod tests {
     #[test]
     fn numbers_come_back_as_themselves_and_unknown_ones_as_nothing() {
         for reason in Reason::ALL {
-            assert_eq!(Reason::from_code(reason.code()), Some(*reason));
+            assert_eq!(Reason::from_code(reason.code()), Some(reason));
         }
         for stage in Stage::ALL {
-            assert_eq!(Stage::from_code(stage.code()), Some(*stage));
+            assert_eq!(Stage::from_code(stage.code()), Some(stage));
         }
         assert_eq!(Stage::from_code(0), None);
         assert_eq!(Reason::from_code(u32::MAX), None);
@@ -519,5 +581,30 @@ mod tests {
         for (code, text) in cases {
             assert_eq!(ImiCode(code).to_string(), text);
         }
+    }
+
+    #[test]
+    fn each_group_has_its_own_bit_and_name() {
+        let mut mask = 0_u16;
+        for (index, group) in TelemetryGroup::ALL.into_iter().enumerate() {
+            assert_eq!(group.bit(), 1 << index);
+            assert_eq!(TelemetryGroup::from_name(group.name()), Some(group));
+            mask |= group.bit();
+        }
+        assert_eq!(mask, u16::MAX);
+        assert_eq!(TelemetryGroup::from_name("position"), None);
+    }
+
+    #[test]
+    fn a_mask_gives_its_groups_in_order() {
+        let groups: Vec<_> = TelemetryGroup::in_mask(0b1000_0000_0000_0011).collect();
+        assert_eq!(
+            groups,
+            [
+                TelemetryGroup::Time,
+                TelemetryGroup::Geographic,
+                TelemetryGroup::References
+            ]
+        );
     }
 }

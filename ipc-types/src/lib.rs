@@ -3,8 +3,7 @@
 //! `docs/ipc.md` is the contract in words; this crate is its executable form:
 //!
 //! * [`payload`]: the fixed-layout structs that lie in shared memory, with units, frames and validity;
-//! * [`code`]: the numbers in them that stand for states, reasons and errors, as typed enums;
-//! * [`group`]: the groups of a telemetry sample and their bits;
+//! * [`code`]: the numbers in them that stand for states, reasons, errors and groups of values, as typed enums;
 //! * [`schema`]: what lies in a topic, as a text that programs read which have never seen the struct;
 //! * [`service`]: the one table of services, with every quality-of-service value;
 //! * [`mod@module`]: a module of a crate of its own: its name, its id, its state and its control requests;
@@ -64,7 +63,6 @@ pub mod files;
 mod follow;
 mod forked;
 mod generation;
-pub mod group;
 mod housekeeper;
 pub mod inspect;
 mod iox;
@@ -106,13 +104,13 @@ pub use payload::support as macro_support;
 #[cfg(feature = "tokio")]
 pub use async_io::{Async, AsyncError};
 pub use client::{Client, RequestHandle, SendError};
+pub use code::TelemetryGroup;
 pub use domain::Domain;
 pub use domain_error::DomainError;
 pub use dynamic::{
     DynamicClient, DynamicError, DynamicPublisher, DynamicServer, DynamicSubscriber,
 };
 pub use forked::Forked;
-pub use group::TelemetryGroup;
 pub use inspect::{Removal, Repair};
 pub use ipc::Ipc;
 pub use journal::{JournalPiece, JournalTail, LeftTail};

@@ -88,16 +88,7 @@ impl<P: Payload> Subscriber<P> {
         })
     }
 
-    /// As [`Subscriber::drain`], of the samples' bytes.
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    pub fn drain_bytes(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
-        self.core.drain(take)
-    }
-
-    /// As [`Subscriber::drain_bytes`], but the [`descriptor`](Port::descriptor) stays readable, and a publisher that finds it so does
+    /// As [`Subscriber::drain`], of the samples' bytes, but the [`descriptor`](Port::descriptor) stays readable, and a publisher that finds it so does
     /// not notify this subscriber again, which spares it a system call for each sample. For a process that looks at the time while
     /// samples flow. Before it waits for the descriptor, it drains as usual.
     ///

@@ -1,4 +1,4 @@
-//! The layouts of shared memory are pinned by `layouts/`: a table for people, a header for C and C++, a module for
+//! The layouts of shared memory are pinned by `layouts/`: a table for people, a header for C and C++, a module with types for
 //! Python. All three are made of the same definitions, and a change of one byte fails here.
 //!
 //! After a deliberate change **raise the layout version** in the struct's type name, and write the files anew with
@@ -17,7 +17,7 @@ use ipc_types::code::{
 };
 use ipc_types::payload::{
     BridgeJournal, BridgeOutline, Layout, MavlinkStations, Number, RelayLink, RelayStations,
-    RequestReport, SharedStruct, StatusJournal, export,
+    RequestReport, SharedStruct, StatusJournal,
 };
 use ipc_types::schema::generate;
 use ipc_types::service::{Contract, EVENT_ID_MAX, EventCode, SERVICES};
@@ -49,7 +49,7 @@ fn layouts() -> Vec<&'static Layout> {
         .chain([RequestReport::LAYOUT])
         .chain(others)
         .collect();
-    export::with_nested(&all)
+    generate::with_nested(&all)
 }
 
 /// A set of named numbers: its name, and name and number of each.
@@ -193,14 +193,14 @@ fn c_header() -> String {
         writeln!(
             text,
             "\nenum hero_{} {{",
-            export::upper_snake(set).to_lowercase()
+            generate::upper_snake(set).to_lowercase()
         )
         .unwrap();
         for (name, number) in numbers {
             writeln!(
                 text,
                 "    HERO_{}_{name} = {number},",
-                export::upper_snake(set)
+                generate::upper_snake(set)
             )
             .unwrap();
         }
@@ -208,17 +208,23 @@ fn c_header() -> String {
     }
     for layout in layouts() {
         text.push('\n');
-        text.push_str(&export::c_struct(layout));
+        text.push_str(&generate::c_struct(layout));
     }
     text.push_str("\n#endif\n");
     text
 }
 
+/// What `hero_ipc.py` has above this line is written by hand: what its classes are to a program, and to `mypy`.
+const PYTHON_MARK: &str = "\n# What follows is made by ipc-types/tests/layout.rs: do not edit.\n\n";
+
+fn python_head() -> String {
+    let module = include_str!("../layouts/hero_ipc.py");
+    let (head, _) = module.split_once(PYTHON_MARK).expect("the mark");
+    format!("{head}{PYTHON_MARK}")
+}
+
 fn python_module() -> String {
-    let mut text = String::from(
-        "\"\"\"Structs and numbers of the HERO RIL in shared memory. docs/ipc.md says what they mean.\n\n\
-         Made by ipc-types/tests/layout.rs: do not edit.\n\"\"\"\n\nimport ctypes\nimport enum\n\n",
-    );
+    let mut text = python_head();
     text.push_str(
         "#: By service: the values of its attributes `layout` and `layout_hash`.\nLAYOUTS = {\n",
     );
@@ -240,23 +246,9 @@ fn python_module() -> String {
         }
     }
     for layout in layouts() {
-        text.push_str(&export::python_class(layout));
+        text.push_str(&generate::python_class(layout));
     }
     text
-}
-
-/// The types of the same module, for `mypy` and editors.
-fn python_stub() -> String {
-    let module = python_module();
-    let (numbers, _) = module.split_once("(ctypes.Structure)").unwrap();
-    let (numbers, _) = numbers.rsplit_once("\n\n\nclass ").unwrap();
-    let numbers = numbers.replace("import ctypes\n", "");
-    let structs = layouts().into_iter().map(generate::python_stub);
-    format!(
-        "{numbers}\n\n{}{}",
-        generate::PYTHON_STUB_HEAD,
-        structs.collect::<String>()
-    )
 }
 
 fn check(file: &str, made: &str) {
@@ -291,11 +283,6 @@ fn the_c_header_is_pinned() {
 #[test]
 fn the_python_module_is_pinned() {
     check("hero_ipc.py", &python_module());
-}
-
-#[test]
-fn the_types_of_the_python_module_are_pinned() {
-    check("hero_ipc.pyi", &python_stub());
 }
 
 /// Whether a compiler takes `source`, and what it says; nothing when there is no such compiler.
@@ -365,7 +352,7 @@ fn python_lays_the_structs_out_like_rust() {
         Ok(output) => {
             let text = String::from_utf8_lossy(&output.stderr);
             assert!(output.status.success(), "another layout: {text}");
-            let swapped = module.replacen("latitude_deg", "x", 1);
+            let swapped = module.replacen("(\"latitude_deg\"", "(\"x\"", 1);
             assert!(!run(&swapped).unwrap().status.success());
         }
         Err(error) => {

@@ -34,7 +34,7 @@ pub const FRAMES_HOME: [u16; 2] = [3, 6];
 /// Coordinates above terrain, as integers or not.
 pub const FRAMES_TERRAIN: [u16; 2] = [10, 11];
 
-/// The commands that this model has words for.
+/// MAV_CMD: the commands that something is done for, in a plan or by a vehicle.
 pub mod command {
     /// Fly to a place; parameter 1: hold there, s.
     pub const WAYPOINT: u16 = 16;
@@ -50,8 +50,40 @@ pub mod command {
     pub const TAKE_OFF: u16 = 22;
     /// Wait for the seconds of parameter 1, or until a time of day.
     pub const DELAY: u16 = 93;
+    /// Set the mode by base mode, main mode and sub mode.
+    pub const SET_MODE: u16 = 176;
     /// Fly at the speed of parameter 2.
     pub const CHANGE_SPEED: u16 = 178;
+    /// Set home.
+    pub const SET_HOME: u16 = 179;
+    /// End the flight at once.
+    pub const FLIGHT_TERMINATION: u16 = 185;
+    /// Fly there and hover.
+    pub const REPOSITION: u16 = 192;
+    /// Pause or continue.
+    pub const PAUSE_CONTINUE: u16 = 193;
+    /// Switch the geofence.
+    pub const FENCE_ENABLE: u16 = 207;
+    /// Go on with this item of the mission.
+    pub const SET_MISSION_CURRENT: u16 = 224;
+    /// Reboot.
+    pub const REBOOT: u16 = 246;
+    /// Set the mode by one of the standard.
+    pub const SET_STANDARD_MODE: u16 = 262;
+    /// Begin a mission.
+    pub const MISSION_START: u16 = 300;
+    /// Arm or disarm.
+    pub const ARM_DISARM: u16 = 400;
+    /// Send HOME_POSITION once.
+    pub const GET_HOME_POSITION: u16 = 410;
+    /// How often is a message sent?
+    pub const GET_MESSAGE_INTERVAL: u16 = 510;
+    /// Send a message so often.
+    pub const SET_MESSAGE_INTERVAL: u16 = 511;
+    /// Send a message once.
+    pub const REQUEST_MESSAGE: u16 = 512;
+    /// Send AUTOPILOT_VERSION.
+    pub const REQUEST_CAPABILITIES: u16 = 520;
 }
 
 /// Which part of a vehicle a command is for.
@@ -90,10 +122,10 @@ const NAMES: [(u16, &str, Purpose); 56] = {
         (113, "CONDITION_CHANGE_ALT", Flight),
         (114, "CONDITION_DISTANCE", Flight),
         (115, "CONDITION_YAW", Payload),
-        (176, "DO_SET_MODE", Flight),
+        (command::SET_MODE, "DO_SET_MODE", Flight),
         (177, "DO_JUMP", Flight),
         (command::CHANGE_SPEED, "DO_CHANGE_SPEED", Flight),
-        (179, "DO_SET_HOME", Flight),
+        (command::SET_HOME, "DO_SET_HOME", Flight),
         (181, "DO_SET_RELAY", Payload),
         (182, "DO_REPEAT_RELAY", Payload),
         (183, "DO_SET_SERVO", Payload),
@@ -109,7 +141,7 @@ const NAMES: [(u16, &str, Purpose); 56] = {
         (204, "DO_MOUNT_CONFIGURE", Payload),
         (205, "DO_MOUNT_CONTROL", Payload),
         (206, "DO_SET_CAM_TRIGG_DIST", Payload),
-        (207, "DO_FENCE_ENABLE", Flight),
+        (command::FENCE_ENABLE, "DO_FENCE_ENABLE", Flight),
         (208, "DO_PARACHUTE", Flight),
         (211, "DO_GRIPPER", Payload),
         (214, "DO_SET_CAM_TRIGG_INTERVAL", Payload),

@@ -243,35 +243,49 @@ fn zero_above_sea_m<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option
 
 #[cfg(test)]
 mod tests {
-    use runtime::config::parse;
+    use runtime::config::proof::{assert_annotated, assert_refused};
 
     use super::*;
 
     #[test]
     fn the_annotated_example_is_the_default() {
-        let example: Config = parse(include_str!("../ril.toml"), "ril.toml").unwrap();
-        assert_eq!(example, Config::default());
-        assert_eq!(parse::<Config>("", "empty.toml").unwrap(), example);
+        assert_annotated::<Config>(include_str!("../ril.toml"), &[]);
     }
 
     #[test]
     fn mistakes_are_reported_with_line_and_reason() {
-        #[rustfmt::skip]
-        let cases = [
-            ("[requets]", "ril.toml:1: unknown field `requets`"),
-            ("[request]\ntimeout = 1", "did you mean `timeout_s`?"),
-            ("[request]\n\ntimeout_s = 0", "ril.toml:3: 0 is out of range"),
-            ("[request]\ndeadline_ms = -1", "ril.toml:2: "),
-            ("[observe]\ntimeout_s = 'long'", "invalid type: string"),
-            ("[preflight]\nbattery_v = { warn = 22.0, fail = 23.0 }", "ril.toml:2: fail must not be greater than warn"),
-            ("[preflight]\nlink_loss_percent = { warn = 2.0, fail = 1.0 }", "ril.toml:2: fail must not be less than warn"),
-            ("[preflight]\nfuel_percent = { warn = 101, fail = 1 }", "101 is out of range: 0 to 100"),
-            ("[preflight]\ngps_quality_pass = [4, 9]", "9 is no quality of a GPS fix"),
-            ("[preflight]\nbattery = 1", "did you mean `battery_v`?"),
-        ];
-        for (text, expected) in cases {
-            let error = parse::<Config>(text, "ril.toml").unwrap_err().to_string();
-            assert!(error.contains(expected), "{text:?}: {error}");
-        }
+        assert_refused::<Config>(
+            r#"
+            [requets] #! unknown field `requets`
+            ---
+            [request]
+            timeout = 1 #! did you mean `timeout_s`?
+            ---
+            [request]
+
+            timeout_s = 0 #! 0 is out of range
+            ---
+            [request]
+            deadline_ms = -1 #!
+            ---
+            [observe]
+            timeout_s = 'long' #! invalid type: string
+            ---
+            [preflight]
+            battery_v = { warn = 22.0, fail = 23.0 } #! fail must not be greater than warn
+            ---
+            [preflight]
+            link_loss_percent = { warn = 2.0, fail = 1.0 } #! fail must not be less than warn
+            ---
+            [preflight]
+            fuel_percent = { warn = 101, fail = 1 } #! 101 is out of range: 0 to 100
+            ---
+            [preflight]
+            gps_quality_pass = [4, 9] #! 9 is no quality of a GPS fix
+            ---
+            [preflight]
+            battery = 1 #! did you mean `battery_v`?
+            "#,
+        );
     }
 }

@@ -328,7 +328,7 @@ mod tests {
 
     #[test]
     fn the_annotated_example_is_the_defaults() {
-        assert_eq!(read(EXAMPLE).unwrap(), MavlinkConfig::default());
+        runtime::config::proof::assert_annotated::<MavlinkConfig>(EXAMPLE, &[]);
         for wrong in [
             "prot = 1",
             "system = 251",

@@ -3,12 +3,13 @@
 //! A file becomes a typed value once, here; inside a process nothing is checked again. Structures say
 //! `#[serde(default, deny_unknown_fields)]`, and [`ranged!`](crate::ranged) bounds their numbers.
 //!
-//! [`resulting`] says for `--check-config` what a process runs with, and where each value comes from.
+//! [`proof`] has what the tests of each configuration prove; [`resulting`] says for `--check-config` what a process runs with, and where each value comes from.
 //!
 //! Reading a configuration never waits for another process: the bridge does it in flight.
 
 mod error;
 mod file;
+pub mod proof;
 pub mod resulting;
 #[cfg(test)]
 mod tests;

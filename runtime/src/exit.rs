@@ -8,85 +8,63 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::signal;
 
-/// The result that a process gives its caller. `docs/reference.md` says what to do about each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum ExitCode {
-    /// All went well, or a signal ended the process cleanly.
-    Ok = 0,
-    /// Trouble that none of the others names; a defect included.
-    Internal = 1,
-    /// A usage error.
-    Usage = 2,
-    /// The process that should answer is not there.
-    ServiceAbsent = 3,
-    /// No answer in time.
-    Timeout = 4,
-    /// The request was refused; the reason was printed.
-    Refused = 5,
-    /// The line to the DSP is down, or was lost in flight; or the relay's link to a robot on another machine is down.
-    LinkDown = 6,
-    /// The outcome of the request cannot be known.
-    OutcomeUnknown = 7,
-    /// What was examined is not in order; the findings were printed.
-    NotInOrder = 8,
-    /// The configuration is wrong: a restart does not help (`EX_CONFIG`).
-    Configuration = 78,
+/// Defines [`ExitCode`]: for each its number, its name, and what to do about it.
+macro_rules! exit_codes {
+    ($($(#[$meta:meta])+ $code:ident = $number:literal, $name:literal, $next_step:literal;)+) => {
+        /// The result that a process gives its caller. `docs/reference.md` says what to do about each.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[repr(u8)]
+        pub enum ExitCode {
+            $($(#[$meta])+ $code = $number,)+
+        }
+
+        impl ExitCode {
+            /// All codes, in ascending order.
+            pub const ALL: [ExitCode; [$($number,)+].len()] = [$(ExitCode::$code,)+];
+
+            /// The number that the caller sees.
+            pub const fn code(self) -> u8 {
+                self as u8
+            }
+
+            /// Its name in JSON.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(ExitCode::$code => $name,)+
+                }
+            }
+
+            /// What to do about it when the failure itself does not say more.
+            pub const fn next_step(self) -> &'static str {
+                match self {
+                    $(ExitCode::$code => $next_step,)+
+                }
+            }
+        }
+    };
 }
 
-impl ExitCode {
-    /// All codes, in ascending order.
-    pub const ALL: [ExitCode; 10] = [
-        ExitCode::Ok,
-        ExitCode::Internal,
-        ExitCode::Usage,
-        ExitCode::ServiceAbsent,
-        ExitCode::Timeout,
-        ExitCode::Refused,
-        ExitCode::LinkDown,
-        ExitCode::OutcomeUnknown,
-        ExitCode::NotInOrder,
-        ExitCode::Configuration,
-    ];
-
-    /// The number that the caller sees.
-    pub const fn code(self) -> u8 {
-        self as u8
-    }
-
-    /// Its name in JSON.
-    pub const fn name(self) -> &'static str {
-        match self {
-            ExitCode::Ok => "ok",
-            ExitCode::Internal => "internal",
-            ExitCode::Usage => "usage",
-            ExitCode::ServiceAbsent => "service-absent",
-            ExitCode::Timeout => "timeout",
-            ExitCode::Refused => "refused",
-            ExitCode::LinkDown => "link-down",
-            ExitCode::OutcomeUnknown => "outcome-unknown",
-            ExitCode::NotInOrder => "not-in-order",
-            ExitCode::Configuration => "configuration",
-        }
-    }
-
-    /// What to do about it when the failure itself does not say more.
-    pub const fn next_step(self) -> &'static str {
-        match self {
-            ExitCode::Ok => "nothing",
-            ExitCode::Internal => {
-                "read the last lines on standard error; `ril doctor` looks at what is around"
-            }
-            ExitCode::Usage => "look at the command's --help",
-            ExitCode::ServiceAbsent => "start the process that should answer; is --robot right?",
-            ExitCode::Timeout => "look at `ril status`: is the link silent?",
-            ExitCode::Refused => "remove the cause that the message names, then try again",
-            ExitCode::LinkDown => "look at `ril status` for the state of the link",
-            ExitCode::OutcomeUnknown => "look at the helicopter, then at `ril status`",
-            ExitCode::NotInOrder => "follow the next step of each finding",
-            ExitCode::Configuration => "correct the reported line; a restart alone does not help",
-        }
-    }
+exit_codes! {
+    /// All went well, or a signal ended the process cleanly.
+    Ok = 0, "ok", "nothing";
+    /// Trouble that none of the others names; a defect included.
+    Internal = 1, "internal", "read the last lines on standard error; `ril doctor` looks at what is around";
+    /// A usage error.
+    Usage = 2, "usage", "look at the command's --help";
+    /// The process that should answer is not there.
+    ServiceAbsent = 3, "service-absent", "start the process that should answer; is --robot right?";
+    /// No answer in time.
+    Timeout = 4, "timeout", "look at `ril status`: is the link silent?";
+    /// The request was refused; the reason was printed.
+    Refused = 5, "refused", "remove the cause that the message names, then try again";
+    /// The line to the DSP is down, or was lost in flight; or the relay's link to a robot on another machine is down.
+    LinkDown = 6, "link-down", "look at `ril status` for the state of the link";
+    /// The outcome of the request cannot be known.
+    OutcomeUnknown = 7, "outcome-unknown", "look at the helicopter, then at `ril status`";
+    /// What was examined is not in order; the findings were printed.
+    NotInOrder = 8, "not-in-order", "follow the next step of each finding";
+    /// The configuration is wrong: a restart does not help (`EX_CONFIG`).
+    Configuration = 78, "configuration", "correct the reported line; a restart alone does not help";
 }
 
 /// Why a process ends early: an exit code, and an error with its causes.

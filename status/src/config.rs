@@ -57,7 +57,8 @@ fn logs<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<LogConfig>, D:
 #[cfg(test)]
 mod tests {
     use ipc_types::TelemetryGroup as Group;
-    use runtime::config::{ConfigError, parse};
+    use runtime::config::parse;
+    use runtime::config::proof::{assert_annotated, assert_refused};
 
     use super::*;
     use crate::group::GroupSet;
@@ -67,9 +68,7 @@ mod tests {
 
     #[test]
     fn the_annotated_example_is_the_default() {
-        let example: Config = parse(EXAMPLE, "status.toml").unwrap();
-        assert_eq!(example, Config::default());
-        assert_eq!(parse::<Config>("", "empty.toml").unwrap(), example);
+        assert_annotated::<Config>(EXAMPLE, &[]);
     }
 
     #[test]
@@ -100,37 +99,51 @@ mod tests {
 
     #[test]
     fn mistakes_are_reported_with_line_and_reason() {
-        let too_many = "[[log]]\n".repeat(MAX_LOGS + 1);
-        #[rustfmt::skip]
-        let cases = [
-            ("[calibraton]", 1, "did you mean `calibration`?"),
-            ("[calibration.sonar]\nm_per_stpe = 1", 2, "did you mean `m_per_step`?"),
-            ("[calibration.servo]\n\nhalf_travel_us = 0", 3, "must be from 1.0 to 2000.0"),
-            ("[calibration.pan]\ndeg_per_step = nan", 2, "NaN is out of range"),
-            ("[calibration.barometer]\nzero_adc = '500'", 2, "invalid type: string"),
-            ("[estimator]\nkind = 'altitud'", 2, "did you mean `altitude`?"),
-            ("[estimator.altitude]\nsonar_m = 0", 2, "must be from 0.001 to 100"),
-            ("[[log]]\ngroups = ['time']\n[[log]]\ngroups = ['altitude']", 4, "did you mean `attitude`?"),
-            ("[[log]]\ngroups = 'time'", 2, "invalid type: string"),
-            ("[[log]]\nmax_file_mib = 0", 2, "must be from 1 to 4095"),
-            ("[[log]]\nmax_file_mib = 1.5", 2, "invalid type: floating point"),
-            ("[[log]]\nmax_total_mib = 1", 2, "must be from 2 to 1048576"),
-            ("[[log]]\nmin_free_mib = -1", 2, "-1"),
-            ("[[log]]\nmax_total_mib = 127", 1, "must be at least twice max_file_mib, which is 64"),
-            ("[[log]]\nname = 'a'\n[[log]]\nname = 'a'", 1, "two logs have the name `a`"),
-            ("[[log]]\nname = '../x'", 2, "is not a name for a log"),
-            ("[[log]]\nname = 'aaaaaaaaaaaaaaaaaaaaaaaaa'", 2, "up to 24 letters"),
-            ("[log]\ngroups = []", 1, "invalid type: map, expected a sequence"),
-            (&too_many, 1, "17 logs are too many"),
-        ];
-        for (text, expected_line, expected_reason) in cases {
-            match parse::<Config>(text, "status.toml") {
-                Err(ConfigError::Invalid { line, reason, .. }) => {
-                    assert!(reason.contains(expected_reason), "{text}: {reason}");
-                    assert_eq!(line, expected_line, "{text}");
-                }
-                other => panic!("{text}: {other:?}"),
-            }
-        }
+        assert_refused::<Config>(
+            r#"
+            [calibration.servo]
+
+            half_travel_us = 0 #! must be from 1.0 to 2000.0
+            ---
+            [calibration.pan]
+            deg_per_step = nan #! NaN is out of range
+            ---
+            [estimator]
+            kind = 'altitud' #! did you mean `altitude`?
+            ---
+            [estimator.altitude]
+            sonar_m = 0 #! must be from 0.001 to 100
+            ---
+            [[log]]
+            groups = ['time']
+            [[log]]
+            groups = ['altitude'] #! did you mean `attitude`?
+            ---
+            [[log]]
+            max_file_mib = 0 #! must be from 1 to 4095
+            ---
+            [[log]]
+            max_total_mib = 1 #! must be from 2 to 1048576
+            ---
+            [[log]]
+            min_free_mib = -1 #! -1
+            ---
+            [[log]] #! must be at least twice max_file_mib, which is 64
+            max_total_mib = 127
+            ---
+            [[log]] #! two logs have the name `a`
+            name = 'a'
+            [[log]]
+            name = 'a'
+            ---
+            [[log]]
+            name = '../x' #! is not a name for a log
+            ---
+            [[log]]
+            name = 'aaaaaaaaaaaaaaaaaaaaaaaaa' #! up to 24 letters
+            "#,
+        );
+        let others = "[[log]]\n".repeat(MAX_LOGS);
+        assert_refused::<Config>(&format!("\n[[log]] #! 17 logs are too many\n{others}"));
     }
 }

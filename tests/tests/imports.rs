@@ -53,9 +53,21 @@ fn modules(folder: &Path, path: &[String]) -> BTreeMap<Module, String> {
 
 /// What a source says outside its tests and comments.
 pub(super) fn code(source: &str) -> String {
-    let source = source.split("#[cfg(test)]\nmod tests {").next();
-    let lines = source.unwrap_or_default().lines();
-    let code: Vec<&str> = lines
+    let mut outside = String::new();
+    let mut rest = source;
+    while let Some((before, behind)) = rest.split_once("#[cfg(test)]\nmod ") {
+        outside.push_str(before);
+        let is_inline = behind
+            .lines()
+            .next()
+            .is_some_and(|line| line.ends_with('{'));
+        // As rustfmt writes it, a module ends with the first brace that begins a line.
+        let end = is_inline.then(|| behind.find("\n}\n"));
+        rest = end.map_or(behind, |end| end.map_or("", |end| &behind[end + 3..]));
+    }
+    outside.push_str(rest);
+    let code: Vec<&str> = outside
+        .lines()
         .map(|line| line.split("//").next().unwrap_or_default())
         .collect();
     code.join("\n")
@@ -290,7 +302,10 @@ fn a_circle_through_three_files_is_found() {
             "fn f() {}\npub(crate) use crate::{\n    d::Dee,\n    c::inner::{See, Saw},\n};",
         ),
         ("c::inner", "use crate::a::Ay;"),
-        ("d", "#[cfg(test)]\nmod tests {\n    use crate::a::Ay;\n}"),
+        (
+            "d",
+            "#[cfg(test)]\nmod tests {\n    use crate::a::Ay;\n}\n\n#[cfg(test)]\nmod dee_tests {\n    use crate::b::Bee;\n}\n",
+        ),
     ];
     let modules = sources.map(|(module, source)| (module.to_owned(), source.to_owned()));
     let found = on_circles(imports(&BTreeMap::from(modules)));

@@ -78,7 +78,7 @@ fn of_rust() -> BTreeMap<String, String> {
         .map(|rest| {
             let (name, rest) = rest.split_once('(').unwrap();
             let (arguments, rest) = rest.split_once(')').unwrap();
-            let head = rest.split_once('{').unwrap().0;
+            let head = rest.split(['{', ';']).next().unwrap();
             let result = head.trim().strip_prefix("-> ").unwrap_or_default().trim();
             let arguments: Vec<_> = arguments
                 .split(',')

@@ -194,21 +194,15 @@ fn of_a_take_off() -> Vec<Check> {
             "8.5-take-off-begins",
             "10121 reads 1 from before the acknowledgement of the write that starts the take-off is sent",
             "1 in the read behind the acknowledgement",
-            |facts| {
-                ensure(facts.first_read == 1, || {
-                    format!("10121 reads {}", facts.first_read)
-                })
-            },
+            |facts| has_read(port::TAKE_OFF, facts.first_read, 1),
         ),
         check(
             "8.5-take-off-again",
             "rotor starts | leaves the ground | 0 | 1 | 0 | 0 | refused | no change | refused",
             "no error of the second write of 10121",
             |facts| {
-                facts.must_last()?;
-                ensure(facts.again.is_empty(), || {
-                    format!("errors {:?} came", facts.again)
-                })
+                must_last(facts.lasted, "the take-off")?;
+                brought("of the second write of 10121", &facts.again, &[])
             },
         ),
         check(
@@ -216,10 +210,8 @@ fn of_a_take_off() -> Vec<Check> {
             "climb | altitude reached, first flow control 1 due | 1 | 1 | 0 | 0 | refused | no change | refused",
             "error 30 of the write of 10122",
             |facts| {
-                facts.must_last()?;
-                ensure(facts.land == [INVALID], || {
-                    format!("errors {:?} came where [30] should have", facts.land)
-                })
+                must_last(facts.lasted, "the take-off")?;
+                brought("of the write of 10122", &facts.land, &[INVALID])
             },
         ),
         check(
@@ -227,10 +219,8 @@ fn of_a_take_off() -> Vec<Check> {
             "*wp* is what happens to a waypoint, *refused* is error 30",
             "error 30 of the waypoint",
             |facts| {
-                facts.must_last()?;
-                ensure(facts.waypoint == [INVALID], || {
-                    format!("errors {:?} came where [30] should have", facts.waypoint)
-                })
+                must_last(facts.lasted, "the take-off")?;
+                brought("of the waypoint", &facts.waypoint, &[INVALID])
             },
         ),
         check(
@@ -251,9 +241,7 @@ fn of_a_take_off() -> Vec<Check> {
                 ensure(!facts.read_zero_early, || {
                     "10121 read 0, and no flow control 1 came right behind it".to_owned()
                 })?;
-                ensure(facts.last_read == 0, || {
-                    format!("10121 reads {}", facts.last_read)
-                })
+                has_read(port::TAKE_OFF, facts.last_read, 0)
             },
         ),
         check(
@@ -271,11 +259,7 @@ fn of_a_take_off() -> Vec<Check> {
             "8.4-invalidate-during-take-off",
             "*Invalidate path* and *following off* are then acknowledged, change nothing in the movement, and it goes on.",
             "an acknowledgement of invalidate path, no error, and a take-off that ends",
-            |facts| {
-                ensure(facts.invalidate.is_empty(), || {
-                    format!("errors {:?} came", facts.invalidate)
-                })
-            },
+            |facts| brought("of invalidate path", &facts.invalidate, &[]),
         ),
     ]
 }
@@ -337,13 +321,22 @@ async fn ends_with_flow_control(bench: &Bench) -> Judged<bool> {
     Ok(bench.since(mark).iter().any(flow))
 }
 
-impl TakeOff {
-    fn must_last(&self) -> Judged {
-        match self.lasted {
-            true => Ok(()),
-            false => not_judged("the take-off was over before all was sent"),
-        }
+fn must_last(lasted: bool, movement: &str) -> Judged {
+    match lasted {
+        true => Ok(()),
+        false => not_judged(&format!("{movement} was over before all was sent")),
     }
+}
+
+fn has_read(port: u16, read: u16, expected: u16) -> Judged {
+    ensure(read == expected, || format!("{port} reads {read}"))
+}
+
+/// Judges the errors that came of something.
+fn brought(of: &str, errors: &[u16], expected: &[u16]) -> Judged {
+    ensure(errors == expected, || {
+        format!("errors {errors:?} came {of} where {expected:?} should have")
+    })
 }
 
 /// What one landing has shown.
@@ -369,29 +362,17 @@ fn of_a_landing() -> Vec<Check> {
             "8.5-landing-begins",
             "10122 reads 1 from before the acknowledgement until the rotor has stopped.",
             "1 in the read behind the acknowledgement, 0 at the end",
-            |facts| {
-                ensure(facts.first_read == 1, || {
-                    format!("10122 reads {}", facts.first_read)
-                })
-            },
+            |facts| has_read(port::LAND, facts.first_read, 1),
         ),
         check(
             "8.5-landing-again",
             "descent | touches the ground | 1 | 0 | 1 | 0 | refused | refused | no change",
             "no error of the second write of 10122, error 30 of that of 10121 and of the waypoint",
             |facts| {
-                if !facts.lasted {
-                    return not_judged("the landing was over before all was sent");
-                }
-                ensure(facts.again.is_empty(), || {
-                    format!("errors {:?} came of the second write of 10122", facts.again)
-                })?;
-                ensure(facts.take_off == [INVALID], || {
-                    format!("errors {:?} came of the write of 10121", facts.take_off)
-                })?;
-                ensure(facts.waypoint == [INVALID], || {
-                    format!("errors {:?} came of the waypoint", facts.waypoint)
-                })
+                must_last(facts.lasted, "the landing")?;
+                brought("of the second write of 10122", &facts.again, &[])?;
+                brought("of the write of 10121", &facts.take_off, &[INVALID])?;
+                brought("of the waypoint", &facts.waypoint, &[INVALID])
             },
         ),
         check(

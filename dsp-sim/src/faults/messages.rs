@@ -66,7 +66,7 @@ impl MessageFault {
 }
 
 /// What the faults make of one message.
-struct Fate {
+struct Effects {
     copies: usize,
     late_by: Duration,
     /// Index of the fault that holds it back.
@@ -159,20 +159,20 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
             .filter_map(|fault| fault.held.take())
             .collect();
         let has_waited = !waited.is_empty();
-        let fate = self.fate(at, kind, has_waited);
-        if fate.copies == 0 {
+        let effects = self.effects(at, kind, has_waited);
+        if effects.copies == 0 {
             self.counters.dropped += 1;
             self.counters.dropped_bytes += message.len() as u64;
-        } else if let Some(fault) = fate.held_by.and_then(|index| self.faults.get_mut(index)) {
+        } else if let Some(fault) = effects.held_by.and_then(|index| self.faults.get_mut(index)) {
             self.counters.reordered += 1;
             fault.held = Some(message);
         } else {
-            for copy in 0..fate.copies {
+            for copy in 0..effects.copies {
                 if copy > 0 {
                     self.counters.repeated += 1;
                     self.counters.repeated_bytes += message.len() as u64;
                 }
-                self.send(at, fate.late_by, &message, sink);
+                self.send(at, effects.late_by, &message, sink);
             }
         }
         for message in waited {
@@ -181,8 +181,8 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
     }
 
     /// Draws the random numbers of every fault that a message of this kind meets at `at`.
-    fn fate(&mut self, at: Duration, kind: Option<MessageKind>, has_waited: bool) -> Fate {
-        let mut fate = Fate {
+    fn effects(&mut self, at: Duration, kind: Option<MessageKind>, has_waited: bool) -> Effects {
+        let mut effects = Effects {
             copies: 1,
             late_by: Duration::ZERO,
             held_by: None,
@@ -193,16 +193,16 @@ impl<M: dsp_protocol::Direction> MessageStage<M> {
                 continue;
             }
             match fault.act {
-                Act::Drop => fate.copies = 0,
-                Act::Repeat if fate.copies > 0 => fate.copies = 2,
+                Act::Drop => effects.copies = 0,
+                Act::Repeat if effects.copies > 0 => effects.copies = 2,
                 Act::Repeat => {}
-                Act::Late(delay) => fate.late_by = fate.late_by.saturating_add(delay),
+                Act::Late(delay) => effects.late_by = effects.late_by.saturating_add(delay),
                 // Two that change places: the second one goes on, or neither would ever arrive.
-                Act::Reorder if !has_waited => fate.held_by = Some(index),
+                Act::Reorder if !has_waited => effects.held_by = Some(index),
                 Act::Reorder => {}
             }
         }
-        fate
+        effects
     }
 
     /// Sends a message on now, or keeps it until it is late enough.

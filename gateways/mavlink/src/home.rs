@@ -132,7 +132,7 @@ impl KeptHome {
     }
 }
 
-/// What of home is on the disk, and what a gateway of before has left there.
+/// What of home is on the disk, and what an earlier gateway has left there.
 #[derive(Clone, Debug, Default)]
 pub struct HomeKeeper {
     /// What is kept.

@@ -1,42 +1,6 @@
 //! Numbers of the protocol that are used here: <https://mavlink.io/en/messages/common.html>.
 
-/// MAV_CMD: those that something is done for, beside those of plans.
-pub mod command {
-    pub use plans::mavlink::command::{CHANGE_SPEED, LAND, RETURN_TO_LAUNCH, TAKE_OFF};
-
-    /// Set the mode by base mode, main mode and sub mode.
-    pub const SET_MODE: u16 = 176;
-    /// Set home.
-    pub const SET_HOME: u16 = 179;
-    /// End the flight at once.
-    pub const FLIGHT_TERMINATION: u16 = 185;
-    /// Fly there and hover.
-    pub const REPOSITION: u16 = 192;
-    /// Pause or continue.
-    pub const PAUSE_CONTINUE: u16 = 193;
-    /// Go on with this item of the mission.
-    pub const SET_MISSION_CURRENT: u16 = 224;
-    /// Switch the geofence.
-    pub const FENCE_ENABLE: u16 = 207;
-    /// Reboot.
-    pub const REBOOT: u16 = 246;
-    /// Set the mode by one of the standard.
-    pub const SET_STANDARD_MODE: u16 = 262;
-    /// Begin a mission.
-    pub const MISSION_START: u16 = 300;
-    /// Arm or disarm.
-    pub const ARM_DISARM: u16 = 400;
-    /// Send HOME_POSITION once.
-    pub const GET_HOME_POSITION: u16 = 410;
-    /// How often is a message sent?
-    pub const GET_MESSAGE_INTERVAL: u16 = 510;
-    /// Send a message so often.
-    pub const SET_MESSAGE_INTERVAL: u16 = 511;
-    /// Send a message once.
-    pub const REQUEST_MESSAGE: u16 = 512;
-    /// Send AUTOPILOT_VERSION.
-    pub const REQUEST_CAPABILITIES: u16 = 520;
-}
+pub use plans::mavlink::command;
 
 /// MAV_RESULT: the numbers from 7 on are never sent, because clients end on them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -98,10 +98,10 @@ mod tests {
     fn no_result_is_sent_on_which_a_client_ends() {
         for stage in Stage::ALL {
             for reason in Reason::ALL {
-                let answer = answer_of(*stage, *reason);
+                let answer = answer_of(stage, reason);
                 assert!(answer.result as u8 <= 6, "{stage}, {reason}");
                 let is_refused = matches!(stage, Stage::Refused | Stage::Aborted | Stage::Unknown);
-                let is_accepted = !is_refused || *reason == Reason::AlreadyRunning;
+                let is_accepted = !is_refused || reason == Reason::AlreadyRunning;
                 assert_eq!(answer.is_accepted(), is_accepted, "{stage}, {reason}");
             }
         }

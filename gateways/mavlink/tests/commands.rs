@@ -182,9 +182,9 @@ fn each_reason_is_an_answer_and_a_text() {
             &QGC.frame(&reposition(6, 374_200_000, -60_010_000, 30.0)),
         );
         let order = world.orders()[0];
-        world.report(&order, Stage::Refused, *reason);
+        world.report(&order, Stage::Refused, reason);
         let sent = world.sent();
-        let expected = answer_of(Stage::Refused, *reason);
+        let expected = answer_of(Stage::Refused, reason);
         assert_eq!(acks(&sent), [(192, expected.result as u8, reason.code())]);
         let is_said = texts(&sent) == [(3, format!("goto refused ({reason})"))];
         assert_eq!(is_said, !expected.is_accepted(), "{reason}: {sent:?}");

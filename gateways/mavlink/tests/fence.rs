@@ -135,7 +135,7 @@ fn what_the_bridge_has_in_force_is_read_item_by_item() {
 fn a_fence_that_is_not_known_is_not_shown_as_none() {
     let mut world = World::with_station();
     assert_eq!(ack(&list(&mut world, QGC)), [1, FENCE]);
-    // That of before does not hold any more.
+    // The previous fence does not hold any more.
     let mut world = fenced();
     world.state.outline = 8;
     world.tick(20);

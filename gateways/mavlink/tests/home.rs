@@ -12,7 +12,7 @@ fn kept(world: &mut World) -> Option<Option<KeptHome>> {
     world.gateway.poll_home(now)
 }
 
-/// A helicopter that flies when its gateway starts, with a home of before.
+/// A helicopter that flies when its gateway starts, with the home of an earlier gateway.
 fn restarted(before: KeptHome, ground_altitude_m: f64) -> World {
     let mut world = World::new(Settings::default());
     // The gateway of the flight so far is gone.

@@ -1,7 +1,7 @@
 //! [`DspTelemetry`]: what the DSP reports, in the DSP's own units (`DSP_HERO_TELEMETRY`).
 
 use super::number::given;
-use crate::group::TelemetryGroup;
+use crate::code::TelemetryGroup;
 use crate::time::MonotonicNs;
 
 shared_struct! {

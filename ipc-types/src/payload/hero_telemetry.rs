@@ -1,7 +1,7 @@
 //! [`HeroTelemetry`]: the helicopter's state for the layers above, in SI units (`HERO_TELEMETRY`).
 
 use super::number::given;
-use crate::group::TelemetryGroup;
+use crate::code::TelemetryGroup;
 use crate::time::MonotonicNs;
 
 shared_struct! {

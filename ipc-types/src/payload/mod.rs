@@ -8,7 +8,6 @@
 
 #[macro_use]
 mod define;
-pub mod export;
 pub(crate) mod layout;
 mod number;
 

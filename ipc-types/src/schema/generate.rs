@@ -1,11 +1,12 @@
-//! Structs for programs from the text of a schema: [`layout_of`] makes the layout, from which [`export`](crate::payload::export) writes C and
-//! Python, and this file Rust and the types of Python, which its tools check.
+//! Structs for programs in other languages: Rust, C, C++ and Python, each with its type name and its layout asserted.
+//!
+//! `ipc-types/layouts/` has what this makes of the robot's own structs. A module makes its files from its own structs, in a test that pins
+//! them or in a build step; or from the text of a schema, of which [`layout_of`] makes the layout.
 
 use std::fmt::Write;
 
 use super::text::{LAYOUT_MARK, field_comment};
 use super::{Kind, Message, Schema};
-use crate::payload::export::with_nested;
 use crate::payload::{FieldKind, FieldLayout, Layout, Number};
 
 /// The layout that the schema describes. It is never freed: for a tool that ends.
@@ -109,50 +110,148 @@ fn doc_of(layout: &Layout) -> Vec<&'static str> {
     layout.doc.iter().map(|line| line.trim()).collect()
 }
 
-/// What the stubs of [`python_stub`] need before them: the structures are no `ctypes.Structure` there, because that has every attribute.
-pub const PYTHON_STUB_HEAD: &str = "\
-from typing import Any, Generic, Iterator, Type, TypeVar
+/// A header for C11 and C++11 with `structs` and all that they contain. `guard` is its include guard.
+///
+/// Each struct comes with its type name, and with assertions of its size and offsets. A struct that another header of this
+/// kind may have defined before is not defined again; C knows structs by their name without package, so that two packages
+/// cannot be used together in one C program when they have structs of one name.
+pub fn c_header(guard: &str, structs: &[&'static Layout]) -> String {
+    let mut text = format!("#ifndef {guard}\n#define {guard}\n\n");
+    text.push_str("#include <stddef.h>\n#include <stdint.h>\n");
+    let all = with_nested(structs);
+    let mut packages: Vec<&str> = all.iter().map(|layout| layout.package()).collect();
+    packages.sort_unstable();
+    packages.dedup();
+    for package in packages {
+        let assert = format!("{}_ASSERT", package.to_uppercase());
+        let _ = write!(
+            text,
+            "\n#ifndef {assert}\n#ifdef __cplusplus\n#define {assert}(what) static_assert(what, #what)\n#else\n\
+             #define {assert}(what) _Static_assert(what, #what)\n#endif\n#endif\n"
+        );
+    }
+    for layout in all {
+        let _ = write!(
+            text,
+            "\n#ifndef {}\n{}#endif\n",
+            type_name_constant(layout),
+            c_struct(layout)
+        );
+    }
+    text.push_str("\n#endif\n");
+    text
+}
 
-_T = TypeVar(\"_T\")
-_S = TypeVar(\"_S\", bound=\"_Struct\")
+/// The definition of one struct in C, without those that it contains. Needs a macro `<PACKAGE>_ASSERT`.
+pub fn c_struct(layout: &Layout) -> String {
+    let name = layout.name;
+    let assert = format!("{}_ASSERT", layout.package().to_uppercase());
+    let mut text = format!(
+        "#define {} \"{}\"\ntypedef struct {name} {{\n",
+        type_name_constant(layout),
+        layout.type_name
+    );
+    for field in layout.fields {
+        let kind = field.kind.name(Number::c_name);
+        let len = field.len.map(|len| format!("[{len}]"));
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "    {kind} {}{};",
+            field.name,
+            len.unwrap_or_default()
+        );
+    }
+    let _ = writeln!(text, "}} {name};");
+    let _ = writeln!(text, "{assert}(sizeof({name}) == {});", layout.size);
+    for field in layout.fields {
+        let _ = writeln!(
+            text,
+            "{assert}(offsetof({name}, {}) == {});",
+            field.name, field.offset
+        );
+    }
+    text
+}
 
-class _Array(Generic[_T]):
-    def __getitem__(self, index: int) -> _T: ...
-    def __setitem__(self, index: int, value: _T) -> None: ...
-    def __len__(self) -> int: ...
-    def __iter__(self) -> Iterator[_T]: ...
-    def __buffer__(self, flags: int) -> memoryview: ...
+/// `HERO_DSP_TELEMETRY_TYPE_NAME`
+fn type_name_constant(layout: &Layout) -> String {
+    let package = layout.package().to_uppercase();
+    format!("{package}_{}_TYPE_NAME", upper_snake(layout.name))
+}
 
-class _Struct:
-    @classmethod
-    def from_buffer_copy(cls: Type[_S], source: Any, offset: int = ...) -> _S: ...
-    @staticmethod
-    def type_name() -> str: ...
-    def __buffer__(self, flags: int) -> memoryview: ...
+/// `DspTelemetry` as `DSP_TELEMETRY`.
+pub fn upper_snake(name: &str) -> String {
+    let mut text = String::new();
+    for letter in name.chars() {
+        if letter.is_uppercase() && !text.is_empty() {
+            text.push('_');
+        }
+        text.extend(letter.to_uppercase());
+    }
+    text
+}
+
+/// What a module with classes of [`python_class`] begins with. Its types need `hero_ril`; the program does not.
+const PYTHON_HEAD: &str = "\
+from __future__ import annotations
+
+import ctypes
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hero_ril.structs import Array, Struct
+else:
+    Struct = ctypes.Structure
 ";
 
-/// The types of a structure in Python, with comments and units as docstrings: a stub for `mypy` and editors. After those of the
-/// structures that it contains, and after [`PYTHON_STUB_HEAD`].
-pub fn python_stub(layout: &Layout) -> String {
-    let mut text = format!("\nclass {}(_Struct):\n", layout.name);
+/// A module for Python with `structs` and all that they contain, as `ctypes` has them, with types for `mypy` and editors.
+pub fn python_module(structs: &[&'static Layout]) -> String {
+    let classes = with_nested(structs).into_iter().map(python_class);
+    format!("{PYTHON_HEAD}{}", classes.collect::<String>())
+}
+
+/// The class of one struct in Python, without those that it contains, and assertions of its size and offsets. Comments and units are
+/// docstrings.
+///
+/// A program runs a `ctypes.Structure`. To a checker of types that has every attribute, so `Struct` is another class there, with the
+/// fields as they are declared. The method `type_name` is the one by which iceoryx2's Python binding asks.
+pub fn python_class(layout: &Layout) -> String {
+    let name = layout.name;
+    let mut text = format!("\n\nclass {name}(Struct):\n");
     docstring(&mut text, &doc_of(layout).join("\n"));
-    let mut arguments = String::new();
+    text.push('\n');
+    let (mut arguments, mut members, mut offsets) = (String::new(), String::new(), String::new());
     for field in layout.fields {
         let kind = match field.kind {
             FieldKind::Number(Number::F32 | Number::F64) => "float",
             FieldKind::Number(_) => "int",
             FieldKind::Struct(nested) => nested.name,
         };
-        // Writing to a string cannot fail.
-        let _ = match field.len {
-            Some(_) => writeln!(text, "    {}: _Array[{kind}]", field.name),
-            None => writeln!(text, "    {}: {kind}", field.name),
+        let native = field.kind.name(Number::python_name);
+        let (declared, given, native) = match field.len {
+            Some(len) => (format!("Array[{kind}]"), "Any", format!("{native} * {len}")),
+            None => (kind.to_owned(), kind, native.to_owned()),
         };
+        let FieldLayout {
+            name: field_name,
+            offset,
+            ..
+        } = field;
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "    {field_name}: {declared}");
         docstring(&mut text, &field_comment(field));
-        let given = if field.len.is_some() { "Any" } else { kind };
-        let _ = write!(arguments, ", {}: {given} = ...", field.name);
+        let _ = write!(arguments, ", {field_name}: {given} = ...");
+        let _ = writeln!(members, "            (\"{field_name}\", {native}),");
+        let _ = writeln!(offsets, "    assert {name}.{field_name}.offset == {offset}");
     }
-    let _ = writeln!(text, "    def __init__(self{arguments}) -> None: ...");
+    let _ = write!(
+        text,
+        "\n    if TYPE_CHECKING:\n        def __init__(self{arguments}) -> None: ...\n    else:\n        _fields_ = [\n{members}        ]\n\n\
+         \x20   @staticmethod\n    def type_name() -> str:\n        return \"{}\"\n\n\n\
+         if not TYPE_CHECKING:\n    assert ctypes.sizeof({name}) == {}\n{offsets}",
+        layout.type_name, layout.size
+    );
     text
 }
 
@@ -163,4 +262,15 @@ fn docstring(text: &mut String, comment: &str) {
         // Writing to a string cannot fail.
         let _ = writeln!(text, "    \"\"\"{comment}\"\"\"");
     }
+}
+
+/// `structs` and all that they contain: each once, and after those that it contains.
+pub fn with_nested(structs: &[&'static Layout]) -> Vec<&'static Layout> {
+    let mut all: Vec<&'static Layout> = Vec::new();
+    for layout in structs.iter().flat_map(|layout| layout.with_nested()) {
+        if !all.contains(&layout) {
+            all.push(layout);
+        }
+    }
+    all
 }

@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn the_annotated_example_is_the_defaults() {
-        assert_eq!(read(EXAMPLE), ViewConfig::default());
+        runtime::config::proof::assert_annotated::<ViewConfig>(EXAMPLE, &["tokens"]);
         for wrong in [
             "prot = 1",
             "port = 0",

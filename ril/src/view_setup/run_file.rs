@@ -58,12 +58,9 @@ impl RunFile {
     /// Code 1 when another view of this user has it, or the folder cannot be used.
     pub fn take(port: u16) -> Result<RunFile, Failure> {
         loop {
-            let path = path(&folder()?, port);
-            let file = match open(&path, true) {
-                // A server that just ended has removed the folder.
-                Err(error) if error.kind() == io::ErrorKind::NotFound => continue,
-                opened => opened.map_err(|error| unusable(&path, &error))?,
-            };
+            let (file, path) = open_in(&place(), &file_name(port), |path| {
+                private(true).read(true).open(path)
+            })?;
             match flock(&file, FlockOperation::NonBlockingLockExclusive) {
                 Ok(()) => {}
                 Err(Errno::WOULDBLOCK) => return Err(taken(port, read(&file).ok().as_ref())),
@@ -103,8 +100,8 @@ pub(crate) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
     if !place().exists() {
         return Ok(None);
     }
-    let path = path(&folder()?, port);
-    let file = match open(&path, false) {
+    let path = folder(&place())?.join(file_name(port));
+    let file = match private(false).read(true).open(&path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(unusable(&path, &error)),
@@ -117,37 +114,51 @@ pub(crate) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
 
 /// Where a view of this port that runs in the background logs.
 pub(crate) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
-    let path = folder()?.join(format!("view-{port}.log"));
-    let file = private(true).truncate(true).open(&path);
-    file.map(|file| (file, path.clone()))
-        .map_err(|error| unusable(&path, &error))
+    let name = format!("view-{port}.log");
+    open_in(&place(), &name, |path| {
+        private(true).truncate(true).open(path)
+    })
 }
 
 /// Writes the page that leads a browser to the address with the token. A command line is no place for the token: other users can read it.
 pub(crate) fn write_opener(running: &RunEntry) -> Result<PathBuf, Failure> {
-    let path = opener(&folder()?, running.port);
     let address = running.address_with_token();
     let page = format!(
         "<!DOCTYPE html><meta charset=\"utf-8\"><title>ril view</title>\n\
          <meta http-equiv=\"refresh\" content=\"0; url={address}\">\n\
          <a href=\"{address}\">The page of ril view</a>\n"
     );
-    let file = private(true).truncate(true).open(&path);
-    file.and_then(|mut file| file.write_all(page.as_bytes()))
+    let name = format!("view-{}.html", running.port);
+    let (mut file, path) = open_in(&place(), &name, |path| {
+        private(true).truncate(true).open(path)
+    })?;
+    file.write_all(page.as_bytes())
         .map_err(|error| unusable(&path, &error))?;
     Ok(path)
 }
 
-fn opener(folder: &Path, port: u16) -> PathBuf {
-    folder.join(format!("view-{port}.html"))
+fn file_name(port: u16) -> String {
+    format!("view-{port}.json")
 }
 
-fn path(folder: &Path, port: u16) -> PathBuf {
-    folder.join(format!("view-{port}.json"))
-}
-
-fn open(path: &Path, creates: bool) -> io::Result<File> {
-    private(creates).read(true).open(path)
+/// Opens a file in the user's folder `place`, and says where it is. The last view of this user that ends removes the folder: when that
+/// comes between, both are made anew.
+fn open_in(
+    place: &Path,
+    name: &str,
+    mut open: impl FnMut(&Path) -> io::Result<File>,
+) -> Result<(File, PathBuf), Failure> {
+    loop {
+        let path = folder(place)?.join(name);
+        match open(&path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {}
+            opened => {
+                return opened
+                    .map(|file| (file, path.clone()))
+                    .map_err(|error| unusable(&path, &error));
+            }
+        }
+    }
 }
 
 /// Opens a file of this user alone, to be written.
@@ -189,30 +200,29 @@ fn place() -> PathBuf {
 }
 
 /// That folder, which is made if there is none, and which no other user can enter.
-fn folder() -> Result<PathBuf, Failure> {
+fn folder(place: &Path) -> Result<&Path, Failure> {
     let uid = rustix::process::getuid().as_raw();
-    let folder = place();
     let there = loop {
-        match DirBuilder::new().mode(0o700).create(&folder) {
+        match DirBuilder::new().mode(0o700).create(place) {
             Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
-                return Err(unusable(&folder, &error));
+                return Err(unusable(place, &error));
             }
             _ => {}
         }
-        match std::fs::symlink_metadata(&folder) {
+        match std::fs::symlink_metadata(place) {
             // The last server has just removed it.
             Err(error) if error.kind() == io::ErrorKind::NotFound => {}
-            there => break there.map_err(|error| unusable(&folder, &error))?,
+            there => break there.map_err(|error| unusable(place, &error))?,
         }
     };
     if !there.is_dir() || there.uid() != uid || there.mode() & 0o077 != 0 {
         let text = format!(
             "{} is no folder of this user alone, and the token must not lie where others read it",
-            folder.display()
+            place.display()
         );
         return Err(Failure::internal(text).with_next_step("remove it, or set XDG_RUNTIME_DIR"));
     }
-    Ok(folder)
+    Ok(place)
 }
 
 fn unusable(path: &Path, error: &io::Error) -> Failure {
@@ -235,4 +245,25 @@ fn taken(port: u16, running: Option<&RunEntry>) -> Failure {
         "`ril view --port {port}` opens its page; another port runs another one: `--port {}`",
         port.saturating_add(1)
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_opened_although_the_last_view_has_just_removed_the_folder() {
+        let parent = tempfile::tempdir().unwrap();
+        let place = parent.path().join("ril");
+        let mut is_removed = false;
+        let opened = open_in(&place, "view-1.log", |path| {
+            if !is_removed {
+                std::fs::remove_dir(&place)?;
+                is_removed = true;
+            }
+            private(true).truncate(true).open(path)
+        });
+        let (_, path) = opened.unwrap();
+        assert!(is_removed && path.exists());
+    }
 }

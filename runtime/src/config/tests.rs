@@ -5,6 +5,7 @@ use std::fs;
 use serde::Deserialize;
 
 use super::error::MAX_FILE_BYTES;
+use super::proof::{assert_annotated, assert_refused};
 use super::*;
 use crate::ranged;
 
@@ -65,42 +66,114 @@ fn a_right_file_is_read_and_its_gaps_are_the_defaults() {
 }
 
 #[test]
-fn every_mistake_is_told_with_line_and_reason() {
-    #[rustfmt::skip]
-    let cases = [
-        // Unknown keys: at the top, in a table, in the second table of an array.
-        ("serail = 1", 1, "did you mean `serial`?"),
-        ("\n[serial]\n\nbuad_rate = 1", 4, "did you mean `baud_rate`?"),
-        ("[[log]]\n[[log]]\ndirectroy = 'a'", 3, "did you mean `directory`?"),
-        ("[serial]\nzzz = 1", 2, "unknown field `zzz`, expected one of"),
-        ("[[log]]\ngroups = [\n'imu-attitude',\n'barometre',\n]", 4, "did you mean `barometer`?"),
-        // Wrong types.
-        ("[serial]\ndevice = 7", 2, "invalid type: integer `7`, expected a string"),
-        ("[serial]\nbaud_rate = 'fast'", 2, "expected u32"),
-        ("[serial]\nbaud_rate = -1", 2, "expected u32"),
-        ("serial = 3", 1, "expected struct Serial"),
-        ("[log]\ndirectory = 'a'", 1, "expected a sequence"),
-        // Out of range.
-        ("[serial]\nbaud_rate = 49", 2, "49 is out of range: it must be from 50 to 4000000"),
-        ("[serial]\n\ntrim = 501", 3, "501 is out of range: it must be from -500 to 500"),
-        ("[serial]\ngain = nan", 2, "NaN is out of range: it must be from 0.05 to 5.0"),
-        ("[serial]\ngain = inf", 2, "inf is out of range"),
-        ("[serial]\nany = inf", 2, "inf is out of range"),
-        ("[serial]\nany = nan", 2, "NaN is out of range"),
-        ("[serial]\nbelow_one = 1.0", 2, "1 is out of range: it must be from 0.0 to below 1.0"),
-        // Not TOML.
-        ("[serial]\nbaud_rate = ", 2, "x.toml:2: "),
-        ("[serial]\ndevice = 'a'\ndevice = 'b'", 3, "duplicate key"),
-        ("[serial", 1, "x.toml:1: "),
-    ];
-    for (text, line, reason) in cases {
-        let error = parse::<Example>(text, "x.toml").unwrap_err().to_string();
-        assert!(
-            error.starts_with(&format!("x.toml:{line}: ")),
-            "{text:?}: {error}"
-        );
-        assert!(error.contains(reason), "{text:?}: {error}");
-        assert_eq!(error.lines().count(), 1, "{error:?}");
+fn every_mistake_is_reported_with_line_and_reason() {
+    assert_refused::<Example>(
+        r#"
+        serail = 1 #! did you mean `serial`?
+        ---
+
+        [serial]
+
+        buad_rate = 1 #! did you mean `baud_rate`?
+        ---
+        [[log]]
+        [[log]]
+        directroy = 'a' #! did you mean `directory`?
+        ---
+        [serial]
+        zzz = 1 #! unknown field `zzz`, expected one of
+        ---
+        [[log]]
+        groups = [
+        'imu-attitude',
+        'barometre', #! did you mean `barometer`?
+        ]
+        ---
+        [serial]
+        device = 7 #! invalid type: integer `7`, expected a string
+        ---
+        [serial]
+        baud_rate = 'fast' #! expected u32
+        ---
+        [serial]
+        baud_rate = -1 #! expected u32
+        ---
+        serial = 3 #! expected struct Serial
+        ---
+        [log] #! expected a sequence
+        directory = 'a'
+        ---
+        [serial]
+        baud_rate = 49 #! 49 is out of range: it must be from 50 to 4000000
+        ---
+        [serial]
+
+        trim = 501 #! 501 is out of range: it must be from -500 to 500
+        ---
+        [serial]
+        gain = nan #! NaN is out of range: it must be from 0.05 to 5.0
+        ---
+        [serial]
+        gain = inf #! inf is out of range
+        ---
+        [serial]
+        any = inf #! inf is out of range
+        ---
+        [serial]
+        any = nan #! NaN is out of range
+        ---
+        [serial]
+        below_one = 1.0 #! 1 is out of range: it must be from 0.0 to below 1.0
+        ---
+        [serial]
+        baud_rate = #!
+        ---
+        [serial]
+        device = 'a'
+        device = 'b' #! duplicate key
+        ---
+        [serial #!
+        "#,
+    );
+}
+
+/// As [`Example`], without bounds, so that zeros are its defaults.
+#[derive(Debug, Default, Deserialize, PartialEq)]
+#[serde(default, deny_unknown_fields)]
+struct Annotated {
+    serial: AnnotatedSerial,
+    log: Vec<Log>,
+}
+
+#[derive(Debug, Default, Deserialize, PartialEq)]
+#[serde(default, deny_unknown_fields)]
+struct AnnotatedSerial {
+    baud_rate: u32,
+    trim: i16,
+    device: String,
+}
+
+/// A file for it, where `serial` has the rest of that table.
+fn annotated(serial: &str) -> String {
+    format!(
+        "# The link.\n[serial] # to the DSP\nbaud_rate = 0\n{serial}\
+         \n# Logs, such as\n#[[log]]\n#directory = \"log\"\n#groups = [\"barometer\"]\n"
+    )
+}
+
+#[test]
+fn an_annotated_file_names_every_setting_with_its_default() {
+    let right = "trim = 0\n# device = \"/dev/ttyS0\" # any\n";
+    assert_annotated::<Annotated>(&annotated(right), &[]);
+    for (wrong, reason) in [
+        ("trim = 0\n", "does not name `serial.device`"),
+        ("trim = 1\n#device = \"\"\n", "left == right"),
+    ] {
+        let text = annotated(wrong);
+        let refused = std::panic::catch_unwind(|| assert_annotated::<Annotated>(&text, &[]));
+        let panic = refused.unwrap_err();
+        let said = panic.downcast_ref::<String>().unwrap();
+        assert!(said.contains(reason), "{said}");
     }
 }
 

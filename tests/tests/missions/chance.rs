@@ -1,6 +1,5 @@
 //! Missions of chance: paths, heights, wind, noise of the sensors and of the line, and faults of every kind, by seed.
 
-use std::fmt::{self, Display};
 use std::time::Duration;
 
 use bridge::config::TrajectoryKind;
@@ -30,24 +29,8 @@ sums! {
         /// Waypoints that were sent.
         pub waypoints: u64,
     }
-}
-
-impl Display for Seen {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Seen {
-            missions,
-            held_at_an_early_end,
-            stops_in_silence,
-            restarts,
-            replaced,
-            waypoints,
-        } = self;
-        write!(
-            f,
-            "{missions} missions; {held_at_an_early_end} early ends while the DSP held waypoints, {stops_in_silence} stops while \
-             the link was silent, {restarts} bridges killed or ended, {replaced} requests replaced, {waypoints} waypoints sent"
-        )
-    }
+    "{missions} missions; {held_at_an_early_end} early ends while the DSP held waypoints, {stops_in_silence} stops while \
+     the link was silent, {restarts} bridges killed or ended, {replaced} requests replaced, {waypoints} waypoints sent"
 }
 
 /// Ends the world of a mission, and says what it has seen.

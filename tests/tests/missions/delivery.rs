@@ -2,7 +2,6 @@
 //! falls silent, the port hangs up, the DSP reboots, and the bridge is killed and started again. What was said of a path
 //! is what the helicopter did.
 
-use std::fmt::{self, Display};
 use std::time::Duration;
 
 use dsp_sim::faults::{
@@ -43,30 +42,10 @@ sums! {
         pub hang_ups: u64,
         pub deaths: u64,
     }
-}
-
-impl Display for Figures {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Figures {
-            missions,
-            paths,
-            delivered,
-            failed,
-            waypoints,
-            sent_again,
-            requests,
-            reboots,
-            hang_ups,
-            deaths,
-        } = self;
-        write!(
-            f,
-            "0 of {waypoints} waypoints lost, repeated or out of order: {missions} missions, {paths} paths, {delivered} \
-             delivered, {failed} reported as failed, {sent_again} waypoints sent again; {reboots} reboots of the DSP, \
-             {deaths} deaths of the bridge, {hang_ups} hang-ups of the port; 0 of {requests} requests without exactly one \
-             final report"
-        )
-    }
+    "0 of {waypoints} waypoints lost, repeated or out of order: {missions} missions, {paths} paths, {delivered} \
+     delivered, {failed} reported as failed, {sent_again} waypoints sent again; {reboots} reboots of the DSP, \
+     {deaths} deaths of the bridge, {hang_ups} hang-ups of the port; 0 of {requests} requests without exactly one \
+     final report"
 }
 
 /// Draws what goes wrong.

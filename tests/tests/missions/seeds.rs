@@ -7,8 +7,20 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// more.
 const VARIABLE: &str = "RIL_SEED";
 
-/// A struct of figures that are added up, each by itself.
+/// A struct of figures that are added up, each by itself; with a sentence, by which it is printed.
 macro_rules! sums {
+    ($(#[$meta:meta])* pub struct $name:ident { $($(#[$about:meta])* pub $field:ident: $kind:ty,)+ } $text:literal) => {
+        $crate::missions::seeds::sums! {
+            $(#[$meta])* pub struct $name { $($(#[$about])* pub $field: $kind,)+ }
+        }
+
+        impl std::fmt::Display for $name {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                let $name { $($field,)+ } = self;
+                write!(f, $text)
+            }
+        }
+    };
     ($(#[$meta:meta])* pub struct $name:ident { $($(#[$about:meta])* pub $field:ident: $kind:ty,)+ }) => {
         $(#[$meta])*
         #[derive(Clone, Copy, Debug, Default)]

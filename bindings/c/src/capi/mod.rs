@@ -99,6 +99,18 @@ unsafe fn close<T>(handle: *mut T) {
     }
 }
 
+/// Defines a function that drops a handle: nothing happens to a null pointer.
+macro_rules! closing {
+    (extern "C" fn $name:ident($handle:ident: *mut $kind:ty);) => {
+        /// See the header.
+        #[unsafe(no_mangle)]
+        pub unsafe extern "C" fn $name($handle: *mut $kind) {
+            unsafe { super::close($handle) }
+        }
+    };
+}
+use closing;
+
 fn null(what: &str) -> Error {
     Error::Invalid(format!("`{what}` is a null pointer"))
 }

@@ -9,7 +9,7 @@ use runtime::signal::Termination;
 use super::robot::Robot;
 use super::waiting::{AnySource, with_sources};
 use super::{
-    INTERRUPTED, NOTHING, OK, Service, clear, close, give, guard, handle, service_name, text,
+    INTERRUPTED, NOTHING, OK, Service, clear, closing, give, guard, handle, service_name, text,
     timeout,
 };
 use crate::error::Error;
@@ -44,11 +44,7 @@ pub unsafe extern "C" fn hero_ril_module_open(
     })
 }
 
-/// See the header.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn hero_ril_module_close(module: *mut OwnModule) {
-    unsafe { close(module) }
-}
+closing! { extern "C" fn hero_ril_module_close(module: *mut OwnModule); }
 
 /// See the header.
 #[unsafe(no_mangle)]

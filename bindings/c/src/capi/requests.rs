@@ -9,7 +9,7 @@ use ipc_types::payload::{RequestReport, WaypointPosition};
 
 use super::robot::Robot;
 use super::{
-    INTERRUPTED, NOTHING, OK, Service, clear, close, give, guard, handle, null, service_name,
+    INTERRUPTED, NOTHING, OK, Service, clear, closing, give, guard, handle, null, service_name,
     timeout, write,
 };
 use crate::error::Error;
@@ -54,11 +54,7 @@ pub unsafe extern "C" fn hero_ril_client_open(robot: *mut Robot, out: *mut *mut 
     })
 }
 
-/// See the header.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn hero_ril_client_close(client: *mut Requests) {
-    unsafe { close(client) }
-}
+closing! { extern "C" fn hero_ril_client_close(client: *mut Requests); }
 
 /// Sends a request and writes its id.
 unsafe fn send(

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use ipc_types::{Domain, Ipc, SchedulingRole, request_slice};
 
-use super::{OK, clear, close, give, guard, optional_text, text};
+use super::{OK, clear, closing, give, guard, optional_text, text};
 use crate::error::Error;
 use crate::joining::join;
 
@@ -33,11 +33,7 @@ pub unsafe extern "C" fn hero_ril_join(
     })
 }
 
-/// See the header.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn hero_ril_leave(robot: *mut Robot) {
-    unsafe { close(robot) }
-}
+closing! { extern "C" fn hero_ril_leave(robot: *mut Robot); }
 
 /// See the header.
 #[unsafe(no_mangle)]

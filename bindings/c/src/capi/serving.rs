@@ -8,8 +8,8 @@ use ipc_types::payload::RequestReport;
 
 use super::robot::Robot;
 use super::{
-    GONE, INTERRUPTED, NOTHING, OK, Service, clear, close, give, guard, handle, null, service_name,
-    timeout, write,
+    GONE, INTERRUPTED, NOTHING, OK, Service, clear, closing, give, guard, handle, null,
+    service_name, timeout, write,
 };
 use crate::error::Error;
 use crate::serving::{Reported, Serving, ServingEvent};
@@ -28,11 +28,7 @@ pub unsafe extern "C" fn hero_ril_serve(
     })
 }
 
-/// See the header.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn hero_ril_server_close(server: *mut Serving) {
-    unsafe { close(server) }
-}
+closing! { extern "C" fn hero_ril_server_close(server: *mut Serving); }
 
 /// See the header.
 #[unsafe(no_mangle)]

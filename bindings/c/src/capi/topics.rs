@@ -7,7 +7,7 @@ use ipc_types::{DynamicPublisher, DynamicSubscriber, Losses};
 
 use super::robot::Robot;
 use super::{
-    INTERRUPTED, NOTHING, OK, Topic, clear, close, give, guard, handle, null, service_name,
+    INTERRUPTED, NOTHING, OK, Topic, clear, closing, give, guard, handle, null, service_name,
     timeout, write,
 };
 use crate::error::Error;
@@ -69,11 +69,7 @@ pub unsafe extern "C" fn hero_ril_subscribe(
     })
 }
 
-/// See the header.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn hero_ril_unsubscribe(subscriber: *mut DynamicSubscriber) {
-    unsafe { close(subscriber) }
-}
+closing! { extern "C" fn hero_ril_unsubscribe(subscriber: *mut DynamicSubscriber); }
 
 /// See the header.
 #[unsafe(no_mangle)]
@@ -225,8 +221,4 @@ pub unsafe extern "C" fn hero_ril_tend(publisher: *mut DynamicPublisher) -> c_in
     })
 }
 
-/// See the header.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn hero_ril_withdraw(publisher: *mut DynamicPublisher) {
-    unsafe { close(publisher) }
-}
+closing! { extern "C" fn hero_ril_withdraw(publisher: *mut DynamicPublisher); }

@@ -12,7 +12,7 @@ from .structs import (
     RequestReport,
 )
 
-# A `ctypes.Structure`, or one of `hero_ril.structs`, whose types are in its stub.
+# A `ctypes.Structure`, or one of `hero_ril.structs`, which has types.
 T = TypeVar("T")
 
 class RilError(Exception): ...

@@ -1,5 +1,7 @@
 //! What a file means, and what is wrong with it.
 
+use runtime::config::proof::assert_refused;
+
 use super::*;
 use crate::faults::Direction;
 
@@ -189,47 +191,141 @@ fn each_table_becomes_what_it_says() {
 
 #[test]
 fn every_mistake_is_reported_with_its_line() {
-    #[rustfmt::skip]
-    let cases = [
-        // Unknown words and values out of range: the line of the key.
-        ("sead = 1", 1, "did you mean `seed`?"),
-        ("seed = -1", 1, "expected u64"),
-        ("[[fault]]\nkind = 'reboot'\nat_s = 1\n[[fault]]\nkind = 'rebot'", 5, "did you mean `reboot`?"),
-        ("[[fault]]\nkind = 'outage'\nuntill_s = 1", 3, "did you mean `until_s`?"),
-        ("[[fault]]\nkind = 'outage'\n\ndirection = 'to_pcs'", 4, "did you mean `to_pc`?"),
-        ("[[fault]]\nkind = 'drop'\nmessage = 'nack'", 3, "did you mean `ack`?"),
-        ("[[fault]]\nkind = 'drop_bytes'\nrate = 1.1", 3, "1.1 is out of range: it must be from 0.0 to 1.0"),
-        ("[[fault]]\nkind = 'drop_bytes'\nrate = nan", 3, "NaN is out of range"),
-        ("[[fault]]\nkind = 'hang'\nat_s = 1\nfor_s = 0", 4, "0 is out of range"),
-        ("[[fault]]\nkind = 'outage'\nfrom_s = -1", 3, "-1 is out of range"),
-        ("[[fault]]\nkind = 'burst'\nrate = 0.1\nlength_bytes = 0", 4, "0 is out of range"),
-        ("[[fault]]\nkind = 'split_bytes'\nchunk_bytes = 2000\ngap_ms = 1", 3, "2000 is out of range"),
-        ("[[fault]]\nkind = 'delay_bytes'\ndelay_ms = 5001", 3, "5001 is out of range"),
-        ("[[fault]]\nkind = 'raise_error'\nat_s = 1\ncode = 65536", 4, "expected u16"),
-        ("[[fault]]\nkind = 'clock_jump'\nat_s = 1\njump_ms = 86400001", 4, "is out of range"),
-        ("[[fault]]\nkind = 'battery_low'\nat_s = 1\nvolts = 61", 4, "61 is out of range"),
-        ("[[fault]]\nkind = 'fuel_low'\nat_s = 1\npercent = -1", 4, "-1 is out of range"),
-        ("\n[[fault]]\nkind = 'fuel_low'\nat_s = 1\nvolts = 20", 2, "a fault of kind `fuel_low` needs `percent`"),
-        // What is wrong with a table as a whole: the line where it begins.
-        ("\n[[fault]]\nat_s = 1", 2, "missing field `kind`"),
-        ("\n[[fault]]\nkind = 'reboot'\nat_s = 1\nrate = 0.5", 2, "a fault of kind `reboot` has no `rate`"),
-        ("\n[[fault]]\nkind = 'drop'\nmessage = 'ack'\ndirection = 'to_pc'", 2, "has no `direction`"),
-        ("\n[[fault]]\nkind = 'outage'\nmessage = 'ack'", 2, "has no `message`"),
-        ("\n[[fault]]\nkind = 'hang'\nat_s = 1", 2, "a fault of kind `hang` needs `for_s`"),
-        ("\n[[fault]]\nkind = 'reboot'", 2, "needs `at_s`"),
-        ("\n[[fault]]\nkind = 'stall'\nfrom_s = 1", 2, "a fault of kind `stall` needs `until_s`"),
-        ("\n[[fault]]\nkind = 'outage'\nfrom_s = 2\nuntil_s = 2", 2, "`until_s` must be later than `from_s`"),
-        ("\n[[fault]]\nkind = 'outage'\nuntil_s = 2\nevery_s = 2", 2, "`every_s` must be longer"),
-        ("\n[[fault]]\nkind = 'outage'\nevery_s = 2", 2, "`every_s` needs `until_s`"),
-    ];
-    for (text, line, reason) in cases {
-        let error = parse(text).unwrap_err();
-        assert!(
-            error.starts_with(&format!("x.toml:{line}: ")),
-            "{text:?}: {error}"
-        );
-        assert!(error.contains(reason), "{text:?}: {error}");
-    }
+    assert_refused::<Script>(
+        r#"
+        sead = 1 #! did you mean `seed`?
+        ---
+        seed = -1 #! expected u64
+        ---
+        [[fault]]
+        kind = 'reboot'
+        at_s = 1
+        [[fault]]
+        kind = 'rebot' #! did you mean `reboot`?
+        ---
+        [[fault]]
+        kind = 'outage'
+        untill_s = 1 #! did you mean `until_s`?
+        ---
+        [[fault]]
+        kind = 'outage'
+
+        direction = 'to_pcs' #! did you mean `to_pc`?
+        ---
+        [[fault]]
+        kind = 'drop'
+        message = 'nack' #! did you mean `ack`?
+        ---
+        [[fault]]
+        kind = 'drop_bytes'
+        rate = 1.1 #! 1.1 is out of range: it must be from 0.0 to 1.0
+        ---
+        [[fault]]
+        kind = 'drop_bytes'
+        rate = nan #! NaN is out of range
+        ---
+        [[fault]]
+        kind = 'hang'
+        at_s = 1
+        for_s = 0 #! 0 is out of range
+        ---
+        [[fault]]
+        kind = 'outage'
+        from_s = -1 #! -1 is out of range
+        ---
+        [[fault]]
+        kind = 'burst'
+        rate = 0.1
+        length_bytes = 0 #! 0 is out of range
+        ---
+        [[fault]]
+        kind = 'split_bytes'
+        chunk_bytes = 2000 #! 2000 is out of range
+        gap_ms = 1
+        ---
+        [[fault]]
+        kind = 'delay_bytes'
+        delay_ms = 5001 #! 5001 is out of range
+        ---
+        [[fault]]
+        kind = 'raise_error'
+        at_s = 1
+        code = 65536 #! expected u16
+        ---
+        [[fault]]
+        kind = 'clock_jump'
+        at_s = 1
+        jump_ms = 86400001 #! is out of range
+        ---
+        [[fault]]
+        kind = 'battery_low'
+        at_s = 1
+        volts = 61 #! 61 is out of range
+        ---
+        [[fault]]
+        kind = 'fuel_low'
+        at_s = 1
+        percent = -1 #! -1 is out of range
+        ---
+
+        [[fault]] #! a fault of kind `fuel_low` needs `percent`
+        kind = 'fuel_low'
+        at_s = 1
+        volts = 20
+        ---
+
+        [[fault]] #! missing field `kind`
+        at_s = 1
+        ---
+
+        [[fault]] #! a fault of kind `reboot` has no `rate`
+        kind = 'reboot'
+        at_s = 1
+        rate = 0.5
+        ---
+
+        [[fault]] #! has no `direction`
+        kind = 'drop'
+        message = 'ack'
+        direction = 'to_pc'
+        ---
+
+        [[fault]] #! has no `message`
+        kind = 'outage'
+        message = 'ack'
+        ---
+
+        [[fault]] #! a fault of kind `hang` needs `for_s`
+        kind = 'hang'
+        at_s = 1
+        ---
+
+        [[fault]] #! needs `at_s`
+        kind = 'reboot'
+        ---
+
+        [[fault]] #! a fault of kind `stall` needs `until_s`
+        kind = 'stall'
+        from_s = 1
+        ---
+
+        [[fault]] #! `until_s` must be later than `from_s`
+        kind = 'outage'
+        from_s = 2
+        until_s = 2
+        ---
+
+        [[fault]] #! `every_s` must be longer
+        kind = 'outage'
+        until_s = 2
+        every_s = 2
+        ---
+
+        [[fault]] #! `every_s` needs `until_s`
+        kind = 'outage'
+        every_s = 2
+        "#,
+    );
 }
 
 #[test]

@@ -251,7 +251,7 @@ impl Gateway {
         match restored {
             Ok(()) => self.reload_fence(now),
             Err(why) => {
-                let text = format!("the fence of before was not written again: {why}");
+                let text = format!("the previous fence was not written again: {why}");
                 self.say_to_all(MavSeverity::Error, &text, now);
             }
         }

@@ -12,7 +12,7 @@ use crate::home::{Home, KeptHome};
 const KEEP_PERIOD: Duration = Duration::from_secs(1);
 
 impl Gateway {
-    /// The home that a gateway of before has kept, while the same bridge was running.
+    /// The home that an earlier gateway has kept, while the same bridge was running.
     pub fn restore_home(&mut self, kept: KeptHome) {
         self.keeper.kept = Some(kept);
         match kept.ground_altitude_m {
@@ -21,7 +21,7 @@ impl Gateway {
         }
     }
 
-    /// The first position has come: in flight, and from the same ground, it is the flight of before. The bridge says the altitude of the
+    /// The first position has come: in flight, and from the same ground, it is the same flight. The bridge says the altitude of the
     /// ground in millimetres, anew at each landing.
     pub(super) fn restore_home_in_flight(&mut self) {
         let (Some(known), Some(before)) = (self.vehicle.now(), self.keeper.before.take()) else {

@@ -200,7 +200,7 @@ impl Gateway {
                 let what = if is_fence { "fence" } else { "mission" };
                 let number = u32::from(sequence) + 1;
                 let text = format!(
-                    "the {what} did not come whole, and the one of before is in force: no MISSION_ITEM_INT came for item {number}"
+                    "the {what} did not come whole, and the previous one is in force: no MISSION_ITEM_INT came for item {number}"
                 );
                 self.tell(to, MavSeverity::Error, &text, now);
             }
@@ -241,7 +241,7 @@ impl Gateway {
         if self.missions.is_saving || self.missions.is_in_use() {
             let output = self.missions.transfer.checked(MissionResult::Error);
             if let Some(Output::Ack(to, result)) = output {
-                let why = "the one of before is flown, or is just coming into force";
+                let why = "the previous one is flown, or is just coming into force";
                 self.refuse_transfer(self.missions.asked_type, (to, result, why), now);
             }
             return;

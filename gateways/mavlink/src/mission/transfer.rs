@@ -2,7 +2,7 @@
 //!
 //! | state | MISSION_COUNT | the awaited item | another item | no item for a while | the limit | the verdict of the check |
 //! |---|---|---|---|---|---|---|
-//! | idle | → receiving | – | the last one of before, of the same station: the same answer again | – | – | – |
+//! | idle | → receiving | – | the last one of the transfer before, of the same station: the same answer again | – | – | – |
 //! | receiving | of the same station: anew; of another: refused | the next one is asked for; after the last one → checking | – | it is asked for again | → idle, cancelled | – |
 //! | checking | of the same station: → receiving; of another: refused | – | – | – | → idle, failed | → idle, answered |
 //!

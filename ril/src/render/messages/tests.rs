@@ -27,11 +27,11 @@ fn every_final_report_has_its_exit_code() {
                 Stage::Unknown | Stage::Accepted | Stage::Progress => 7,
             };
             assert_eq!(
-                exit_code(*stage, *reason).code(),
+                exit_code(stage, reason).code(),
                 expected,
                 "{stage} {reason}"
             );
-            let report = RequestReport::new(*stage, *reason);
+            let report = RequestReport::new(stage, reason);
             let report = FinalReport::of(&report);
             assert_eq!(report.is_some(), stage.is_final());
             if let Some(report) = report {
@@ -235,7 +235,7 @@ fn a_waypoint_that_is_too_far_says_how_far_and_what_may_be_wrong() {
 #[test]
 fn a_refused_landing_says_what_can_be_done_now() {
     for reason in Reason::ALL {
-        let text = end(Verb::Land, RequestReport::new(Stage::Refused, *reason));
+        let text = end(Verb::Land, RequestReport::new(Stage::Refused, reason));
         assert!(!text.contains("always"), "{text}");
     }
     let low = end(

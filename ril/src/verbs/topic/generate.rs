@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use ipc_types::Schema;
-use ipc_types::payload::{Layout, export};
+use ipc_types::payload::Layout;
 use ipc_types::schema::generate;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
@@ -24,7 +24,7 @@ pub struct TopicGenerateArgs {
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
 
-    /// Folder for the four files, `<struct>.rs`, `.h`, `.py` and `.pyi`, which are replaced if this command made them
+    /// Folder for the three files, `<struct>.rs`, `.h` and `.py`, which are replaced if this command made them
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub output: PathBuf,
 
@@ -72,13 +72,12 @@ pub fn generate(args: &TopicGenerateArgs) -> Result<(), Failure> {
     // It stands in a comment.
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "._-".contains(letter);
     let name = name.replace(|letter| !is_plain(letter), "_");
-    let stem = export::upper_snake(layout.name).to_lowercase();
+    let stem = generate::upper_snake(layout.name).to_lowercase();
     let made = format!("{MARK} from {name}: do not edit.");
     let files = [
         ("rs", rust(layout, &made)),
         ("h", c_header(layout, &text, &made)),
         ("py", python(layout, &text, &made)),
-        ("pyi", python_stub(layout, &made)),
     ];
     let files: Vec<(PathBuf, String)> = files
         .into_iter()
@@ -147,7 +146,7 @@ fn rust(layout: &'static Layout, made: &str) -> String {
 
 /// The header has the definition too, for `hero_ril_topic` and `hero_ril_service`.
 fn c_header(layout: &'static Layout, definition: &str, made: &str) -> String {
-    let (package, name) = (layout.package(), export::upper_snake(layout.name));
+    let (package, name) = (layout.package(), generate::upper_snake(layout.name));
     let guard = format!("{package}_{name}").to_uppercase();
     let mut schema = format!("#define {guard}_SCHEMA");
     for line in definition.lines() {
@@ -155,7 +154,7 @@ fn c_header(layout: &'static Layout, definition: &str, made: &str) -> String {
         // Writing to a string cannot fail.
         let _ = write!(schema, " \\\n    \"{line}\\n\"");
     }
-    let header = export::c_header(&format!("{guard}_H"), &[layout]);
+    let header = generate::c_header(&format!("{guard}_H"), &[layout]);
     let end = header.rfind("\n#endif\n").unwrap_or(header.len());
     format!("/* {made} */\n{}\n{schema}\n\n#endif\n", &header[..end])
 }
@@ -163,16 +162,9 @@ fn c_header(layout: &'static Layout, definition: &str, made: &str) -> String {
 /// The definition goes along, so that a topic has the comments and units.
 fn python(layout: &'static Layout, definition: &str, made: &str) -> String {
     let definition = definition.replace('\\', "\\\\").replace("\"\"\"", "'''");
-    let module = export::python_module(&[layout]);
+    let module = generate::python_module(&[layout]);
     let name = layout.name;
-    format!("# {made}\n{module}\n\n{name}.SCHEMA = \"\"\"\\\n{definition}\"\"\"\n")
-}
-
-fn python_stub(layout: &'static Layout, made: &str) -> String {
-    let structs = layout.with_nested().into_iter().map(generate::python_stub);
-    iter::once(format!("# {made}\n{}", generate::PYTHON_STUB_HEAD))
-        .chain(structs)
-        .collect()
+    format!("# {made}\n{module}\n\nsetattr({name}, \"SCHEMA\", \"\"\"\\\n{definition}\"\"\")\n")
 }
 
 #[cfg(test)]

@@ -1,1 +1,0 @@
-../../../../ipc-types/layouts/hero_ipc.pyi
