@@ -150,7 +150,7 @@ fn disturb(networks: &mut Networks, bridges: &mut Vec<Finished>, chance: &mut Rn
     match chance.u8(..4) {
         0 => {
             networks.cut();
-            return "outages";
+            "outages"
         }
         1 => {
             rig.kill_robot_relay();
