@@ -1,25 +1,20 @@
-//! The processes that are measured: this program, started again in one of these roles. They run in the folder of their measurement.
-//!
-//! A child prints `ready` when it can be measured. Its result is a file of JSON, whose name it prints: a line has no room for all
-//! samples. A role that has no end of its own ends at SIGTERM.
+//! The processes that are measured: this program, started again in one of these roles. They run in the folder of their measurement, and
+//! say what the [`harness`](crate::harness) waits for. A role that has no end of its own ends at SIGTERM.
 
 use std::ffi::OsString;
-use std::fs;
-use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Subcommand;
 use ipc_types::MonotonicNs;
+use ipc_types::payload::{DspTelemetry, HeroTelemetry};
 use runtime::signal::Termination;
 use rustix::process::{Signal, set_parent_process_death_signal};
-use serde::Serialize;
 
 use crate::consumer::{self, Service};
 use crate::dsp::{Dsp, Rate};
-use crate::harness::{READY, RESULT};
-use crate::measured::WARM_UP;
+use crate::harness::{report, report_ready};
 use crate::pace::Pace;
 use crate::peers::{Mark, Peer};
 #[cfg(feature = "peers")]
@@ -97,10 +92,14 @@ pub fn run(args: Args) -> ExitCode {
     // A measurement that is killed leaves nothing behind that would disturb the next.
     let _ = set_parent_process_death_signal(Some(Signal::TERM));
     match args.role {
+        // They have exit codes of their own.
         Role::Ril { args } => ril::main(std::iter::once("ril".into()).chain(args)),
         #[cfg(feature = "peers")]
         Role::Relay { command } => runtime::exit::main_with(|| relay::cli::run(command)),
-        role => match play(role) {
+        role => match Termination::install()
+            .map_err(Into::into)
+            .and_then(|end| play(role, &end))
+        {
             Ok(()) => ExitCode::SUCCESS,
             Err(error) => {
                 eprintln!("{error:?}");
@@ -110,85 +109,59 @@ pub fn run(args: Args) -> ExitCode {
     }
 }
 
-fn play(role: Role) -> Result<()> {
+fn play(role: Role, end: &Termination) -> Result<()> {
     match role {
-        Role::HopSend { peer, rate_hz } => hop_send(peer, rate_hz, &Termination::install()?),
+        Role::HopSend { peer, rate_hz } => hop_send(peer, rate_hz, end),
         Role::HopReceive { peer, samples } => {
             let receive = peer.receiver()?;
             report_ready()?;
-            report(&consumer::receive(receive, WARM_UP + samples)?)
+            report(&consumer::receive(receive, samples, || Ok(()))?)
         }
         Role::Dsp { rate } => {
-            let termination = Termination::install()?;
             let dsp = Dsp::new()?;
             std::os::unix::fs::symlink(dsp.path(), "dsp")?;
             report_ready()?;
-            report(&dsp.run(rate, &termination)?)
+            report(&dsp.run(rate, end)?)
         }
-        Role::ReadRaw { samples } => {
-            report(&consumer::read_raw("dsp".as_ref(), samples, report_ready)?)
-        }
-        Role::Consume { service, samples } => report(&consumer::consume(
-            service,
-            samples,
-            &Termination::install()?,
-            report_ready,
-        )?),
-        Role::KeepUp { seconds } => {
-            let duration = Duration::from_secs_f64(seconds);
-            report(&consumer::keep_up(duration, report_ready)?)
-        }
-        Role::Land { count, rate_hz } => report(&requests::land(count, rate_hz, report_ready)?),
-        Role::ServeRaw => requests::serve_raw(&Termination::install()?, report_ready),
-        Role::AskRaw { count, rate_hz } => {
-            report(&requests::ask_raw(count, rate_hz, report_ready)?)
-        }
+        Role::ReadRaw { samples } => report(&consumer::read_raw("dsp".as_ref(), samples)?),
+        Role::Consume { service, samples } => report(&match service {
+            Service::Dsp => consumer::consume::<DspTelemetry>(samples, end)?,
+            Service::Hero => consumer::consume::<HeroTelemetry>(samples, end)?,
+        }),
+        Role::KeepUp { seconds } => report(&consumer::keep_up(Duration::from_secs_f64(seconds))?),
+        Role::Land { count, rate_hz } => report(&requests::land(count, rate_hz)?),
+        Role::ServeRaw => requests::serve_raw(end),
+        Role::AskRaw { count, rate_hz } => report(&requests::ask_raw(count, rate_hz)?),
         #[cfg(feature = "peers")]
-        Role::Robot { rate_hz } => {
-            relayed::be_robot(rate_hz, &Termination::install()?, report_ready)
-        }
+        Role::Robot { rate_hz } => relayed::be_robot(rate_hz, end),
         #[cfg(feature = "peers")]
-        Role::ConsumeRobot { samples } => report(&relayed::consume(samples, report_ready)?),
+        Role::ConsumeRobot { samples } => {
+            let receive = Peer::Ours.receiver()?;
+            report(&consumer::receive(receive, samples, report_ready)?)
+        }
         #[cfg(feature = "peers")]
         Role::ZenohRobot { endpoint, rate_hz } => {
-            relayed::publish_over_zenoh(&endpoint, rate_hz, &Termination::install()?, report_ready)
+            relayed::publish_over_zenoh(&endpoint, rate_hz, end)
         }
         #[cfg(feature = "peers")]
-        Role::ConsumeZenoh { endpoint, samples } => report(&relayed::consume_over_zenoh(
-            &endpoint,
-            samples,
-            report_ready,
-        )?),
-        // They have exit codes of their own.
+        Role::ConsumeZenoh { endpoint, samples } => {
+            let receive = relayed::zenoh_receiver(&endpoint)?;
+            report(&consumer::receive(receive, samples, report_ready)?)
+        }
         Role::Ril { .. } => Ok(()),
         #[cfg(feature = "peers")]
         Role::Relay { .. } => Ok(()),
     }
 }
 
-fn print(line: &str) -> Result<()> {
-    println!("{line}");
-    std::io::stdout().flush().context("standard output")
-}
-
-fn report_ready() -> Result<()> {
-    print(READY)
-}
-
-fn report(result: &impl Serialize) -> Result<()> {
-    let file = format!("{}.json", std::process::id());
-    fs::write(&file, serde_json::to_vec(result)?)?;
-    print(&format!("{RESULT}{file}"))
-}
-
-fn hop_send(peer: Peer, rate_hz: u32, termination: &Termination) -> Result<()> {
+fn hop_send(peer: Peer, rate_hz: u32, end: &Termination) -> Result<()> {
     let mut send = peer.sender()?;
     let mut sample = telemetry();
     let mut pace = Pace::new(rate_hz);
     report_ready()?;
     for index in 1.. {
         pace.wait()?;
-        if termination.requested() {
+        if end.requested() {
             break;
         }
         let sent_ns = MonotonicNs::now().0;

@@ -15,7 +15,8 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use serde::{Deserialize, Serialize};
 
-use crate::measured::Arrival;
+use crate::harness::report_ready;
+use crate::measured::{Arrival, WARM_UP};
 use crate::peers::{Receive, TIMEOUT, join};
 use crate::stream;
 
@@ -35,7 +36,8 @@ pub enum Service {
 }
 
 /// A sample that says which frame it was made of: the DSP time counts the frames from 1.
-trait Indexed: Topic {
+pub trait Indexed: Topic {
+    /// It has just come.
     fn arrival(&self) -> Arrival;
 }
 
@@ -62,10 +64,17 @@ impl Indexed for HeroTelemetry {
     }
 }
 
-/// Receives `count` samples over a peer.
-pub fn receive(mut receive: Receive, count: usize) -> Result<Vec<Arrival>> {
-    let mut arrivals = Vec::with_capacity(count.min(ROOM));
-    while arrivals.len() < count {
+/// Receives so many samples over a peer, behind those that do not count. `on_first` is called when the first one has come.
+pub fn receive(
+    mut receive: Receive,
+    samples: usize,
+    on_first: impl FnOnce() -> Result<()>,
+) -> Result<Vec<Arrival>> {
+    let mut arrivals = Vec::with_capacity((WARM_UP + samples).min(ROOM));
+    let mut on_first = Some(on_first);
+    let mut last = MonotonicNs::now();
+    while arrivals.len() < WARM_UP + samples {
+        let before = arrivals.len();
         receive(&mut |mark| {
             arrivals.push(Arrival {
                 index: mark.index,
@@ -74,33 +83,23 @@ pub fn receive(mut receive: Receive, count: usize) -> Result<Vec<Arrival>> {
                 ..Arrival::default()
             });
         })?;
+        if arrivals.len() > before {
+            last = MonotonicNs::now();
+            on_first.take().map_or(Ok(()), |on_first| on_first())?;
+        }
+        let is_late = MonotonicNs::now().since(last) >= TIMEOUT;
+        ensure!(!is_late, "nothing comes");
     }
-    Ok(arrivals)
+    Ok(arrivals.split_off(WARM_UP))
 }
 
-/// Reads `count` samples of `service`, or until `termination`.
-pub fn consume(
-    service: Service,
-    count: usize,
-    termination: &Termination,
-    ready: impl FnOnce() -> Result<()>,
-) -> Result<Vec<Arrival>> {
-    match service {
-        Service::Dsp => consume_topic::<DspTelemetry>(count, termination, ready),
-        Service::Hero => consume_topic::<HeroTelemetry>(count, termination, ready),
-    }
-}
-
-fn consume_topic<T: Indexed>(
-    count: usize,
-    termination: &Termination,
-    ready: impl FnOnce() -> Result<()>,
-) -> Result<Vec<Arrival>> {
+/// Reads `count` samples, or until it is asked to end.
+pub fn consume<T: Indexed>(count: usize, end: &Termination) -> Result<Vec<Arrival>> {
     let mut subscriber = join("bench-receiver")?.subscriber::<T>()?;
     request_slice(SchedulingRole::Consumer);
     let mut arrivals = Vec::with_capacity(count.min(ROOM));
-    ready()?;
-    while arrivals.len() < count && !termination.requested() {
+    report_ready()?;
+    while arrivals.len() < count && !end.requested() {
         subscriber.wait(TIMEOUT)?;
         subscriber.drain(|sample| arrivals.push(sample.arrival()))?;
     }
@@ -121,10 +120,10 @@ pub struct Kept {
 }
 
 /// Reads `HeroTelemetry` for so long, and counts.
-pub fn keep_up(duration: Duration, ready: impl FnOnce() -> Result<()>) -> Result<Kept> {
+pub fn keep_up(duration: Duration) -> Result<Kept> {
     let mut subscriber = join("bench-receiver")?.subscriber::<HeroTelemetry>()?;
     request_slice(SchedulingRole::Consumer);
-    ready()?;
+    report_ready()?;
     // The first sample begins the count: bridge and status are up by then.
     let (mut last, mut missing) = (None, 0_u64);
     subscriber.wait(TIMEOUT)?;
@@ -150,11 +149,7 @@ pub fn keep_up(duration: Duration, ready: impl FnOnce() -> Result<()>) -> Result
 }
 
 /// Reads at least `count` frames from the terminal at `path` with `poll` and `read`, as the kernel gives them.
-pub fn read_raw(
-    path: &Path,
-    count: usize,
-    ready: impl FnOnce() -> Result<()>,
-) -> Result<Vec<Arrival>> {
+pub fn read_raw(path: &Path, count: usize) -> Result<Vec<Arrival>> {
     let mut terminal = OpenOptions::new().read(true).write(true).open(path)?;
     let mut settings = tcgetattr(&terminal)?;
     settings.make_raw();
@@ -162,7 +157,7 @@ pub fn read_raw(
     let mut arrivals = Vec::with_capacity(count + 64);
     let mut buffer = [0; 4096];
     let mut held = 0;
-    ready()?;
+    report_ready()?;
     while arrivals.len() < count {
         poll(&mut [PollFd::new(&terminal, PollFlags::IN)], None)?;
         let len = terminal.read(&mut buffer[held..])?;

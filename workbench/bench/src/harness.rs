@@ -1,27 +1,51 @@
-//! The processes that are measured, from outside: this program in the roles of [`crate::child`], and `ril`.
+//! The processes that are measured, this program in roles and `ril`, and what they say to the one that measures.
+//!
+//! A child prints `ready` when it can be measured. Its result is a file of JSON, whose name it prints: a line has no room for all
+//! samples.
 
 use std::cell::Cell;
 use std::fmt;
 use std::fs;
+use std::io::{self, Write};
 use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use clap::ValueEnum;
 use ril_tests::process::Signal;
 use ril_tests::{Process, Sandbox};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
-use serde::Deserialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use crate::peers::segment;
 
-/// What a child prints when it can be measured.
-pub const READY: &str = "ready";
+const READY: &str = "ready";
+const RESULT: &str = "result ";
 
-/// What a child prints when its result lies in a file of the name behind it.
-pub const RESULT: &str = "result ";
+fn print(line: &str) -> Result<()> {
+    println!("{line}");
+    io::stdout().flush().context("standard output")
+}
+
+/// Says that this process, a child, can be measured.
+///
+/// # Errors
+/// Nobody listens.
+pub fn report_ready() -> Result<()> {
+    print(READY)
+}
+
+/// Says what this process, a child, has found.
+///
+/// # Errors
+/// The folder cannot be written, or nobody listens.
+pub fn report(result: &impl Serialize) -> Result<()> {
+    let file = format!("{}.json", std::process::id());
+    fs::write(&file, serde_json::to_vec(result)?)?;
+    print(&format!("{RESULT}{file}"))
+}
 
 /// A measurement that takes longer hangs.
 const LIMIT: Duration = Duration::from_secs(3600);

@@ -4,15 +4,13 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, ensure};
 use iceoryx2::port::client::Client as RawClient;
-use iceoryx2::port::listener::Listener;
-use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::server::Server as RawServer;
-use iceoryx2::prelude::ipc;
-use ipc_types::code::{ControlCommand, MovementKind, Stage};
+use ipc_types::code::{ControlCommand, Stage};
 use ipc_types::payload::{DspTelemetry, ModuleControl, MovementData, RequestReport};
 use ipc_types::{Client, MonotonicNs, Request, SchedulingRole, fresh_request_id, request_slice};
 use runtime::signal::Termination;
 
+use crate::harness::report_ready;
 use crate::pace::{Pace, sleep_until};
 use crate::peers::{TIMEOUT, iceoryx2 as raw, join};
 
@@ -21,13 +19,13 @@ const WARM_UP: usize = 20;
 
 /// Orders `count` landings at `rate_hz`, or as fast as they are carried out. Of each, the time from the request to the
 /// report that the DSP has acknowledged it, ns.
-pub fn land(count: usize, rate_hz: u32, ready: impl FnOnce() -> Result<()>) -> Result<Vec<u64>> {
+pub fn land(count: usize, rate_hz: u32) -> Result<Vec<u64>> {
     let ipc = join("bench-client")?;
     request_slice(SchedulingRole::Consumer);
     let mut control = ipc.client::<ModuleControl>()?;
     let mut movement = ipc.client::<MovementData>()?;
     let mut telemetry = ipc.subscriber::<DspTelemetry>()?;
-    ready()?;
+    report_ready()?;
     // Before the first sample the bridge knows no position, and refuses every movement.
     while telemetry.drain(|_| {})? == 0 {
         telemetry.wait(TIMEOUT)?;
@@ -38,11 +36,7 @@ pub fn land(count: usize, rate_hz: u32, ready: impl FnOnce() -> Result<()>) -> R
     let mut times = Vec::with_capacity(count);
     for round in 0..WARM_UP + count {
         pace.wait()?;
-        let request = MovementData {
-            request_id: fresh_request_id(),
-            kind: MovementKind::Land.code(),
-            ..MovementData::default()
-        };
+        let request = MovementData::land(fresh_request_id());
         let begin = MonotonicNs::now();
         movement.send(&request)?;
         let begun = follow(&mut movement)?;
@@ -57,12 +51,10 @@ pub fn land(count: usize, rate_hz: u32, ready: impl FnOnce() -> Result<()>) -> R
 fn start(control: &mut Client<ModuleControl>) -> Result<()> {
     let limit = MonotonicNs::now() + TIMEOUT;
     loop {
-        let request = ModuleControl {
-            request_id: fresh_request_id(),
-            command: ControlCommand::Start.code(),
-            ..ModuleControl::default()
-        };
-        control.send(&request)?;
+        control.send(&ModuleControl::new(
+            fresh_request_id(),
+            ControlCommand::Start,
+        ))?;
         let mut is_done = false;
         while control.outstanding() > 0 {
             control.wait(TIMEOUT)?;
@@ -95,70 +87,56 @@ fn follow<R: Request>(client: &mut Client<R>) -> Result<MonotonicNs> {
     begun.context("no report of its beginning")
 }
 
-/// The ends of a request service of iceoryx2, woken by its events.
-struct Ends {
-    listener: Listener<ipc::Service>,
-    notifier: Notifier<ipc::Service>,
-}
-
+/// The request service of iceoryx2, whose ends are woken by events.
 const SERVICE: &str = "bench-request";
 
-/// Answers every request at once, until `termination`.
-pub fn serve_raw(termination: &Termination, ready: impl FnOnce() -> Result<()>) -> Result<()> {
+/// Answers every request at once, until it is asked to end.
+pub fn serve_raw(end: &Termination) -> Result<()> {
     let node = raw::node()?;
     let service = node
         .service_builder(&SERVICE.try_into()?)
         .request_response::<MovementData, RequestReport>()
         .open_or_create()?;
     let server: RawServer<_, _, (), _, ()> = service.server_builder().create()?;
-    let ends = Ends {
-        listener: raw::listener(&node, "bench-requests")?,
-        notifier: raw::notifier(&node, "bench-responses")?,
-    };
-    ready()?;
-    while !termination.requested() {
+    let listener = raw::listener(&node, "bench-requests")?;
+    let notifier = raw::notifier(&node, "bench-responses")?;
+    report_ready()?;
+    while !end.requested() {
         // Short, so that the end is noticed.
-        ends.listener
-            .timed_wait(|_| {}, Duration::from_millis(100))?;
+        listener.timed_wait(|_| {}, Duration::from_millis(100))?;
         while let Some(request) = server.receive()? {
             let report = RequestReport {
                 request_id: request.request_id,
                 ..RequestReport::new(Stage::Done, ipc_types::code::Reason::None)
             };
             request.send_copy(report)?;
-            ends.notifier.notify()?;
+            notifier.notify()?;
         }
     }
     Ok(())
 }
 
 /// Sends `count` requests at `rate_hz`. Of each, the time to its answer, ns.
-pub fn ask_raw(count: usize, rate_hz: u32, ready: impl FnOnce() -> Result<()>) -> Result<Vec<u64>> {
+pub fn ask_raw(count: usize, rate_hz: u32) -> Result<Vec<u64>> {
     let node = raw::node()?;
     let service = node
         .service_builder(&SERVICE.try_into()?)
         .request_response::<MovementData, RequestReport>()
         .open_or_create()?;
     let client: RawClient<_, _, (), _, ()> = service.client_builder().create()?;
-    let ends = Ends {
-        listener: raw::listener(&node, "bench-responses")?,
-        notifier: raw::notifier(&node, "bench-requests")?,
-    };
-    ready()?;
+    let listener = raw::listener(&node, "bench-responses")?;
+    let notifier = raw::notifier(&node, "bench-requests")?;
+    report_ready()?;
     let mut pace = Pace::new(rate_hz);
     let mut times = Vec::with_capacity(count);
     for round in 0..WARM_UP + count {
         pace.wait()?;
-        let request = MovementData {
-            request_id: round as u64 + 1,
-            kind: MovementKind::Land.code(),
-            ..MovementData::default()
-        };
+        let request = MovementData::land(round as u64 + 1);
         let begin = MonotonicNs::now();
         let pending = client.loan_uninit()?.write_payload(request).send()?;
-        ends.notifier.notify()?;
+        notifier.notify()?;
         while pending.receive()?.is_none() {
-            ends.listener.timed_wait(|_| {}, TIMEOUT)?;
+            listener.timed_wait(|_| {}, TIMEOUT)?;
         }
         if round >= WARM_UP {
             times.push(MonotonicNs::now().0 - begin.0);

@@ -1,29 +1,22 @@
 //! What the processes of the RIL survive: real processes, killed, disturbed and cut off at random moments. The program `endurance`
 //! measures it for as long as it is told; the tests run the short forms.
 //!
-//! Each measurement has a domain and a folder of its own ([`site`]), draws its moments from a seed, and leaves nothing behind. What it is
-//! to do is a [`plan`], what came of it an [`outcome`]. Measurements take a `goes_on`: they end early when that says no, with what there is.
+//! Each measurement is a function of a [`site::Site`]: a domain and a folder of its own, with the [`plan::Plan`] that says what to do. It
+//! starts its processes there, draws its moments from the plan's seed, and leaves nothing behind. What came of it is an
+//! [`outcome::Outcome`], a row of a table. A process that does not come up, telemetry that does not come again and a thing that is left
+//! end it with a panic.
 
-pub mod clients;
-pub mod crashes;
+pub mod attacks;
+pub mod crowds;
 pub mod field;
-pub mod flood;
-pub mod foreign_files;
-pub mod full;
-pub mod gap;
-pub mod joiners;
+mod hostile;
 pub mod kills;
 mod listener;
 pub mod mavlink;
-pub mod memory;
-pub mod namespaces;
 pub mod outcome;
 pub mod plan;
 pub mod port;
 pub mod power_cut;
 pub mod records;
 pub mod site;
-pub mod starts;
-pub mod subscribers;
-pub mod usage;
 pub mod views;

@@ -17,6 +17,12 @@ impl Outcome {
         self.cells.push((heading, content.to_string()));
     }
 
+    /// Adds a count that must be zero.
+    pub fn none(&mut self, heading: &'static str, count: usize) {
+        self.cell(heading, count);
+        self.require(count == 0, format!("{count} {heading}"));
+    }
+
     /// Adds lines that stand behind the table.
     pub fn note(&mut self, note: impl Display) {
         self.notes.push(note.to_string());
@@ -83,16 +89,45 @@ impl Times {
         self.0.len()
     }
 
-    /// What this share of them does not exceed, 0 … 1; zero if there are none.
-    pub fn quantile(&self, share: f64) -> Duration {
+    /// The longest; zero if there are none.
+    pub fn worst(&self) -> Duration {
+        self.quantile(1.0)
+    }
+
+    fn quantile(&self, share: f64) -> Duration {
         let mut sorted = self.0.clone();
         sorted.sort_unstable();
         let last = sorted.len().saturating_sub(1);
         let index = (last as f64 * share).ceil() as usize;
         sorted.get(index).copied().unwrap_or_default()
     }
+
+    /// What these shares of them do not exceed, 0 … 1, in ms.
+    pub fn quantiles_ms(&self, shares: &[f64]) -> String {
+        let shown = |share: &f64| format!("{:.1}", self.quantile(*share).as_secs_f64() * 1e3);
+        shares.iter().map(shown).collect::<Vec<_>>().join(", ")
+    }
+
+    /// The same in s.
+    pub fn quantiles_s(&self, shares: &[f64]) -> String {
+        let shown = |share: &f64| format!("{:.2}", self.quantile(*share).as_secs_f64());
+        shares.iter().map(shown).collect::<Vec<_>>().join(", ")
+    }
 }
 
+impl Extend<Duration> for Times {
+    fn extend<I: IntoIterator<Item = Duration>>(&mut self, times: I) {
+        self.0.extend(times);
+    }
+}
+
+impl FromIterator<Duration> for Times {
+    fn from_iter<I: IntoIterator<Item = Duration>>(times: I) -> Times {
+        Times(times.into_iter().collect())
+    }
+}
+
+/// With one decimal; with two by `{:.2}`, for times that may be shorter than 0.1 ms.
 impl Display for Times {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.0.is_empty() {
@@ -100,10 +135,10 @@ impl Display for Times {
         }
         let ms = |share| self.quantile(share).as_secs_f64() * 1e3;
         let (median, most, worst) = (ms(0.5), ms(0.99), ms(1.0));
-        let count = self.count();
+        let (count, digits) = (self.count(), f.precision().unwrap_or(1));
         write!(
             f,
-            "median {median:.1} ms, 99 % within {most:.1} ms, worst {worst:.1} ms of {count}"
+            "median {median:.digits$} ms, 99 % within {most:.digits$} ms, worst {worst:.digits$} ms of {count}"
         )
     }
 }

@@ -3,27 +3,24 @@
 //!
 //! The files stay as they were at the kill until there is a batch. Then each reader opens all of it with one process, and they go.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::thread;
 use std::time::Duration;
 
-use dsp_sim::random::Random;
 use ipc_types::payload::{DspTelemetry, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
-use ipc_types::{MonotonicNs, Subscriber};
+use ipc_types::{MonotonicNs, RobotId};
 use recording::play::anchor_of;
 use recording::read::{self, RecordFile};
 use ril_tests::Process;
 use ril_tests::languages::target_folder;
-use ril_tests::process::Signal;
-use ril_tests::readers::{Reader, sums::Sums};
+use ril_tests::readers::{Reader, readers_or_skip, sums::Sums};
 use ril_tests::sandbox::records_in;
 
+use crate::listener::{Heard, Listener};
 use crate::outcome::{Outcome, Times};
-use crate::plan::Plan;
-use crate::site::Site;
+use crate::site::{Site, kill, pass};
 
 /// What the record promises: everything older than this is in the file.
 const PROMISE: Duration = Duration::from_millis(500);
@@ -57,32 +54,24 @@ struct Killed {
     sums: Sums,
 }
 
-/// Kills as planned, or until `goes_on` says no.
-///
-/// # Panics
-///
-/// When a recorder does not come up, or a process of the robot or a reader fails.
-pub fn run(site: &Site, plan: &Plan, readers: &[Reader], goes_on: &dyn Fn() -> bool) -> Outcome {
-    let kills = plan.count.unwrap_or(1000);
-    let mut chance = Random::new(plan.seed, 0);
-    let mut found = Found::by(readers);
-    let chain = site.start_chain_at(plan.speed);
+/// Kills recorders as planned.
+pub fn run(site: &Site) {
+    let plan = &site.plan;
+    let kills = plan.count(1000);
+    let mut chance = site.chance(0);
+    let mut found = Found::by(&readers_or_skip("files of killed recorders"));
+    let chain = site.start_chain(plan.speed);
     let mut witness = Witness::new(site);
     let files = site.path("killed");
     fs::create_dir(&files).expect("a folder of this program");
     let mut batch = Vec::new();
-    while found.kills < kills && goes_on() {
+    while found.kills < kills && site.goes_on() {
         let count = TOGETHER.min(kills - found.kills);
-        let mut recorders = Vec::new();
-        for index in 0..count {
-            recorders.push(Recorder::start(site, found.kills + index));
-            witness.listen();
-        }
-        for recorder in recorders {
-            // The moment is what is tried here, not something that is waited for.
-            thread::sleep(WORK.mul_f64(chance.uniform() / f64::from(TOGETHER)));
-            let folder = recorder.folder.clone();
-            let killed = recorder.kill();
+        let recorders = (found.kills..found.kills + count).map(|index| start_recorder(site, index));
+        for (mut recorder, folder) in recorders.collect::<Vec<_>>() {
+            pass(&mut chance, WORK / TOGETHER);
+            let killed = MonotonicNs::now();
+            kill(&mut recorder);
             witness.listen();
             found.kills += 1;
             let file = files.join(format!("{}.mcap", found.kills));
@@ -94,87 +83,64 @@ pub fn run(site: &Site, plan: &Plan, readers: &[Reader], goes_on: &dyn Fn() -> b
             }
         }
         if batch.len() >= BATCH {
-            found.open(&mut batch, plan);
+            found.open(&mut batch, plan.keep.as_deref());
         }
     }
-    found.open(&mut batch, plan);
-    for process in chain.into_iter().rev() {
-        process.end();
-    }
-    found.outcome(plan)
+    found.open(&mut batch, plan.keep.as_deref());
+    witness.telemetry.end();
+    site.end(chain, true);
+    site.show(found.outcome(plan.is_short));
 }
 
-/// A recorder that will be killed.
-struct Recorder {
-    process: Process,
-    folder: PathBuf,
-}
-
-impl Recorder {
-    fn start(site: &Site, index: u32) -> Recorder {
-        let name = format!("record-{index}");
-        let mut process = site.start(&format!("record --min-free 0 --output {name}"));
-        process.wait_for_text("recording file=");
-        Recorder {
-            process,
-            folder: site.path(&name),
-        }
-    }
-
-    /// Says when it was killed.
-    fn kill(mut self) -> MonotonicNs {
-        let now = MonotonicNs::now();
-        self.process.signal(Signal::KILL);
-        self.process.wait_exit();
-        now
-    }
+/// Starts a recorder that will be killed, in a folder of its own.
+fn start_recorder(site: &Site, index: u32) -> (Process, PathBuf) {
+    let name = format!("record-{index}");
+    let mut process = site.start(&format!("record --min-free 0 --output {name}"));
+    process.wait_for_text("recording file=");
+    (process, site.path(&name))
 }
 
 /// A consumer that remembers what was published last.
 struct Witness {
-    telemetry: Subscriber<DspTelemetry>,
-    samples: VecDeque<(u64, MonotonicNs)>,
+    telemetry: Listener<(u64, MonotonicNs)>,
+    samples: Vec<Heard<(u64, MonotonicNs)>>,
 }
 
 impl Witness {
     fn new(site: &Site) -> Witness {
-        let ipc = site.domain.join("witness");
+        let number = |sample: &DspTelemetry| (sample.sequence, sample.received());
         Witness {
-            telemetry: ipc.subscriber().expect("a subscriber"),
-            samples: VecDeque::new(),
+            telemetry: Listener::start(&site.domain, RobotId::DEFAULT, number),
+            samples: Vec::new(),
         }
     }
 
     fn listen(&mut self) {
-        let samples = &mut self.samples;
-        let drained = self.telemetry.drain(|sample| {
-            samples.push_back((sample.sequence, sample.received()));
-            if samples.len() > REMEMBERED {
-                samples.pop_front();
-            }
-        });
-        drained.expect("a bridge that can be reached");
+        self.samples
+            .extend(self.telemetry.until(MonotonicNs::now()));
+        let old = self.samples.len().saturating_sub(REMEMBERED);
+        self.samples.drain(..old);
     }
 
     /// How old the first sample after `sequence` was at `moment`; zero when it came later. When this process missed that sample
     /// itself, the one before it counts, which was older.
     fn age_after(&self, sequence: u64, moment: MonotonicNs) -> Duration {
-        let next = self
-            .samples
-            .partition_point(|(number, _)| *number <= sequence);
-        let Some((number, received)) = self.samples.get(next) else {
+        let is_before = |heard: &Heard<(u64, MonotonicNs)>| heard.kept.0 <= sequence;
+        let next = self.samples.partition_point(is_before);
+        let Some((number, received)) = self.samples.get(next).map(|heard| heard.kept) else {
             return Duration::ZERO;
         };
         let before = self.samples.get(next.wrapping_sub(1));
         let received = match before {
-            Some((_, before)) if *number != sequence + 1 => before,
+            Some(before) if number != sequence + 1 => before.kept.1,
             _ => received,
         };
-        moment.since(*received)
+        moment.since(received)
     }
 }
 
 /// What came of the kills so far.
+#[derive(Default)]
 struct Found {
     kills: u32,
     /// Of those, before the recorder had written anything.
@@ -197,13 +163,8 @@ impl Found {
         let readers = readers.iter().cloned();
         let readers = readers.filter(|reader| reader.is_of_others() && reader.reads_unfinished());
         Found {
-            kills: 0,
-            empty: 0,
-            lacking: Times::default(),
-            last: BTreeMap::new(),
-            messages: 0,
-            faults: Vec::new(),
             readers: readers.map(|reader| (reader, [0; 3])).collect(),
+            ..Found::default()
         }
     }
 
@@ -228,7 +189,7 @@ impl Found {
     }
 
     /// Opens the files with all readers, each with one process, and removes or keeps them.
-    fn open(&mut self, batch: &mut Vec<Killed>, plan: &Plan) {
+    fn open(&mut self, batch: &mut Vec<Killed>, kept: Option<&Path>) {
         if batch.is_empty() {
             return;
         }
@@ -244,21 +205,20 @@ impl Found {
                     None => "it found other messages",
                     Some(error) => error,
                 };
-                let copy = keep(&file.path);
-                let fault = format!("{}: {reader}: {complaint}", copy.display());
+                let copied = copy(&file.path, &target_folder().join("tmp/refused-recordings"));
+                let fault = format!("{}: {reader}: {complaint}", copied.display());
                 self.faults.push(fault);
             }
         }
         for Killed { path, .. } in batch.drain(..) {
-            if let Some(keep) = &plan.keep {
-                let name = path.file_name().expect("a file");
-                fs::copy(&path, keep.join(name)).expect("a folder for the files");
+            if let Some(folder) = kept {
+                copy(&path, folder);
             }
             fs::remove_file(path).expect("a file of this program");
         }
     }
 
-    fn outcome(self, plan: &Plan) -> Outcome {
+    fn outcome(self, is_short: bool) -> Outcome {
         let mut outcome = Outcome::default();
         outcome.cell("kills", self.kills);
         outcome.cell("of them before the first sample", self.empty);
@@ -272,19 +232,16 @@ impl Found {
             ));
         }
         outcome.require(self.faults.is_empty(), self.faults.join("\n"));
-        if !plan.is_short {
-            let is_kept = self.lacking.0.iter().all(|age| *age <= PROMISE);
-            outcome.require(is_kept, format!("older than {PROMISE:?} and missing"));
-        }
+        let is_kept = is_short || self.lacking.worst() <= PROMISE;
+        outcome.require(is_kept, format!("older than {PROMISE:?} and missing"));
         outcome.cell("oldest sample missing", self.lacking);
         outcome
     }
 }
 
-/// Copies a file with a fault to where it stays.
-fn keep(file: &Path) -> PathBuf {
-    let folder = target_folder().join("tmp/refused-recordings");
-    fs::create_dir_all(&folder).expect("a folder for the files");
+/// Copies a file to where it stays.
+fn copy(file: &Path, folder: &Path) -> PathBuf {
+    fs::create_dir_all(folder).expect("a folder for the files");
     let copy = folder.join(file.file_name().expect("a file"));
     fs::copy(file, &copy).expect("a copy");
     copy

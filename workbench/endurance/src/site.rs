@@ -4,16 +4,18 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fs;
 use std::ops::Deref;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::thread;
 use std::time::{Duration, Instant};
 
-use ril_tests::languages::{Compiler, python, python_example};
-use ril_tests::process::{Finished, Stream};
-use ril_tests::sandbox::FOR_SLOW_MACHINES;
-use ril_tests::sandbox::Holdings;
-use ril_tests::sandbox::Robot;
+use fastrand::Rng;
+use ipc_types::MonotonicNs;
+use ril_tests::languages::{Compiler, python, python_example, skip};
+use ril_tests::process::{Finished, Signal, Stream};
+use ril_tests::sandbox::{FOR_SLOW_MACHINES, Holdings, Robot};
 use ril_tests::{Process, Sandbox};
+use runtime::usage::Usage;
 
 use crate::outcome::Outcome;
 use crate::plan::{Kind, Plan};
@@ -27,13 +29,20 @@ pub const ECHO_DSP: &str = "echo dsp --json --field sequence --timeout 80s";
 /// The same of telemetry in SI units.
 pub const ECHO_HERO: &str = "echo hero --json --field sequence --timeout 80s";
 
+/// A measurement: what it finds it shows, row by row.
+pub type Measure = fn(&Site);
+
 /// Where everything happens: a domain and a folder that no other process has.
 pub struct Site {
+    /// What is to be done.
+    pub plan: Plan,
     sandbox: Sandbox,
+    ril: PathBuf,
+    name: String,
+    limit: Duration,
+    rows: RefCell<Vec<Outcome>>,
     /// Programs in C, as they are built.
     c_programs: RefCell<BTreeMap<&'static str, PathBuf>>,
-    /// What ends no flight when the machine stalls: `bridge.toml`.
-    bridge_toml: &'static str,
 }
 
 impl Deref for Site {
@@ -45,17 +54,54 @@ impl Deref for Site {
 }
 
 impl Site {
-    /// A new one for what is planned.
-    pub fn new(sandbox: Sandbox, plan: &Plan) -> Site {
+    /// A new one for what is planned, with the program `ril`. A measurement that takes longer than `limit` hangs.
+    pub fn new(ril: &Path, name: &str, plan: Plan, limit: Duration) -> Site {
         Site {
-            sandbox,
+            plan,
+            sandbox: Sandbox::new([ril], name, limit),
+            ril: ril.to_owned(),
+            name: name.to_owned(),
+            limit,
+            rows: RefCell::default(),
             c_programs: RefCell::default(),
-            // The long form counts each second in which the link was silent.
-            bridge_toml: match plan.is_short {
-                true => FOR_SLOW_MACHINES,
-                false => "[link]\npc_timeout_ms = 60000\n",
-            },
         }
+    }
+
+    /// Another machine of the same measurement, whose commands begin with these words.
+    pub fn machine(&self, starter: impl IntoIterator<Item = String>) -> Sandbox {
+        let ril = self.ril.display().to_string();
+        Sandbox::new(starter.into_iter().chain([ril]), &self.name, self.limit)
+    }
+
+    /// Random numbers; `stream` tells those apart that are drawn side by side.
+    pub fn chance(&self, stream: u64) -> Rng {
+        Rng::with_seed(self.plan.seed ^ stream << 32)
+    }
+
+    /// Whether a measurement goes on: it ends early, with what there is, when the program is asked to end.
+    pub fn goes_on(&self) -> bool {
+        !self.plan.is_over.is_some_and(|is_over| is_over())
+    }
+
+    /// Prints a row of the table.
+    pub fn show(&self, outcome: Outcome) {
+        let mut rows = self.rows.borrow_mut();
+        let head = outcome.head();
+        if rows.last().is_none_or(|last| last.head() != head) {
+            println!("{head}");
+        }
+        println!("{outcome}");
+        rows.push(outcome);
+    }
+
+    /// Says why this machine cannot measure it.
+    pub fn skip(&self, why: &str) {
+        skip(&self.name, why);
+    }
+
+    /// The rows that were shown.
+    pub fn rows(&self) -> Vec<Outcome> {
+        self.rows.borrow().clone()
     }
 
     /// Starts a program of `examples/c`, after [`Kind::is_possible`] has said that this can be.
@@ -89,22 +135,24 @@ impl Site {
         }
     }
 
-    /// Starts one of a kind, and waits until it does its work.
+    /// Starts one of a kind, waits until it does its work, and says how long that took.
     #[track_caller]
-    pub fn start_working(&self, kind: Kind) -> Process {
+    pub fn start_working(&self, kind: Kind) -> (Process, Duration) {
+        let started = MonotonicNs::now();
         let mut process = self.start_one(kind);
         match kind.is_consumer() {
             true => process.wait_for_line(|line| line.stream == Stream::Stdout),
             false => process.wait_for_text("ready"),
         };
-        process
+        (process, MonotonicNs::now().since(started))
     }
 
     /// Starts simulator, bridge and status, and returns them in this order when telemetry comes. The simulated clock is `speed` times as
-    /// fast, and a machine that stalls for seconds ends no flight.
+    /// fast, and a machine that stalls for seconds ends no flight. The long form counts each second in which the link was silent.
     #[track_caller]
-    pub fn start_chain_at(&self, speed: u32) -> [Process; 3] {
-        self.write("bridge.toml", self.bridge_toml);
+    pub fn start_chain(&self, speed: u32) -> [Process; 3] {
+        let long = "[link]\npc_timeout_ms = 60000\n";
+        self.write("bridge.toml", self.plan.either(FOR_SLOW_MACHINES, long));
         let Robot {
             sim,
             mut bridge,
@@ -115,16 +163,10 @@ impl Site {
         [sim, bridge, status]
     }
 
-    /// As [`Site::start_chain_at`], four times as fast.
-    #[track_caller]
-    pub fn start_chain(&self) -> [Process; 3] {
-        self.start_chain_at(4)
-    }
-
-    /// The same, and the helicopter takes off.
+    /// The same, four times as fast, and the helicopter takes off.
     #[track_caller]
     pub fn start_flight(&self) -> [Process; 3] {
-        let chain = self.start_chain();
+        let chain = self.start_chain(4);
         self.ask("start");
         self.ask("takeoff --altitude 5");
         chain
@@ -172,10 +214,43 @@ pub fn is_done(args: &str, finished: &Finished) -> bool {
     }
 }
 
+/// Notes what a command of `ril` said that must be done; gives whether it was.
+pub fn require_done(outcome: &mut Outcome, args: &str, finished: &Finished) -> bool {
+    let is_done = is_done(args, finished);
+    let (code, words) = (finished.code(), finished.stderr.join(", "));
+    outcome.require(is_done, format!("{args}: {code:?} {words}"));
+    is_done
+}
+
+/// Lets a random time within `span` pass: the moment is what is tried then, not something that is waited for.
+pub fn pass(chance: &mut Rng, span: Duration) {
+    thread::sleep(span.mul_f64(chance.f64()));
+}
+
+/// `kill -9`; the process has ended when this returns.
+pub fn kill(process: &mut Process) {
+    process.signal(Signal::KILL);
+    process.wait_exit();
+}
+
 /// How many lines with `text` a process has printed.
 pub fn count_lines(process: &mut Process, text: &str) -> usize {
     let lines = process.lines().iter();
     lines.filter(|line| line.text.contains(text)).count()
+}
+
+/// What a process that runs has used.
+///
+/// # Panics
+///
+/// When it has ended, or the kernel does not say.
+pub fn usage_of(process: &Process) -> Usage {
+    Usage::of(process.id()).expect("it runs")
+}
+
+/// Resident memory of a process that runs, MB.
+pub fn memory_mb(process: &Process) -> f64 {
+    Holdings::of(process.id()).memory_kib as f64 / 1024.0
 }
 
 /// What processes that are not killed held at most while they warmed up. They may hold no more at the end.

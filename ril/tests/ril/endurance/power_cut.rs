@@ -1,46 +1,34 @@
-//! The short form of the power cuts: some hundred of all states in which one leaves records, logs and what is kept; and what the judge finds
+//! Power cuts: some hundred of all states in which one leaves records, logs and what is kept; and what the judge finds
 //! of a program that forces nothing onto the disk.
 
 use std::path::Path;
-use std::time::Duration;
 
-use endurance::plan::Plan;
 use endurance::power_cut;
 use endurance::power_cut::disk::Disk;
 use endurance::power_cut::trace::Step;
-use ril_tests::languages::skip;
 
-use super::site;
+use super::{counts, rows};
 
 #[test]
 fn what_was_forced_onto_the_disk_survives_a_power_cut_at_any_moment() {
-    let plan = Plan::short(600);
-    let site = site("power-cut", &plan, Duration::from_secs(300));
-    match power_cut::run(&site, &plan, &|| true) {
-        Err(reason) => skip("power cuts", &reason),
-        Ok(outcome) => {
-            println!("{}\n{outcome}", outcome.head());
-            assert!(outcome.is_good(), "{outcome}");
-            for kind in [
+    for row in rows("power cuts", 300, power_cut::run, "--count 600") {
+        counts(
+            &row,
+            &[
                 "of records",
                 "of logs",
                 "of replaced files",
                 "messages forced",
                 "rows forced",
-            ] {
-                assert!(outcome.count(kind) > 0, "{kind}: {outcome}");
-            }
-            for replaced in [
-                "bridge.toml",
-                "hero1_layout.json",
-                "robot-1.timestamp",
-                "view.key",
-            ] {
-                assert!(
-                    outcome.to_string().contains(replaced),
-                    "{replaced}: {outcome}"
-                );
-            }
+            ],
+        );
+        for replaced in [
+            "bridge.toml",
+            "hero1_layout.json",
+            "robot-1.timestamp",
+            "view.key",
+        ] {
+            assert!(row.to_string().contains(replaced), "{replaced}: {row}");
         }
     }
 }

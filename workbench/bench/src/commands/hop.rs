@@ -9,7 +9,7 @@ use ril_tests::process::Signal;
 
 use super::Common;
 use crate::harness::{Placement, Setting, Site};
-use crate::measured::{Arrival, Measured, Part, Ratio, Round, WARM_UP};
+use crate::measured::{Arrival, Measured, Part, Ratio, Round};
 use crate::peers::Peer;
 use crate::plot::{self, Bar};
 use crate::report::{Bound, PERCENTILES, Section};
@@ -61,7 +61,7 @@ pub fn measure(peer: Peer, setting: Setting, seconds: f64) -> Result<Round> {
     sender.signal(Signal::TERM);
     sender.wait_exit();
     let mut round = Round::default();
-    round.add("", &arrivals[WARM_UP..]);
+    round.add("", &arrivals);
     Ok(round)
 }
 

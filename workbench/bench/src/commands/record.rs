@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 use std::{fmt, fs};
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use ipc_types::MonotonicNs;
 use ril_tests::Process;
 
@@ -27,12 +27,13 @@ const WINDOWS: [&str; 3] = ["before", RECORDED, "after"];
 const RECORDED: &str = "recorded";
 const NOT_RECORDED: &str = "not recorded";
 
-/// The processes, by the window in which they are watched.
-const PROCESSES: [[&str; 3]; 3] = [
-    ["bridge before", "status before", ""],
-    ["bridge, recorded", "status, recorded", "`ril record`"],
-    ["bridge after", "status after", ""],
+/// What uses processor time; recording adds the recorder's, and what bridge and status take more than without it.
+const SHOWN: [[&str; 2]; 2] = [
+    ["bridge before", "status before"],
+    ["bridge, recorded", "status, recorded"],
 ];
+const RECORDER: &str = "`ril record`";
+const ADDED: &str = "all that recording adds";
 
 /// The percentiles that are compared.
 const PERCENTILES: [(&str, f64); 2] = [("p50", 0.5), ("p99", 0.99)];
@@ -66,25 +67,22 @@ impl fmt::Display for Case {
 /// A span of time in which nothing is started or ended.
 type Window = std::ops::Range<MonotonicNs>;
 
-/// Watches the processes for so long. The recorder's files are in `folder`.
+/// What the processes have used in a window, and how much longer the files in `folder` are then.
 fn watch(
-    round: &mut Round,
-    number: usize,
-    processes: [Option<&Process>; 3],
+    processes: &[(&'static str, &Process)],
     folder: &Path,
     seconds: f64,
-) -> Result<Window> {
-    let names = PROCESSES[number].into_iter();
-    let named = names.zip(processes);
-    let watch = Watch::begin(named.filter_map(|(name, process)| Some((name, process?))))?;
+) -> Result<(Window, Round)> {
+    let watch = Watch::begin(processes.iter().copied())?;
     let bytes = taken(folder)?;
     let begin = watch.since();
     sleep_until(begin + Duration::from_secs_f64(seconds))?;
     let end = MonotonicNs::now();
-    let elapsed_s = watch.end(round)?;
+    let mut used = Round::default();
+    let elapsed_s = watch.end(&mut used)?;
     let bytes_s = taken(folder)?.saturating_sub(bytes) as f64 / elapsed_s;
-    round.add_figure(WINDOWS[number], "bytes a second", bytes_s);
-    Ok(begin..end)
+    used.add_figure(RECORDED, "bytes a second", bytes_s);
+    Ok((begin..end, used))
 }
 
 /// Bytes of the disk that the files in `folder` take: a file that is not finished is longer than what lies in it.
@@ -115,18 +113,34 @@ fn measure(case: Case, seconds: f64) -> Result<Round> {
     start_up()?;
     start_up()?;
 
-    let mut round = Round::default();
-    let robot = [Some(&ril.bridge), ril.status.as_ref()];
-    let alone = [robot[0], robot[1], None];
-    let before = watch(&mut round, 0, alone, &folder, seconds / 2.0)?;
+    let status = ril.status.as_ref().context("it was started")?;
+    let [before_names, names] =
+        SHOWN.map(|[bridge, of_status]| [(bridge, &ril.bridge), (of_status, status)]);
+    let (before, without) = watch(&before_names, &folder, seconds / 2.0)?;
     let recorder = start_recorder(&site, "recording")?;
     start_up()?;
-    let recorded = [robot[0], robot[1], Some(&recorder)];
-    let during = watch(&mut round, 1, recorded, &folder, seconds)?;
+    let [bridge, of_status] = names;
+    let (during, with) = watch(
+        &[bridge, of_status, (RECORDER, &recorder)],
+        &folder,
+        seconds,
+    )?;
     let end = end_recorder(recorder)?;
     start_up()?;
-    let after = watch(&mut round, 2, alone, &folder, seconds / 2.0)?;
+    let (after, later) = watch(&before_names, &folder, seconds / 2.0)?;
+    let cpu = |used: &Round, names: &[&'static str]| -> f64 {
+        names.iter().map(|name| used.figure(name, CPU)).sum()
+    };
+    let alone = cpu(&without, &SHOWN[0]) + cpu(&later, &SHOWN[0]);
+    let added = cpu(&with, &SHOWN[1]) + cpu(&with, &[RECORDER]) - alone / 2.0;
 
+    let mut round = with;
+    for name in SHOWN[0] {
+        for quantity in [CPU, WAKES] {
+            round.add_figure(name, quantity, without.figure(name, quantity));
+        }
+    }
+    round.add_figure(ADDED, CPU, added);
     for (quantity, value) in [
         ("messages", end.messages),
         ("dropped", end.dropped),
@@ -191,8 +205,7 @@ pub fn run(args: &Args) -> Result<()> {
     let header = ["percentile", "recorded / not", "not / not"];
     section.table(&header, &rows.collect::<Vec<_>>());
     section.text("Processor time and wake-ups, of all threads, medians of the rounds; without the recorder, those before it:");
-    let shown = ["bridge before", "bridge, recorded", "status before"];
-    let shown = [&shown[..], &["status, recorded", "`ril record`"]].concat();
+    let shown = [&SHOWN.concat()[..], &[RECORDER]].concat();
     let rows = cases
         .iter()
         .flat_map(|case| shown.iter().map(|process| (*case, *process)));
@@ -268,25 +281,13 @@ fn goals(section: &mut Section, case: Case, measured: &Measured<Case>) {
             ),
         );
     }
-    let cpu = |process| measured.figures(case, process, CPU);
-    let recorder = cpu("`ril record`");
-    let [before, during, after] = PROCESSES.map(|names| names.map(cpu));
-    let all: Vec<f64> = (0..recorder.len())
-        .map(|round| {
-            let sum = |window: &[Vec<f64>; 3]| -> f64 {
-                let of_round = window.iter().filter_map(|values| values.get(round));
-                of_round.sum()
-            };
-            sum(&during) - (sum(&before) + sum(&after)) / 2.0
-        })
-        .collect();
     // What recording may take of a core, %.
     let most = if case.rate_hz <= 50 { 1.0 } else { 5.0 };
-    for (what, percent) in [("`ril record`", recorder), ("all that recording adds", all)] {
+    for what in [RECORDER, ADDED] {
         section.goal(
             format!("{what}, {case}, % of a core"),
             Bound::AtMost(most),
-            Ratio::of_values(&percent),
+            Ratio::of_values(&measured.figures(case, what, CPU)),
         );
     }
 }

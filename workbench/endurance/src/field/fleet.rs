@@ -6,27 +6,25 @@
 //! requests; a machine that runs a hundred relays has no room for three times as many processes beside them. Every robot stands at a
 //! place of its own, and an order has an id that no other one has: what comes from another robot is counted.
 
+use std::fs;
 use std::net::Ipv4Addr;
-use std::path::Path;
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use ipc_types::code::{ControlCommand, LinkState, RelayLinkState, Stage};
-use ipc_types::payload::{HeroTelemetry, ModuleControl, ModuleState, RelayLink};
-use ipc_types::{
-    Domain, Ipc, MonotonicNs, RobotId, TelemetryGroup, Waiter, allow_many_files, fresh_request_id,
-};
+use ipc_types::code::{LinkState, RelayLinkState, Stage};
+use ipc_types::payload::{HeroTelemetry, ModuleState, RelayLink};
+use ipc_types::{Domain, MonotonicNs, RobotId, TelemetryGroup, allow_many_files};
 use ril_tests::relayed::STATION;
 use ril_tests::sandbox::{FOR_SLOW_MACHINES, Robot};
 use ril_tests::{Process, Received, Sandbox, Script, StandInBridge, StandInStatus};
-use runtime::usage::{Load, Usage};
+use runtime::usage::Usage;
 
+use super::{OPEN, Operator, Ordered};
+use crate::listener::Listener;
 use crate::outcome::{Outcome, Times};
-use crate::usage::{Machine, usage_of};
-
-/// How robots and station connect: with each other, or with a router.
-pub const TOPOLOGIES: [&str; 2] = ["peers", "router"];
+use crate::plan::{Plan, TOPOLOGIES};
+use crate::site::{Site, usage_of};
 
 /// How far the robots stand from each other, degrees of latitude.
 const APART_DEG: f64 = 0.002;
@@ -37,199 +35,177 @@ const FIRST_DEG: f64 = 37.0;
 /// From one order of a robot to the next.
 const ORDER_PERIOD: Duration = Duration::from_secs(1);
 
-/// A link that is not up by then, a sample that does not come for so long and an order that has no end hang.
-const LONGEST: Duration = Duration::from_secs(90);
-
 /// From the first sample of the last robot until measuring begins: each relay sends slowly at first.
 const WARM_UP: Duration = Duration::from_secs(5);
 
 /// When the player is so late, it leaves out what it is late by.
 const MOST_BEHIND: Duration = Duration::from_secs(1);
 
-/// Nothing but this program reaches the loopback interface's address that it takes.
-const OPEN: &str = "[security]\ninsecure = true\n";
-
-/// What is measured.
-#[derive(Clone, Copy, Debug)]
-pub struct Fleet<'a> {
-    /// The program `ril`; the relay's lies beside it.
-    pub ril: &'a Path,
-    /// How many robots.
-    pub robots: u32,
-    /// How many of them are whole.
-    pub whole: u32,
-    /// Samples of each kind of telemetry a second, of each robot.
-    pub rate_hz: u32,
-    /// One of [`TOPOLOGIES`].
-    pub through: &'a str,
-    /// How many stations have all robots. The first one is observed and orders; the others watch.
-    pub stations: u32,
-    /// Robots of one relay of the station, which starts as many relays as it takes.
-    pub per_relay: u32,
-    /// For how long.
-    pub duration: Duration,
-    /// A measurement that takes longer hangs.
-    pub limit: Duration,
+/// Measures each number of robots that is planned, in each topology.
+pub fn run(site: &Site) {
+    // What is played, and the observers of all robots, are in this process.
+    allow_many_files();
+    let through = site.plan.through.as_deref();
+    for topology in TOPOLOGIES
+        .into_iter()
+        .filter(|one| through.is_none_or(|chosen| chosen == *one))
+    {
+        for robots in &site.plan.robots {
+            if site.goes_on() {
+                measure(site, topology == "router", *robots);
+            }
+        }
+    }
 }
 
 /// Starts everything, measures, and ends everything.
-pub fn run(fleet: &Fleet<'_>) -> Outcome {
-    // What is played, and the observers of all robots, are in this process.
-    allow_many_files();
-    let network = Network::new(fleet);
+fn measure(site: &Site, has_router: bool, count: u32) {
+    let plan = &site.plan;
+    let network = Network::new(has_router);
     let began = MonotonicNs::now();
-    let mut robots: Vec<OneRobot> = (1..=fleet.robots)
-        .map(|number| OneRobot::start(fleet, &network, number))
-        .collect();
-    let stations: Vec<Sandbox> = (0..fleet.stations).map(|_| machine(fleet)).collect();
+    let start = |number| OneRobot::start(site, &network, number);
+    let mut robots: Vec<OneRobot> = (1..=count).map(start).collect();
+    let stations: Vec<Sandbox> = (0..plan.stations).map(|_| site.machine([])).collect();
     let station = &stations[0];
-    let router = network.has_router.then(|| {
-        let text = format!("{OPEN}[router]\nlisten = [\"{}\"]\n", network.router());
-        station.write("router.toml", &text);
-        station.start_ready("relay router --config router.toml")
-    });
-    // All of them at once: each takes a moment.
-    for robot in &mut robots {
-        let args = format!("relay robot --robot {}", robot.number);
-        robot.relay = Some(robot.machine.start(&args));
+    let mut processes: Vec<(&str, Process)> = Vec::new();
+    if has_router {
+        let listen = format!("{OPEN}[router]\nlisten = [\"{}\"]\n", network.relay(0));
+        station.write("router.toml", &listen);
+        let router = station.start_ready("relay router --config router.toml");
+        processes.push(("router", router));
     }
-    for relay in robots.iter_mut().filter_map(|robot| robot.relay.as_mut()) {
+    // All of them at once: each takes a moment.
+    let relays = robots.iter().map(|robot| {
+        let args = format!("relay robot --robot {}", robot.number);
+        ("relay", robot.machine.start(&args))
+    });
+    let first = processes.len();
+    processes.extend(relays.collect::<Vec<_>>());
+    for (_, relay) in &mut processes[first..] {
         relay.wait_for_text("ready");
     }
-    let mut relays = Vec::new();
     for (place, station) in stations.iter().enumerate() {
-        let kind = ["station", "another station"][place.min(1)];
-        let some = start_station(fleet, &network, station, place);
-        relays.extend(some.into_iter().map(|relay| (kind, relay)));
+        start_station(plan, &network, station, place, count, &mut processes);
     }
     // After all processes: a process inherits what this one has open, and its files are counted.
-    let player = Player::start(&robots, fleet.rate_hz);
-    let observers: Vec<Observer> = robots
-        .iter()
-        .map(|robot| Observer::start(station, robot.number))
-        .collect();
-    observers.iter().for_each(Observer::await_ready);
+    let player = Player::start(&robots, plan.rate_hz);
+    (1..=count).for_each(|number| await_robot(station, number));
     let up_after = MonotonicNs::now().since(began);
 
     let begin = MonotonicNs::now() + WARM_UP;
-    for observer in &observers {
-        observer.measure(begin, begin + fleet.duration);
-    }
+    let end = begin + plan.duration(15);
+    let observe = |number| Observer::start(&station.domain, number, begin, end);
+    let observers: Vec<Observer> = (1..=count).map(observe).collect();
     thread::sleep(begin.since(MonotonicNs::now()));
-    let machine_before = Machine::now();
-    let before = Kinds::now(&robots, &relays, router.as_ref());
+    let links = || {
+        (1..=count)
+            .map(|number| link_of(station, number))
+            .collect::<Vec<_>>()
+    };
+    let (links_before, machine_before) = (links(), Machine::now());
+    let before = usage(&robots, &processes);
     let seen: Vec<Seen> = observers.into_iter().map(Observer::end).collect();
-    let after = Kinds::now(&robots, &relays, router.as_ref());
+    let after = usage(&robots, &processes);
     let idle_percent = Machine::now().idle_percent(machine_before);
+    let links_after = links();
 
-    relays.into_iter().for_each(|(_, relay)| drop(relay.end()));
+    // The stations' relays end first, and a router last.
+    processes
+        .into_iter()
+        .rev()
+        .for_each(|(_, process)| drop(process.end()));
     let played = player.end();
-    let relays_of_robots = robots.iter_mut().filter_map(|robot| robot.relay.take());
-    relays_of_robots.for_each(|relay| drop(relay.end()));
-    router.into_iter().for_each(|router| drop(router.end()));
-    for robot in robots {
-        if let Some(whole) = robot.whole {
-            whole.end();
-        }
+    for whole in robots.iter_mut().filter_map(|robot| robot.whole.take()) {
+        whole.end();
     }
-    report(
-        fleet,
-        &Measured {
-            seen,
-            played,
-            before,
-            after,
-            up_after,
-            idle_percent,
-        },
-    )
-}
-
-/// Everything that came of it.
-struct Measured {
-    seen: Vec<Seen>,
-    /// Of each robot that is played, the ids of the orders that reached it.
-    played: Vec<(u32, Vec<u64>)>,
-    before: Kinds,
-    after: Kinds,
-    up_after: Duration,
-    idle_percent: f64,
-}
-
-fn report(fleet: &Fleet<'_>, measured: &Measured) -> Outcome {
-    let Measured { seen, played, .. } = measured;
-    let (mut ages, mut orders) = (Times::default(), Times::default());
-    let (mut foreign, mut unanswered, mut refused) = (0, 0, 0);
-    let (mut lost_on_air, mut lost_in_relay, mut left_out) = (0, 0, 0);
-    let mut bytes_per_s = 0.0;
-    for one in seen {
-        ages.0.extend(&one.ages.0);
-        orders.0.extend(&one.orders.0);
-        foreign += one.foreign;
-        unanswered += one.unanswered;
-        refused += one.refused;
-        let [earlier, later] = &one.links;
-        let since = |of: fn(&RelayLink) -> u64| of(later).saturating_sub(of(earlier));
-        lost_on_air += since(|link| link.samples_lost_on_air);
-        lost_in_relay += since(|link| link.samples_lost_in_relay);
-        left_out += since(|link| link.samples_left_out);
-        let took_s = since(|link| link.published_ns) as f64 * 1e-9;
-        bytes_per_s += since(|link| link.bytes_received) as f64 / took_s;
-    }
-    // What a robot got that is played must be what was ordered of it, once, and nothing else.
-    let strayed = played.iter().filter(|(number, got)| {
-        let sent = &seen[*number as usize - 1].ids;
-        *got != *sent
-    });
-    let strayed = strayed.count();
     let mut outcome = Outcome::default();
+    let whole = plan.whole.min(count);
     outcome.cell(
         "robots: whole, played",
-        format!(
-            "{}: {}, {}",
-            fleet.robots,
-            fleet.whole.min(fleet.robots),
-            fleet.robots.saturating_sub(fleet.whole)
-        ),
+        format!("{count}: {whole}, {}", count - whole),
     );
-    outcome.cell("stations", fleet.stations);
-    outcome.cell("through", fleet.through);
-    measured.before.report(&measured.after, &mut outcome);
-    let kb_per_s = bytes_per_s / f64::from(fleet.robots) / 1e3;
+    outcome.cell("stations", plan.stations);
+    outcome.cell("through", TOPOLOGIES[usize::from(has_router)]);
+    report_usage(&mut outcome, &before, &after);
+    report_seen(&mut outcome, &seen, &played, &links_before, &links_after);
+    outcome.cell("all up after, s", format!("{:.0}", up_after.as_secs_f64()));
+    outcome.cell("machine idle, %", format!("{idle_percent:.0}"));
+    site.show(outcome);
+}
+
+fn report_seen(
+    outcome: &mut Outcome,
+    seen: &[Seen],
+    played: &[(u32, Vec<u64>)],
+    before: &[RelayLink],
+    after: &[RelayLink],
+) {
+    let since = |of: fn(&RelayLink) -> u64| {
+        let links = before.iter().zip(after);
+        links.map(move |(before, after)| of(after).saturating_sub(of(before)))
+    };
+    let took_s = since(|link| link.published_ns).map(|ns| ns as f64 * 1e-9);
+    let bytes = since(|link| link.bytes_received);
+    let bytes_per_s: f64 = bytes
+        .zip(took_s)
+        .map(|(bytes, took_s)| bytes as f64 / took_s)
+        .sum();
+    let kb_per_s = bytes_per_s / seen.len() as f64 / 1e3;
     outcome.cell("kB/s of a robot", format!("{kb_per_s:.1}"));
-    outcome.cell("age: p50, p99, ms", quantiles(&ages));
-    outcome.cell("order: p50, p99, ms", quantiles(&orders));
+    let ages: Times = seen.iter().flat_map(|one| &one.ages.0).copied().collect();
+    let orders: Vec<&Ordered> = seen
+        .iter()
+        .flat_map(|one| one.orders.iter().flatten())
+        .collect();
+    let ended = orders.iter().filter(|order| order.end.is_some());
+    let times: Times = ended.clone().map(|order| order.took).collect();
+    outcome.cell("age: p50, p99, ms", ages.quantiles_ms(&[0.5, 0.99]));
+    outcome.cell("order: p50, p99, ms", times.quantiles_ms(&[0.5, 0.99]));
     outcome.cell("samples", ages.count());
-    outcome.cell("orders", orders.count());
+    outcome.cell("orders", times.count());
+    let lost = [
+        since(|link| link.samples_lost_on_air).sum::<u64>(),
+        since(|link| link.samples_lost_in_relay).sum(),
+        since(|link| link.samples_left_out).sum(),
+    ];
     outcome.cell(
         "lost on the air, in a relay, left out",
-        format!("{lost_on_air}, {lost_in_relay}, {left_out}"),
+        lost.map(|count| count.to_string()).join(", "),
     );
+    let unsent = seen
+        .iter()
+        .flat_map(|one| &one.orders)
+        .filter(|order| order.is_none())
+        .count();
+    let is_done = |order: &&&Ordered| {
+        order
+            .end
+            .is_some_and(|end| end.stage() == Some(Stage::Done))
+    };
+    let refused = unsent + ended.clone().filter(|order| !is_done(order)).count();
     outcome.cell("orders refused", refused);
-    outcome.cell(
-        "all up after, s",
-        format!("{:.0}", measured.up_after.as_secs_f64()),
-    );
-    outcome.cell("machine idle, %", format!("{:.0}", measured.idle_percent));
-    let failed = [
-        (foreign, "samples of another robot"),
-        (unanswered, "orders without a final report of their own"),
-        (strayed, "robots got other orders than were given to them"),
-    ];
-    for (count, what) in failed {
+    let strays: usize = orders.iter().map(|order| order.strays).sum();
+    // What a robot got that is played must be what was ordered of it, once, and nothing else.
+    let strayed = played.iter().filter(|(number, got)| {
+        let sent = seen[*number as usize - 1].orders.iter().flatten();
+        !sent.map(|order| order.id).eq(got.iter().copied())
+    });
+    for (count, what) in [
+        (
+            seen.iter().map(|one| one.foreign).sum(),
+            "samples of another robot",
+        ),
+        (
+            orders.len() - times.count() + strays,
+            "orders without a final report of their own",
+        ),
+        (
+            strayed.count(),
+            "robots got other orders than were given to them",
+        ),
+    ] {
         outcome.require(count == 0, format!("{count} {what}"));
     }
-    outcome
-}
-
-/// The median, and what 99 of 100 do not exceed, ms.
-fn quantiles(times: &Times) -> String {
-    let [median, most] = [0.5, 0.99].map(|share| times.quantile(share).as_secs_f64() * 1e3);
-    format!("{median:.1}, {most:.1}")
-}
-
-fn machine(fleet: &Fleet<'_>) -> Sandbox {
-    Sandbox::new([fleet.ril], "fleet", fleet.limit)
 }
 
 /// Where relays listen: at an address on loopback that belongs to this process, so that no other program has a port of it.
@@ -239,33 +215,30 @@ struct Network {
 }
 
 impl Network {
-    fn new(fleet: &Fleet<'_>) -> Network {
+    fn new(has_router: bool) -> Network {
         // The kernel numbers processes up to 2^22.
         let bits = 0x7f40_0000 | std::process::id() & 0x003f_ffff;
         Network {
             address: Ipv4Addr::from_bits(bits),
-            has_router: fleet.through == "router",
+            has_router,
         }
     }
 
-    fn robot(&self, number: u32) -> String {
+    /// The relay of a robot, or with 0 the router.
+    fn relay(&self, number: u32) -> String {
         format!("tcp/{}:{}", self.address, 7447 + number)
-    }
-
-    fn router(&self) -> String {
-        format!("tcp/{}:7447", self.address)
     }
 
     /// The part of `relay.toml` that is the same for both sides.
     fn section(&self) -> String {
-        let through = if self.has_router { "router" } else { "peers" };
+        let through = TOPOLOGIES[usize::from(self.has_router)];
         format!("{OPEN}[network]\nthrough = \"{through}\"\nsilent_after_ms = 20000\n")
     }
 
     fn robot_toml(&self, number: u32) -> String {
         let endpoints = match self.has_router {
-            true => format!("listen = []\nconnect = [\"{}\"]", self.router()),
-            false => format!("listen = [\"{}\"]", self.robot(number)),
+            true => format!("listen = []\nconnect = [\"{}\"]", self.relay(0)),
+            false => format!("listen = [\"{}\"]", self.relay(number)),
         };
         let section = self.section();
         format!("{section}[robot]\n{endpoints}\n[commands]\nstations = [\"{STATION}\"]\n")
@@ -273,39 +246,40 @@ impl Network {
 
     fn station_toml(&self, name: &str, numbers: &[u32]) -> String {
         let connect: Vec<String> = match self.has_router {
-            true => vec![self.router()],
-            false => numbers.iter().map(|number| self.robot(*number)).collect(),
+            true => vec![self.relay(0)],
+            false => numbers.iter().map(|number| self.relay(*number)).collect(),
         };
         let robots = numbers
             .iter()
             .map(|number| format!("{{ number = {number} }}"));
-        let robots: Vec<String> = robots.collect();
+        let robots = robots.collect::<Vec<_>>().join(", ");
+        let section = self.section();
         format!(
-            "{}[station]\nname = \"{name}\"\nconnect = {connect:?}\nrobots = [{}]\n",
-            self.section(),
-            robots.join(", ")
+            "{section}[station]\nname = \"{name}\"\nconnect = {connect:?}\nrobots = [{robots}]\n"
         )
     }
 }
 
 /// Starts the relays of the station at this place, each with some of the robots.
 fn start_station(
-    fleet: &Fleet<'_>,
+    plan: &Plan,
     network: &Network,
     station: &Sandbox,
     place: usize,
-) -> Vec<Process> {
-    let name = match place {
-        0 => STATION.to_owned(),
-        _ => format!("{STATION}-{place}"),
+    robots: u32,
+    processes: &mut Vec<(&str, Process)>,
+) {
+    let (kind, name) = match place {
+        0 => ("station", STATION.to_owned()),
+        _ => ("another station", format!("{STATION}-{place}")),
     };
-    let numbers: Vec<u32> = (1..=fleet.robots).collect();
-    let relays = numbers.chunks(fleet.per_relay as usize).map(|some| {
+    let numbers: Vec<u32> = (1..=robots).collect();
+    for some in numbers.chunks(plan.per_relay as usize) {
         let file = format!("station-{}.toml", some[0]);
         station.write(&file, &network.station_toml(&name, some));
-        station.start_ready(&format!("relay station --config {file}"))
-    });
-    relays.collect()
+        let relay = station.start_ready(&format!("relay station --config {file}"));
+        processes.push((kind, relay));
+    }
 }
 
 /// A robot.
@@ -313,22 +287,19 @@ struct OneRobot {
     number: u32,
     /// `None` when it is played.
     whole: Option<Robot>,
-    relay: Option<Process>,
     /// Last: dropping it asserts that nothing is left.
     machine: Sandbox,
 }
 
 impl OneRobot {
     /// Starts what is a process of its own, but for its relay.
-    fn start(fleet: &Fleet<'_>, network: &Network, number: u32) -> OneRobot {
-        let machine = machine(fleet);
-        let relay_toml = network.robot_toml(number);
-        machine.write("relay.toml", &relay_toml);
-        let is_whole = number <= fleet.whole;
-        let whole = is_whole.then(|| {
+    fn start(site: &Site, network: &Network, number: u32) -> OneRobot {
+        let machine = site.machine([]);
+        machine.write("relay.toml", &network.robot_toml(number));
+        let whole = (number <= site.plan.whole).then(|| {
             let home = format!("[home]\nlatitude_deg = {:.6}\n", latitude_deg(number));
             machine.write("dsp-sim.toml", &home);
-            let period_ms = 1000 / fleet.rate_hz;
+            let period_ms = 1000 / site.plan.rate_hz;
             let rate = format!("[parameters]\nstatus_period_ms = {period_ms}\n");
             machine.write("bridge.toml", &format!("{FOR_SLOW_MACHINES}{rate}"));
             machine.start_robot(number, 1)
@@ -336,7 +307,6 @@ impl OneRobot {
         OneRobot {
             number,
             whole,
-            relay: None,
             machine,
         }
     }
@@ -360,7 +330,8 @@ struct Played {
 }
 
 impl Played {
-    fn new(domain: &Domain, number: u32) -> Played {
+    fn new(robot: &OneRobot) -> Played {
+        let (domain, number) = (&robot.machine.domain, robot.number);
         Played {
             number,
             bridge: StandInBridge::start_for(domain, robot_id(number)),
@@ -369,43 +340,31 @@ impl Played {
         }
     }
 
-    fn publish(&self) {
-        self.standing.dsp().iter().take(1).for_each(|sample| {
-            self.bridge.publish(sample);
-        });
-        self.standing.hero().iter().take(1).for_each(|sample| {
-            self.status.publish(sample);
-        });
-    }
-
-    fn publish_state(&self) {
-        self.bridge.publish_state(&StandInBridge::idle_state());
+    /// The robot, and the ids of the orders that it got, in order.
+    fn end(self) -> (u32, Vec<u64>) {
+        let ids = |request: &Received| match request {
+            Received::Control(request) => Some(request.request_id),
+            Received::Movement(_) | Received::Parameter(_) => None,
+        };
+        let requests = self.bridge.take_requests();
+        (self.number, requests.iter().filter_map(ids).collect())
     }
 }
 
 /// Publishes for all robots that are played, on a thread of its own, one after the other within each period.
 struct Player {
-    end: Sender<()>,
+    end: mpsc::Sender<()>,
     thread: JoinHandle<Vec<(u32, Vec<u64>)>>,
 }
 
 impl Player {
     fn start(robots: &[OneRobot], rate_hz: u32) -> Player {
         let played = robots.iter().filter(|robot| robot.whole.is_none());
-        let played = played.map(|robot| Played::new(&robot.machine.domain, robot.number));
-        let played: Vec<Played> = played.collect();
+        let played: Vec<Played> = played.map(Played::new).collect();
         let (end, is_over) = mpsc::channel();
         let thread = thread::spawn(move || {
             play(&played, rate_hz, &is_over);
-            let ids = |one: Played| {
-                let requests = one.bridge.take_requests();
-                let ids = requests.iter().filter_map(|request| match request {
-                    Received::Control(request) => Some(request.request_id),
-                    Received::Movement(_) | Received::Parameter(_) => None,
-                });
-                (one.number, ids.collect())
-            };
-            played.into_iter().map(ids).collect()
+            played.into_iter().map(Played::end).collect()
         });
         Player { end, thread }
     }
@@ -426,9 +385,10 @@ fn play(played: &[Played], rate_hz: u32, is_over: &Receiver<()>) {
     let turn = Duration::from_secs(1) / turns;
     let mut next = MonotonicNs::now();
     for (count, one) in (1_u32..).zip(played.iter().cycle()) {
-        one.publish();
+        one.bridge.publish(&one.standing.dsp()[0]);
+        one.status.publish(&one.standing.hero()[0]);
         if (count / played.len() as u32).is_multiple_of(rate_hz) {
-            one.publish_state();
+            one.bridge.publish_state(&StandInBridge::idle_state());
         }
         // What a busy machine is late by is made up for.
         let now = MonotonicNs::now();
@@ -436,279 +396,191 @@ fn play(played: &[Played], rate_hz: u32, is_over: &Receiver<()>) {
             true => next + turn,
             false => now,
         };
-        match is_over.recv_timeout(next.since(now)) {
-            Err(RecvTimeoutError::Timeout) => {}
-            Ok(()) | Err(RecvTimeoutError::Disconnected) => return,
+        if is_over.recv_timeout(next.since(now)) != Err(RecvTimeoutError::Timeout) {
+            return;
         }
     }
 }
 
-/// Who reads a robot's telemetry at the station and orders, on a thread of its own.
+/// Who reads a robot's telemetry at the station and orders.
 struct Observer {
-    ready: Receiver<()>,
-    /// From when to when it measures.
-    span: Sender<(MonotonicNs, MonotonicNs)>,
-    thread: JoinHandle<Seen>,
+    number: u32,
+    /// From when to when samples count.
+    span: std::ops::Range<MonotonicNs>,
+    telemetry: Listener<(MonotonicNs, Option<f64>)>,
+    orders: JoinHandle<Vec<Option<Ordered>>>,
 }
 
 /// What an observer saw.
-#[derive(Default)]
 struct Seen {
     /// From the bridge to this observer.
     ages: Times,
-    /// From an order to its final report.
-    orders: Times,
-    /// The orders, by their ids.
-    ids: Vec<u64>,
-    /// Final reports that are not *done*.
-    refused: usize,
-    unanswered: usize,
+    /// `None` of those that could not be sent.
+    orders: Vec<Option<Ordered>>,
     /// Samples of a robot that stands somewhere else.
     foreign: usize,
-    /// How the link was at the beginning and at the end.
-    links: [RelayLink; 2],
 }
 
 impl Observer {
-    fn start(station: &Sandbox, number: u32) -> Observer {
-        let domain = station.domain.clone();
-        let (readier, ready) = mpsc::channel();
-        let (span, begins) = mpsc::channel();
-        let thread = thread::spawn(move || {
-            let mut ports = StationPorts::open(&domain, number);
-            ports.await_link();
-            // The other end may be gone after a failure.
-            let _ = readier.send(());
-            match begins.recv() {
-                Ok((begin, end)) => ports.observe(begin, end),
-                Err(_) => Seen::default(),
+    fn start(domain: &Domain, number: u32, begin: MonotonicNs, end: MonotonicNs) -> Observer {
+        let place = |sample: &HeroTelemetry| {
+            let latitude_deg = sample.geodetic.latitude_rad.to_degrees();
+            let is_known = sample.valid(TelemetryGroup::Geographic);
+            (sample.received(), is_known.then_some(latitude_deg))
+        };
+        let telemetry = Listener::start(domain, robot_id(number), place);
+        let mut operator = Operator::join(domain, robot_id(number));
+        let orders = thread::spawn(move || {
+            // All robots get orders, at moments of their own.
+            let mut next = begin + ORDER_PERIOD.mul_f64(f64::from(number % 20) / 20.0);
+            let mut orders = Vec::new();
+            while next < end {
+                thread::sleep(next.since(MonotonicNs::now()));
+                orders.push(operator.order());
+                next = next + ORDER_PERIOD;
             }
+            orders
         });
         Observer {
-            ready,
-            span,
-            thread,
-        }
-    }
-
-    /// Returns when telemetry of its robot has come.
-    fn await_ready(&self) {
-        self.ready.recv().expect("the robot is seen at the station");
-    }
-
-    fn measure(&self, begin: MonotonicNs, end: MonotonicNs) {
-        self.span.send((begin, end)).expect("the observer waits");
-    }
-
-    fn end(self) -> Seen {
-        self.thread.join().expect("the station can be observed")
-    }
-}
-
-/// The ports of an observer.
-struct StationPorts {
-    number: u32,
-    ipc: Ipc,
-    telemetry: ipc_types::Subscriber<HeroTelemetry>,
-    links: ipc_types::Subscriber<RelayLink>,
-    /// The last one of them.
-    link: RelayLink,
-    waiter: Waiter,
-}
-
-impl StationPorts {
-    fn open(domain: &Domain, number: u32) -> StationPorts {
-        let ipc = Ipc::join(domain, robot_id(number), "observer").expect("a place");
-        StationPorts {
             number,
-            telemetry: ipc.subscriber().expect("a subscriber"),
-            links: ipc.subscriber().expect("a subscriber"),
-            link: RelayLink::default(),
-            waiter: Waiter::new(),
-            ipc,
+            span: begin..end,
+            telemetry,
+            orders,
         }
     }
 
-    /// Waits until the link is up, the robot's DSP is there and a sample has come.
-    fn await_link(&mut self) {
-        let give_up = MonotonicNs::now() + LONGEST;
-        let mut states = self.ipc.subscriber::<ModuleState>().expect("a subscriber");
-        let (mut is_up, mut has_dsp, mut has_sample) = (false, false, false);
-        while !(is_up && has_dsp && has_sample) {
-            let left = give_up.since(MonotonicNs::now());
-            assert!(
-                !left.is_zero(),
-                "robot {} is not seen at the station",
-                self.number
-            );
-            let mut sources: [((), &mut dyn ipc_types::Source); 3] = [
-                ((), &mut self.telemetry),
-                ((), &mut self.links),
-                ((), &mut states),
-            ];
-            self.waiter.wait(&mut sources, Some(left)).expect("a wait");
-            // What cannot be received now can be by the next call, says the subscriber.
-            let _ = self.links.drain(|link| self.link = *link);
-            is_up = self.link.state() == Some(RelayLinkState::Up);
-            let _ = states.drain(|state| has_dsp = state.link.state() == Some(LinkState::Up));
-            let _ = self.telemetry.drain(|_| has_sample = true);
+    /// Ends when the time is over and each order has its end.
+    fn end(self) -> Seen {
+        thread::sleep(self.span.end.since(MonotonicNs::now()));
+        let orders = self.orders.join().expect("the station can be observed");
+        let (mut heard, _) = self.telemetry.end();
+        heard.retain(|heard| self.span.contains(&heard.at));
+        let home_deg = latitude_deg(self.number);
+        let is_foreign = |place_deg: f64| (place_deg - home_deg).abs() >= APART_DEG / 2.0;
+        Seen {
+            ages: heard
+                .iter()
+                .map(|heard| heard.at.since(heard.kept.0))
+                .collect(),
+            foreign: heard
+                .iter()
+                .filter(|heard| heard.kept.1.is_some_and(is_foreign))
+                .count(),
+            orders,
         }
     }
+}
 
-    fn observe(mut self, begin: MonotonicNs, end: MonotonicNs) -> Seen {
-        let mut seen = Seen::default();
-        let mut client = self.ipc.client::<ModuleControl>().expect("a client");
-        let number = u64::from(self.number);
-        // All robots get orders, at moments of their own.
-        let mut next_order = begin + ORDER_PERIOD.mul_f64((number % 20) as f64 / 20.0);
-        let mut open: Option<(u64, MonotonicNs)> = None;
-        loop {
-            let now = MonotonicNs::now();
-            if now >= begin && seen.links[0].published_ns == 0 {
-                seen.links[0] = self.link;
-            }
-            if now >= end && open.is_none() {
-                break;
-            }
-            if open.is_some_and(|(_, sent)| now.since(sent) > LONGEST) {
-                seen.unanswered += 1;
-                break;
-            }
-            if open.is_none() && now >= next_order {
-                let id = fresh_request_id();
-                next_order = next_order + ORDER_PERIOD;
-                match client.send(&ModuleControl::new(id, ControlCommand::Stop)) {
-                    Ok(_) => {
-                        open = Some((id, now));
-                        seen.ids.push(id);
-                    }
-                    Err(_) => seen.refused += 1,
-                }
-            }
-            let until = match open {
-                Some((_, sent)) => sent + LONGEST,
-                None => next_order.min(end),
-            };
-            let mut sources: [((), &mut dyn ipc_types::Source); 3] = [
-                ((), &mut self.telemetry),
-                ((), &mut self.links),
-                ((), &mut client),
-            ];
-            let timeout = until.since(now) + Duration::from_millis(1);
-            self.waiter
-                .wait(&mut sources, Some(timeout))
-                .expect("a wait");
-            let now = MonotonicNs::now();
-            client.drain(|report| match open {
-                Some((id, sent)) if report.request_id == id => {
-                    if report.is_final() {
-                        seen.orders.push(now.since(sent));
-                        seen.refused += usize::from(report.stage() != Some(Stage::Done));
-                        open = None;
-                    }
-                }
-                // It is no report of this client's order.
-                _ => seen.unanswered += 1,
-            });
-            let _ = self.links.drain(|link| self.link = *link);
-            let home_deg = latitude_deg(self.number);
-            let _ = self.telemetry.drain(|sample| {
-                if now < begin || now >= end {
-                    return;
-                }
-                seen.ages.push(now.since(sample.received()));
-                if sample.valid(TelemetryGroup::Geographic) {
-                    let latitude_deg = sample.geodetic.latitude_rad.to_degrees();
-                    let is_own = (latitude_deg - home_deg).abs() < APART_DEG / 2.0;
-                    seen.foreign += usize::from(!is_own);
-                }
-            });
-        }
-        // The next one tells of all that was measured.
-        let link = self.links.recv_timeout(LONGEST).expect("a wait");
-        seen.links[1] = link.expect("the relay says how its link is");
-        seen
-    }
+/// Waits until the link to a robot is up, its DSP is there and a sample has come.
+fn await_robot(station: &Sandbox, number: u32) {
+    let mut links = station.subscribe::<RelayLink>(number);
+    links.until("the link is up", |link| {
+        link.state() == Some(RelayLinkState::Up)
+    });
+    let mut states = station.subscribe::<ModuleState>(number);
+    states.until("the DSP is there", |state| {
+        state.link.state() == Some(LinkState::Up)
+    });
+    station
+        .subscribe::<HeroTelemetry>(number)
+        .until("telemetry", |_| true);
+}
+
+/// How the link to a robot is.
+fn link_of(station: &Sandbox, number: u32) -> RelayLink {
+    station.subscribe(number).until("a link", |_| true)
 }
 
 /// What the processes of each kind use and hold.
-struct Kinds(Vec<(&'static str, Usage)>);
-
-impl Kinds {
-    fn now(
-        robots: &[OneRobot],
-        relays: &[(&'static str, Process)],
-        router: Option<&Process>,
-    ) -> Kinds {
-        let mut kinds = Vec::new();
-        for robot in robots {
-            if let Some(whole) = &robot.whole {
-                kinds.push(("sim", usage_of(&whole.sim)));
-                kinds.push(("bridge", usage_of(&whole.bridge)));
-                kinds.push(("status", usage_of(&whole.status)));
-            }
-            let relay = robot.relay.as_ref();
-            kinds.extend(relay.map(|relay| ("relay", usage_of(relay))));
-        }
-        kinds.extend(relays.iter().map(|(kind, relay)| (*kind, usage_of(relay))));
-        kinds.extend(router.map(|router| ("router", usage_of(router))));
-        Kinds(kinds)
-    }
-
-    fn report(&self, after: &Kinds, outcome: &mut Outcome) {
-        let sum = |kind: &str| {
-            let (mut sum, mut count) = (Sum::default(), 0);
-            for ((name, before), (_, after)) in self.0.iter().zip(&after.0) {
-                if *name == kind {
-                    count += 1;
-                    let load = after.since(before);
-                    sum.load.all_percent += load.all_percent;
-                    sum.load.busiest_percent = sum.load.busiest_percent.max(load.busiest_percent);
-                    sum.memory_mib += after.memory_mib;
-                    sum.files += after.files;
-                }
-            }
-            (sum, count)
-        };
-        let mean = |kind: &str| {
-            let (sum, count) = sum(kind);
-            match count {
-                0 => "–".to_owned(),
-                count => {
-                    let count = f64::from(count);
-                    let (load, memory) = (sum.load.all_percent / count, sum.memory_mib / count);
-                    format!(
-                        "{load:.2} % {memory:.1} MiB {:.0} files",
-                        sum.files as f64 / count
-                    )
-                }
-            }
-        };
-        outcome.cell("sim", mean("sim"));
-        outcome.cell("bridge", mean("bridge"));
-        outcome.cell("status", mean("status"));
-        outcome.cell("a robot's relay", mean("relay"));
-        let (station, relays) = sum("station");
-        outcome.cell("relays of the station", relays);
-        outcome.cell(
-            "all together",
-            format!(
-                "{:.1} % {:.0} MiB {} files",
-                station.load.all_percent, station.memory_mib, station.files
-            ),
-        );
-        outcome.cell(
-            "busiest thread, %",
-            format!("{:.1}", station.load.busiest_percent),
-        );
-        outcome.cell("router", mean("router"));
-    }
+fn usage<'a>(robots: &[OneRobot], processes: &[(&'a str, Process)]) -> Vec<(&'a str, Usage)> {
+    let whole = robots.iter().filter_map(|robot| robot.whole.as_ref());
+    let whole = whole.flat_map(|robot| {
+        [
+            ("sim", &robot.sim),
+            ("bridge", &robot.bridge),
+            ("status", &robot.status),
+        ]
+    });
+    let processes = processes.iter().map(|(kind, process)| (*kind, process));
+    let all = whole.chain(processes);
+    all.map(|(kind, process)| (kind, usage_of(process)))
+        .collect()
 }
 
-/// Of some processes.
-#[derive(Default)]
-struct Sum {
-    load: Load,
-    memory_mib: f64,
-    files: usize,
+fn report_usage(outcome: &mut Outcome, before: &[(&str, Usage)], after: &[(&str, Usage)]) {
+    let of_kind = |kind: &str| {
+        let both = before
+            .iter()
+            .zip(after)
+            .filter(|((name, _), _)| *name == kind);
+        let both = both.map(|((_, before), (_, after))| (after.since(before), after));
+        both.collect::<Vec<_>>()
+    };
+    let sum = |kind: &str| {
+        let all = of_kind(kind);
+        let load: f64 = all.iter().map(|(load, _)| load.all_percent).sum();
+        let memory: f64 = all.iter().map(|(_, usage)| usage.memory_mib).sum();
+        let files: usize = all.iter().map(|(_, usage)| usage.files).sum();
+        (all.len() as f64, load, memory, files as f64)
+    };
+    for (heading, kind) in [
+        ("sim", "sim"),
+        ("bridge", "bridge"),
+        ("status", "status"),
+        ("a robot's relay", "relay"),
+        ("router", "router"),
+    ] {
+        let (count, load, memory, files) = sum(kind);
+        let mean = || {
+            let (load, memory, files) = (load / count, memory / count, files / count);
+            format!("{load:.2} % {memory:.1} MiB {files:.0} files")
+        };
+        outcome.cell(
+            heading,
+            if count > 0.0 {
+                mean()
+            } else {
+                "–".to_owned()
+            },
+        );
+    }
+    let (relays, load, memory, files) = sum("station");
+    outcome.cell("relays of the station", relays);
+    outcome.cell(
+        "all together",
+        format!("{load:.1} % {memory:.0} MiB {files} files"),
+    );
+    let busiest = of_kind("station")
+        .iter()
+        .map(|(load, _)| load.busiest_percent)
+        .fold(0.0, f64::max);
+    outcome.cell("busiest thread, %", format!("{busiest:.1}"));
+}
+
+/// Time on all processors of this machine so far, and how much of it nothing ran.
+#[derive(Clone, Copy, Debug, Default)]
+struct Machine {
+    all: u64,
+    idle: u64,
+}
+
+impl Machine {
+    /// As of this moment.
+    fn now() -> Machine {
+        let stat = fs::read_to_string("/proc/stat").unwrap_or_default();
+        let line = stat.lines().next().unwrap_or_default();
+        // User, nice, system, idle, waiting for a disk, …
+        let ticks = line.split_whitespace().skip(1).take(8);
+        let ticks: Vec<u64> = ticks.filter_map(|ticks| ticks.parse().ok()).collect();
+        Machine {
+            all: ticks.iter().sum(),
+            idle: ticks.iter().skip(3).take(2).sum(),
+        }
+    }
+
+    /// The share of time since `before` in which nothing ran, percent.
+    fn idle_percent(self, before: Machine) -> f64 {
+        let all = self.all.saturating_sub(before.all).max(1);
+        self.idle.saturating_sub(before.idle) as f64 / all as f64 * 100.0
+    }
 }

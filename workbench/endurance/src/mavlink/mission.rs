@@ -1,4 +1,5 @@
-//! Missions from the view of a station: it sends one as it is asked for, and reads it item by item.
+//! Missions from the view of a station: it sends one as it is asked for, and reads it item by item. What it waits for comes within
+//! [`WAIT_LIMIT`], or it panics.
 
 use std::time::{Duration, Instant};
 
@@ -19,35 +20,25 @@ const QUESTION_RETRY: Duration = Duration::from_millis(20);
 /// A take-off to this height, then waypoints beside home, `count` items in all.
 pub fn mission(count: u16, height_m: f32) -> Vec<MessageWriter> {
     let item = |sequence: u16| {
-        let message = MessageWriter::new(MISSION_ITEM_INT)
-            .f32(0.0)
-            .f32(0.0)
-            .f32(0.0)
-            .f32(f32::NAN);
         let (command, x, y) = match sequence {
             0 => (22, 0, 0),
             number => (16, 374_110_000 + 50 * i32::from(number), -60_010_000),
         };
+        let message = MessageWriter::new(MISSION_ITEM_INT)
+            .f32s(0.0, 3)
+            .f32(f32::NAN);
         let message = message.i32(x).i32(y).f32(height_m);
-        message
-            .u16(sequence)
-            .u16(command)
-            .u8(1)
-            .u8(1)
-            .u8(6)
-            .u8(0)
-            .u8(1)
-            .u8(0)
+        let bytes = [1, 1, 6, 0, 1, 0];
+        bytes
+            .into_iter()
+            .fold(message.u16(sequence).u16(command), MessageWriter::u8)
     };
     (0..count).map(item).collect()
 }
 
 fn count(count: usize) -> MessageWriter {
-    MessageWriter::new(MISSION_COUNT)
-        .u16(count as u16)
-        .u8(1)
-        .u8(1)
-        .u8(0)
+    let message = MessageWriter::new(MISSION_COUNT).u16(count as u16);
+    message.u8(1).u8(1).u8(0)
 }
 
 /// What of an item is the mission's own.
@@ -60,20 +51,12 @@ fn content(item: &MessageWriter) -> Vec<u8> {
 const CANCELLED: u8 = 15;
 
 /// Sends a mission as it is asked for; what got no answer is sent again, and all of it when it came too late. Gives the result.
-///
-/// # Panics
-///
-/// After [`WAIT_LIMIT`] without a question.
 #[track_caller]
 pub fn upload(station: &mut Station, items: &[MessageWriter]) -> u8 {
     upload_until(station, items, None).expect("a result")
 }
 
 /// The same; `None` as soon as `stop` items were sent.
-///
-/// # Panics
-///
-/// As [`upload`].
 #[track_caller]
 pub fn upload_until(
     station: &mut Station,
@@ -141,21 +124,13 @@ fn ask(
 }
 
 /// What the items of the gateway's mission are.
-///
-/// # Panics
-///
-/// After [`WAIT_LIMIT`] without an answer.
 #[track_caller]
 pub fn download(station: &mut Station) -> Vec<Vec<u8>> {
     let list = MessageWriter::new(MISSION_REQUEST_LIST).u8(1).u8(1).u8(0);
     let total = ask(station, &list, |message| message.is(MISSION_COUNT.id)).u16(0);
     let item = |sequence: u16| {
-        let request = MessageWriter::new(MISSION_REQUEST_INT)
-            .u16(sequence)
-            .u8(1)
-            .u8(1)
-            .u8(0);
-        let item = ask(station, &request, |message| {
+        let request = MessageWriter::new(MISSION_REQUEST_INT).u16(sequence);
+        let item = ask(station, &request.u8(1).u8(1).u8(0), |message| {
             message.is(MISSION_ITEM_INT.id) && message.u16(28) == sequence
         });
         [item.part(0..32), item.part(34..37)].concat()

@@ -1,11 +1,11 @@
 //! [`Station`]: a ground station with a UDP socket. Its frames are read and written with the gateway's own `wire`; the judges in Python
-//! have another.
+//! have another. Each wait ends with a panic after [`WAIT_LIMIT`], as does what is sent to a helicopter that was not heard.
 
 use std::collections::VecDeque;
 use std::net::{SocketAddr, UdpSocket};
 use std::time::{Duration, Instant};
 
-use dsp_sim::random::Random;
+use fastrand::Rng;
 use ipc_types::MonotonicNs;
 use ipc_types::code::Reason;
 use mavlink_gateway::message::{COMMAND_ACK, COMMAND_INT, COMMAND_LONG, HEARTBEAT};
@@ -90,23 +90,14 @@ pub struct Station {
     next_heartbeat: Instant,
     waiting: VecDeque<Received>,
     /// Which share of the datagrams of each direction the line loses, by chance.
-    loss: Option<(f64, Random)>,
+    loss: Option<(f64, Rng)>,
     /// Datagrams that have come, and their bytes.
     pub received: (u64, u64),
 }
 
-impl Default for Station {
-    fn default() -> Station {
-        Station::new()
-    }
-}
-
 impl Station {
     /// One that has heard nothing yet, on a port of its own.
-    ///
-    /// # Panics
-    ///
-    /// When there is no free port.
+    #[allow(clippy::new_without_default)]
     pub fn new() -> Station {
         let socket = UdpSocket::bind("127.0.0.1:0").expect("a free port");
         socket
@@ -123,19 +114,11 @@ impl Station {
     }
 
     /// Its port on this machine.
-    ///
-    /// # Panics
-    ///
-    /// Never: it is bound.
     pub fn port(&self) -> u16 {
         self.socket.local_addr().expect("an address").port()
     }
 
     /// Waits for the helicopter, which appears unasked, and for its telemetry.
-    ///
-    /// # Panics
-    ///
-    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn connect(&mut self) {
         self.until("a heartbeat", |message| message.is(0));
@@ -143,10 +126,6 @@ impl Station {
     }
 
     /// The same with another gateway, after the messages of the one before.
-    ///
-    /// # Panics
-    ///
-    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn reconnect(&mut self) {
         let before = self.vehicle;
@@ -161,29 +140,21 @@ impl Station {
     }
 
     /// Where the helicopter is reached.
-    ///
-    /// # Panics
-    ///
-    /// When it was not heard.
     pub fn vehicle(&self) -> SocketAddr {
         self.vehicle.expect("it was heard")
     }
 
     /// From here on the line loses this share of the datagrams, 0 … 1, in each direction.
     pub fn lose(&mut self, share: f64, seed: u64) {
-        self.loss = (share > 0.0).then(|| (share, Random::new(seed, 0)));
+        self.loss = (share > 0.0).then(|| (share, Rng::with_seed(seed)));
     }
 
     fn is_lost(&mut self) -> bool {
-        let chance = |(share, random): &mut (f64, Random)| random.uniform() < *share;
+        let chance = |(share, random): &mut (f64, Rng)| random.f64() < *share;
         self.loss.as_mut().is_some_and(chance)
     }
 
     /// Sends a message to the helicopter.
-    ///
-    /// # Panics
-    ///
-    /// When the helicopter was not heard.
     pub fn send(&mut self, message: &MessageWriter) {
         if self.is_lost() {
             return;
@@ -194,10 +165,6 @@ impl Station {
     }
 
     /// The next message, if one comes soon: within 20 ms.
-    ///
-    /// # Panics
-    ///
-    /// When what comes is no frame.
     pub fn next_message(&mut self) -> Option<Received> {
         if self.vehicle.is_some() && Instant::now() >= self.next_heartbeat {
             self.next_heartbeat = Instant::now() + HEARTBEAT_PERIOD;
@@ -226,10 +193,6 @@ impl Station {
     }
 
     /// Waits for a message; the others are dropped.
-    ///
-    /// # Panics
-    ///
-    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn until(&mut self, what: &str, mut is_right: impl FnMut(&Received) -> bool) -> Received {
         let give_up = Instant::now() + WAIT_LIMIT;
@@ -244,10 +207,6 @@ impl Station {
     }
 
     /// Waits for a heartbeat with this mode.
-    ///
-    /// # Panics
-    ///
-    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn until_mode(&mut self, mode: u32) {
         let what = format!("mode {mode:08x}");
@@ -257,10 +216,6 @@ impl Station {
     }
 
     /// Waits for a text that begins with `text`.
-    ///
-    /// # Panics
-    ///
-    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn until_text(&mut self, text: &str) {
         self.until(text, |message| {
@@ -270,7 +225,7 @@ impl Station {
 
     /// The answer to the command that was sent.
     #[track_caller]
-    fn answer(&mut self, command: u16) -> Received {
+    pub fn answer(&mut self, command: u16) -> Received {
         let what = format!("the answer to {command}");
         self.until(&what, |message| {
             message.is(77) && message.i32(0) as u16 == command
@@ -283,10 +238,6 @@ impl Station {
 
     /// Sends a command until it is answered, as stations do, and looks at all that comes meanwhile. Gives the result and how often it was
     /// sent.
-    ///
-    /// # Panics
-    ///
-    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn send_until_answered(
         &mut self,
@@ -312,10 +263,6 @@ impl Station {
     }
 
     /// Commands, and gives the result.
-    ///
-    /// # Panics
-    ///
-    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn command(&mut self, command: u16, params: [f32; 7]) -> u8 {
         self.send_command(command, params);
@@ -323,10 +270,6 @@ impl Station {
     }
 
     /// Commands a return again and again, until that is refused because the helicopter is not heard: before, because it is on the ground.
-    ///
-    /// # Panics
-    ///
-    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn until_not_heard(&mut self) {
         let give_up = Instant::now() + WAIT_LIMIT;
@@ -341,10 +284,6 @@ impl Station {
     }
 
     /// Everything that comes until a command is answered.
-    ///
-    /// # Panics
-    ///
-    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn between_command(&mut self, command: u16, params: [f32; 7]) -> Vec<Received> {
         let mut between = Vec::new();
@@ -357,10 +296,6 @@ impl Station {
     }
 
     /// Commands to fly to a place, in 10⁻⁷ degrees, and gives the result.
-    ///
-    /// # Panics
-    ///
-    /// After [`WAIT_LIMIT`].
     #[track_caller]
     pub fn reposition(&mut self, frame: u8, x: i32, y: i32, z: f32) -> u8 {
         self.send(&reposition(frame, x, y, z));

@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 
-use dsp_sim::random::Random;
+use fastrand::Rng;
 
 use super::trace::Step;
 
@@ -310,10 +310,9 @@ impl DiskFile {
                 seen.insert(page, version - 1);
             }
             Reached::Chance(seed) => {
-                let mut chance = Random::new(seed, self.writes.len() as u64);
+                let mut chance = Rng::with_seed(seed << 32 | self.writes.len() as u64);
                 for (page, versions) in &self.pages {
-                    let count = (chance.uniform() * (versions.len() + 1) as f64) as usize;
-                    seen.insert(*page, count.min(versions.len()));
+                    seen.insert(*page, chance.usize(..=versions.len()));
                 }
             }
         }

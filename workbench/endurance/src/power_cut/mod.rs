@@ -18,7 +18,6 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
-use dsp_sim::random::Random;
 use recording::read::{check, messages, recover};
 use ril_tests::Process;
 use ril_tests::preload;
@@ -26,7 +25,6 @@ use ril_tests::preload;
 use self::disk::{Disk, State};
 use self::trace::Step;
 use crate::outcome::Outcome;
-use crate::plan::Plan;
 use crate::site::Site;
 
 /// What the view and the gateway are told.
@@ -47,18 +45,13 @@ const FENCED_PLAN: &str = r#"{"fileType":"Plan","version":1,"mission":{"version"
 /// Of so many states of each kind, the operator's programs read one, too.
 const BY_PROGRAMS: u32 = 50;
 
-/// Tries `count` states, drawn by the seed, or all of them, or until `goes_on` says no.
-///
-/// # Errors
-///
-/// Why nothing can be traced on this machine.
-///
-/// # Panics
-///
-/// When a process does not do its work.
-pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Result<Outcome, String> {
+/// Tries as many states as planned, drawn by the seed, or all of them.
+pub fn run(site: &Site) {
     let before = prepare(site);
-    let steps = fly(site)?;
+    let steps = match fly(site) {
+        Ok(steps) => steps,
+        Err(why) => return site.skip(&why),
+    };
     let kept = site.path("kept");
     let mut judge = Judge::new(site);
     // As many states are drawn of each group that there is; of a small one all are tried.
@@ -68,26 +61,25 @@ pub fn run(site: &Site, plan: &Plan, goes_on: &dyn Fn() -> bool) -> Result<Outco
             *sizes.entry(group).or_default() += disk.states(index).len();
         }
     });
-    let each = plan
-        .count
-        .map(|count| f64::from(count) / sizes.len() as f64);
+    let count = site.plan.count.map(f64::from);
+    let each = count.map(|count| count / sizes.len() as f64);
     let share = |size: usize| each.map_or(1.0, |each| each / size as f64);
     let of_kind = |kind| {
         let groups = sizes.iter().filter(|((other, _), _)| *other == kind);
         groups.map(|(_, size)| size).sum::<usize>()
     };
-    let mut chance = Random::new(plan.seed, 0);
+    let mut chance = site.chance(0);
     walk(&before, &steps, |disk, index| {
         let Some(group) = group(disk, index, &kept) else {
             return;
         };
         for state in disk.states(index) {
-            if chance.uniform() < share(sizes[&group]) && goes_on() {
+            if chance.f64() < share(sizes[&group]) && site.goes_on() {
                 judge.look(disk, index, group.0, state);
             }
         }
     });
-    Ok(judge.outcome(&of_kind, steps.len()))
+    site.show(judge.outcome(&of_kind, steps.len()));
 }
 
 /// What a file is, and whether it was forced onto the disk before; `None` if it is not judged.
@@ -247,10 +239,9 @@ impl<'a> Judge<'a> {
         };
         let found = keys(&bytes);
         if !found.starts_with(forced) {
+            let (found, forced) = (found.len(), forced.len());
             return Err(format!(
-                "{} messages, and not the {} that were forced",
-                found.len(),
-                forced.len()
+                "{found} messages, and not the {forced} that were forced"
             ));
         }
         if found.is_empty() {
@@ -260,10 +251,9 @@ impl<'a> Judge<'a> {
         let recovered = recover(&bytes, &mut whole).map_err(|error| error.to_string())?;
         let checked = check(&whole);
         if recovered.messages as usize != found.len() || !checked.is_complete {
+            let (recovered, found) = (recovered.messages, found.len());
             return Err(format!(
-                "{} of {} recovered; {:?}",
-                recovered.messages,
-                found.len(),
+                "{recovered} of {found} recovered; {:?}",
                 checked.errors
             ));
         }
@@ -283,16 +273,11 @@ impl<'a> Judge<'a> {
     }
 
     fn log(&mut self, durable: &[u8], content: Option<Vec<u8>>) -> Result<(), String> {
-        let rows = durable
-            .iter()
-            .filter(|byte| **byte == b'\n')
-            .count()
-            .saturating_sub(1);
+        let is_end = |byte: &u8| *byte == b'\n';
+        let ends = durable.iter().copied().filter(is_end).count();
+        let rows = ends.saturating_sub(1);
         self.forced_rows = self.forced_rows.max(rows);
-        let whole = durable
-            .iter()
-            .rposition(|byte| *byte == b'\n')
-            .map_or(0, |at| at + 1);
+        let whole = durable.iter().rposition(is_end).map_or(0, |at| at + 1);
         let Some(bytes) = content else {
             return missing(rows, "rows");
         };
