@@ -9,7 +9,7 @@ use ipc_types::payload::ModuleState;
 use runtime::finding::{Finding, Severity};
 use view::page;
 
-use crate::robot::changes::{Alarm, Weight};
+use crate::robot::changes::Alarm;
 use crate::robot::chart::Chart;
 use crate::robot::clock::Clocks;
 use crate::robot::freshness::{Freshness, named};
@@ -377,7 +377,7 @@ pub(super) fn past(robot: &WatchedRobot, past: &Past, clock: Clocks) -> page::Pa
 fn past_event(line: &EventLine, clock: Clocks) -> page::PastEvent {
     page::PastEvent {
         at_unix_ms: clock.unix_ms(line.at),
-        severity: weight(line.weight),
+        severity: line.weight,
         text: line.text.clone(),
     }
 }
@@ -387,17 +387,8 @@ pub(super) fn event(robot: &WatchedRobot, line: &EventLine, clock: Clocks) -> pa
     page::Event {
         robot: robot.id.get(),
         at_unix_ms: clock.unix_ms(line.at),
-        severity: weight(line.weight),
+        severity: line.weight,
         text: line.text.clone(),
-    }
-}
-
-pub(super) fn weight(weight: Weight) -> page::EventSeverity {
-    match weight {
-        Weight::Note => page::EventSeverity::Note,
-        Weight::Order => page::EventSeverity::Order,
-        Weight::Warning => page::EventSeverity::Warning,
-        Weight::Alarm => page::EventSeverity::Alarm,
     }
 }
 
@@ -598,6 +589,6 @@ mod tests {
             (first.at_unix_ms, &*first.text),
             (1_800_014_400_000, "at rest")
         );
-        assert_eq!(said.events[3].severity, page::EventSeverity::Order);
+        assert_eq!(said.events[3].severity, page::Weight::Order);
     }
 }

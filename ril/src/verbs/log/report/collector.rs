@@ -3,8 +3,9 @@
 use ipc_types::TelemetryGroup;
 use ipc_types::code::PilotSwitch;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use view::page::Weight;
 use view::report::FlightReport;
-use view::report::flight::{Ink, Lane, Limit, Map, Weight};
+use view::report::flight::{Ink, Lane, Limit, Map};
 
 use super::curves::{Curves, FlightClock, RelativeDelay};
 use super::events::{EventLog, LoggedEventKind};

@@ -18,8 +18,9 @@ use std::path::{Path, PathBuf};
 use recording::read::{RecordFile, RecordSummary, summary_of};
 use runtime::exit::Failure;
 use serde::Serialize;
+use view::page::Weight;
 use view::report::FlightReport;
-use view::report::flight::{Table, Weight};
+use view::report::flight::Table;
 
 use self::collector::Collector;
 use super::files::{LogEnd, LogFile, MAX_NAMED, OF_SAMPLES, chosen_file};

@@ -8,7 +8,8 @@ use ipc_types::schema::CDR_HEADER;
 use recording::EventKind;
 use recording::read::{self, RecordFile, RecordedEvent, RecordedMessage};
 use ros_messages::{Level, Log};
-use view::report::flight::{Table, Weight};
+use view::page::Weight;
+use view::report::flight::Table;
 
 use super::collector::Collector;
 use super::events::LoggedEventKind;

@@ -1,7 +1,7 @@
 //! Logs as reports.
 
+use view::page::Weight;
 use view::report::FlightReport;
-use view::report::flight::Weight;
 
 use status::log::read::LogReader;
 
