@@ -401,7 +401,7 @@ const MAX_POINTS: usize = 5000;
 fn map_of(track: &[Visit], chart: Chart) -> Map {
     let fence = chart.fence.into_iter().map(|mut area| {
         area.corners.truncate(MAX_POINTS);
-        area.into()
+        area
     });
     Map {
         track: track.iter().map(|visit| visit.place.degrees()).collect(),

@@ -314,7 +314,7 @@ impl Course {
             self.event(line.at, line.weight, &line.text);
         }
         self.lines = journal.added();
-        let Some(phase) = played.past.phases().last() else {
+        let Some(phase) = played.robot.past.phases().last() else {
             return;
         };
         let to_s = self.position_s(phase.to.unwrap_or(now));
