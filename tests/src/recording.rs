@@ -6,11 +6,10 @@
 use std::fmt::Display;
 use std::path::Path;
 
+use ipc_types::MonotonicNs;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
-use ipc_types::{MonotonicNs, TelemetryGroup};
 use status::calibration::Calibration;
-use status::fields::{self, Field};
-use status::log::tsv::UTC;
+use status::log::read::{LogEntry, LogReadError, LogReader};
 use status::translate::translate;
 
 use crate::script::only_groups;
@@ -56,7 +55,7 @@ impl Recording {
         };
         match Recording::parse(&text) {
             Ok(recording) => recording,
-            Err(error) => panic!("{}:{error}", path.display()),
+            Err(error) => panic!("{}: {error}", path.display()),
         }
     }
 
@@ -64,18 +63,26 @@ impl Recording {
     ///
     /// # Errors
     ///
-    /// The first line that is none of a log, by its number, and why.
+    /// The first line that is none of a log, and why.
     pub fn parse(text: &str) -> Result<Recording, RecordingError> {
-        let lines = (1..).zip(text.split_inclusive('\n'));
-        let mut lines = lines.filter_map(|(number, line)| Some((number, line.strip_suffix('\n')?)));
-        let Some((_, header)) = lines.next() else {
-            return Err(RecordingError("1: there is no line with names".to_owned()));
-        };
-        let columns = columns(header)?;
-        let samples = lines.map(|(number, line)| row(&columns, number, line));
-        Ok(Recording {
-            samples: samples.collect::<Result<_, _>>()?,
-        })
+        let none = |error: LogReadError| RecordingError(error.to_string());
+        let mut log = LogReader::new(text.as_bytes());
+        if !log.begin().map_err(none)? {
+            return Err(RecordingError("there is no line with names".to_owned()));
+        }
+        let mut samples = Vec::new();
+        while let Some(entry) = log.next().map_err(none)? {
+            match entry {
+                // Number and time of then are those of another publisher.
+                LogEntry::Row(row) => samples.push(DspTelemetry {
+                    sequence: 0,
+                    received_ns: 0,
+                    ..only_groups(row.sample, row.sample.valid_groups)
+                }),
+                LogEntry::Damaged(damage) => return Err(RecordingError(damage.to_string())),
+            }
+        }
+        Ok(Recording { samples })
     }
 
     /// The flight as the bridge publishes it. `received_ns` is 0, because the host's times of then mean nothing now: a
@@ -94,56 +101,9 @@ impl Recording {
     }
 }
 
-/// A field and the group that it belongs to, if there is one; `None` for the time in UTC, which no sample has.
-type Column = Option<(Option<TelemetryGroup>, &'static Field)>;
-
-fn columns(header: &str) -> Result<Vec<Column>, RecordingError> {
-    let always = fields::ALWAYS.iter().chain(fields::DSP_ERRORS);
-    let of_groups = TelemetryGroup::ALL.into_iter().flat_map(|group| {
-        let fields = fields::of(group).iter();
-        fields.map(move |field| (Some(group), field))
-    });
-    let known: Vec<_> = always.map(|field| (None, field)).chain(of_groups).collect();
-    let find = |name| match known.iter().find(|(_, field)| field.name == name) {
-        Some(column) => Ok(Some(*column)),
-        None if name == UTC => Ok(None),
-        None => Err(RecordingError(format!("1: `{name}` is no field of a log"))),
-    };
-    header.split('\t').map(find).collect()
-}
-
-/// A group is valid in a row if all its cells hold something.
-fn row(columns: &[Column], number: u32, line: &str) -> Result<DspTelemetry, RecordingError> {
-    let cells: Vec<&str> = line.split('\t').collect();
-    if cells.len() != columns.len() {
-        let (have, want) = (cells.len(), columns.len());
-        let text = format!("{number}: {have} cells, where the first line names {want}");
-        return Err(RecordingError(text));
-    }
-    let (mut sample, mut there, mut missing) = (DspTelemetry::default(), 0, 0);
-    for (column, cell) in columns.iter().zip(cells) {
-        let Some((group, field)) = column else {
-            continue;
-        };
-        let bit = group.map_or(0, TelemetryGroup::bit);
-        if cell.is_empty() && bit != 0 {
-            missing |= bit;
-        } else if field.read(cell, &mut sample) {
-            there |= bit;
-        } else {
-            let name = field.name;
-            return Err(RecordingError(format!(
-                "{number}: `{cell}` is no value of {name}"
-            )));
-        }
-    }
-    // Number and time of then are those of another publisher.
-    (sample.sequence, sample.received_ns) = (0, 0);
-    Ok(only_groups(&sample, there & !missing))
-}
-
 #[cfg(test)]
 mod tests {
+    use ipc_types::TelemetryGroup;
     use status::group::GroupSet;
     use status::log::groups::LogGroups;
     use status::log::tsv::Table;
@@ -213,18 +173,24 @@ mod tests {
     #[test]
     fn what_is_no_log_is_told_with_its_line() {
         for (text, expected) in [
-            ("", "1: there is no line with names"),
-            ("flying\tsequence", "1: there is no line with names"),
-            ("flying\tspeed\n", "1: `speed` is no field of a log"),
+            ("", "there is no line with names"),
+            ("flying\tsequence", "there is no line with names"),
             (
-                "flying\tsonar_adc\n1\t2\n1\n",
-                "3: 1 cells, where the first line names 2",
+                "flying\tspeed\n",
+                "it is no log of the RIL: its first line begins with flying\\tspeed, not with flying, sequence, received_ns",
             ),
             (
-                "flying\tsonar_adc\n1\tx\n",
-                "2: `x` is no value of sonar_adc",
+                "flying\tsequence\treceived_ns\tsonar_adc\n1\t2\t3\t4\n1\n",
+                "line 3: 1 cells where the log has 4 columns",
             ),
-            ("flying\tsonar_adc\n\t5\n", "2: `` is no value of flying"),
+            (
+                "flying\tsequence\treceived_ns\tsonar_adc\n1\t2\t3\tx\n",
+                "line 2: `sonar_adc` is no number: x",
+            ),
+            (
+                "flying\tsequence\treceived_ns\n\t5\t6\n",
+                "line 2: `flying` is no number: ",
+            ),
         ] {
             let error = Recording::parse(text).unwrap_err().to_string();
             assert_eq!(error, expected, "{text:?}");

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 use view::page::{
-    CheckResult, Event as PageEvent, EventSeverity, OrderKind, OrderReport, OrderStage, Past,
-    ReplayStatus, Robots, Severity,
+    CheckResult, Event as PageEvent, OrderKind, OrderReport, OrderStage, Past, ReplayStatus,
+    Robots, Severity, Weight,
 };
 use view::{
     BEAT_PERIOD, Event, LEASE_TIME, MAX_TEXTS, MEMORY, OPEN_TIME, PING_PERIOD, SILENCE, Settings,
@@ -34,7 +34,7 @@ fn event(robot: u32, text: &str) -> PageEvent {
     PageEvent {
         robot,
         at_unix_ms: 1,
-        severity: EventSeverity::Note,
+        severity: Weight::Note,
         text: text.into(),
     }
 }

@@ -5,10 +5,10 @@ use std::fmt::Write as _;
 use proptest::prelude::*;
 use serde_json::Value;
 use sha2::{Digest as _, Sha256};
-use view::page::Area;
+use view::page::{Area, Weight};
 use view::report::envelope::{Bins, Envelope};
 use view::report::flight::{
-    Curve, Event, Ink, Lane, Limit, Map, Outcome, Plot, RequestRow, Scale, Span, Table, Weight,
+    Curve, Event, Ink, Lane, Limit, Map, Outcome, Plot, RequestRow, Scale, Span, Table,
 };
 use view::report::{FlightReport, page};
 

@@ -232,7 +232,7 @@ impl Watched {
             })
             .expect("samples");
         if let Some(held) = reader.outline() {
-            robot.held(held.number, Chart::from(held));
+            robot.held(held);
         }
         let newest = &mut self.newest;
         self.state

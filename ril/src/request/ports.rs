@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 
 use ipc_types::code::{ControlCommand, Reason, Stage};
-use ipc_types::outline::{Outline, OutlineReader};
+use ipc_types::outline::OutlineReader;
 use ipc_types::payload::{
     BridgeOutline, DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData,
     RelayLink, RelayStations, RequestReport, WaypointPosition,
@@ -19,7 +19,6 @@ use crate::config::RequestConfig;
 use crate::render::messages::{self, FinalReport, Verb};
 use crate::request::{Exchange, Next, Outcome, Until, complete, control_request};
 use crate::robot::changes::Weight;
-use crate::robot::chart::Chart;
 use crate::robot::controller::own_session;
 use crate::robot::freshness::Freshness;
 use crate::robot::model::{Process, WatchedRobot};
@@ -149,7 +148,7 @@ impl RobotPorts {
         let mut is_new = false;
         count(port.drain(|piece| is_new |= reader.take(piece)));
         if let Some(outline) = reader.outline().filter(|_| is_new) {
-            robot.held(outline.number, Chart::from(outline));
+            robot.held(outline);
         }
         is_new
     }
@@ -286,13 +285,6 @@ impl RobotPorts {
     /// The part in the robot's shared memory.
     pub fn ipc(&self) -> &Ipc {
         &self.ipc
-    }
-
-    /// What the bridge holds; `None` if it has not said it.
-    pub fn outline(&self) -> Option<&Outline> {
-        self.outline
-            .as_ref()
-            .and_then(|(_, reader)| reader.outline())
     }
 
     /// Takes reports alone, for a process that looks at samples by the time.

@@ -9,43 +9,9 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{LinkState, MovementKind, PilotSwitch};
 use ipc_types::payload::{ControlSender, ModuleState};
 use runtime::finding::{Finding, Severity};
+pub use view::page::Weight;
 
 use crate::robot::controller::Senders;
-
-/// How much a line matters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Weight {
-    /// Something went on as it should.
-    Note,
-    /// An order, or what became of it.
-    Order,
-    /// Something to look at.
-    Warning,
-    /// Something to act on.
-    Alarm,
-}
-
-impl Weight {
-    /// What stands before a line, so that it does not need colour.
-    pub fn mark(self) -> &'static str {
-        match self {
-            Weight::Note => " ",
-            Weight::Order => ">",
-            Weight::Warning => "!",
-            Weight::Alarm => "!!",
-        }
-    }
-}
-
-impl From<Severity> for Weight {
-    fn from(severity: Severity) -> Weight {
-        match severity {
-            Severity::Note => Weight::Note,
-            Severity::Warning => Weight::Warning,
-            Severity::Error => Weight::Alarm,
-        }
-    }
-}
 
 /// What changed, each in a line.
 pub fn of_states(before: &ModuleState, state: &ModuleState) -> Vec<(Weight, String)> {
@@ -154,7 +120,11 @@ pub struct Alarm {
 impl Alarm {
     /// How much it matters.
     pub fn weight(&self) -> Weight {
-        self.finding.severity.into()
+        match self.finding.severity {
+            Severity::Note => Weight::Note,
+            Severity::Warning => Weight::Warning,
+            Severity::Error => Weight::Alarm,
+        }
     }
 
     fn is_about(&self, finding: &Finding) -> bool {

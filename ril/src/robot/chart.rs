@@ -12,6 +12,7 @@ use plans::Plan;
 use plans::error::MAX_FILE_BYTES;
 use runtime::exit::Failure;
 use serde::Deserialize;
+use view::page;
 
 use crate::robot::geo::{METRES_PER_DEGREE, Place};
 
@@ -26,26 +27,11 @@ pub struct FenceFile {
     pub fence: FenceConfig,
 }
 
-/// An area of the fence as a closed line.
-#[derive(Clone, Debug, PartialEq)]
-pub struct AreaOutline {
-    /// Its name.
-    pub name: String,
-    /// Whether the robot must stay inside.
-    pub is_inclusion: bool,
-    /// It begins at this telemetry altitude, m; `None` if it has no floor.
-    pub floor_m: Option<f64>,
-    /// It ends at this telemetry altitude, m; `None` if it has no ceiling.
-    pub ceiling_m: Option<f64>,
-    /// Corners in order; the last one is joined with the first.
-    pub corners: Vec<Place>,
-}
-
 /// See the module's documentation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chart {
-    /// The areas of the fence.
-    pub fence: Vec<AreaOutline>,
+    /// The areas of the fence, each a closed line: a circle is one of many corners.
+    pub fence: Vec<page::Area>,
     /// Lowest altitude everywhere, m.
     pub floor_m: Option<f64>,
     /// Highest altitude everywhere, m.
@@ -59,7 +45,7 @@ impl Chart {
     pub fn new(fence: &FenceConfig, path: &[WaypointPosition]) -> Chart {
         let areas = fence.area.iter().map(Area::config);
         Chart {
-            fence: areas.map(AreaOutline::from).collect(),
+            fence: areas.map(drawn).collect(),
             floor_m: fence.floor_m,
             ceiling_m: fence.ceiling_m,
             path: places(path),
@@ -72,7 +58,7 @@ impl From<&Outline> for Chart {
     fn from(held: &Outline) -> Chart {
         let areas = held.areas.iter().map(area_config);
         Chart {
-            fence: areas.map(|area| AreaOutline::from(&area)).collect(),
+            fence: areas.map(|area| drawn(&area)).collect(),
             floor_m: held.floor_m,
             ceiling_m: held.ceiling_m,
             path: places(&held.path),
@@ -131,33 +117,18 @@ pub fn read_plan(file: &Path) -> Result<Plan, Failure> {
     plans::read(file, &bytes).map_err(|error| Failure::usage(format!("{name}: {error}")))
 }
 
-impl From<&AreaConfig> for AreaOutline {
-    fn from(area: &AreaConfig) -> AreaOutline {
-        let corners = match (area.centre, area.radius_m) {
-            (Some(centre), Some(radius_m)) => circle(centre, radius_m),
-            _ => corners(area.polygon.as_deref().unwrap_or_default()),
-        };
-        AreaOutline {
-            name: area.name.clone(),
-            is_inclusion: area.kind == AreaKind::Inclusion,
-            floor_m: area.floor_m,
-            ceiling_m: area.ceiling_m,
-            corners,
-        }
-    }
-}
-
-/// As the page draws it.
-impl From<AreaOutline> for view::page::Area {
-    fn from(area: AreaOutline) -> Self {
-        let corners = area.corners.into_iter();
-        view::page::Area {
-            name: area.name,
-            inclusion: area.is_inclusion,
-            floor_m: area.floor_m,
-            ceiling_m: area.ceiling_m,
-            corners: corners.map(Place::degrees).collect(),
-        }
+/// An area as it is drawn.
+fn drawn(area: &AreaConfig) -> page::Area {
+    let corners = match (area.centre, area.radius_m) {
+        (Some(centre), Some(radius_m)) => circle(centre, radius_m),
+        _ => corners(area.polygon.as_deref().unwrap_or_default()),
+    };
+    page::Area {
+        name: area.name.clone(),
+        inclusion: area.kind == AreaKind::Inclusion,
+        floor_m: area.floor_m,
+        ceiling_m: area.ceiling_m,
+        corners: corners.into_iter().map(Place::degrees).collect(),
     }
 }
 
@@ -230,11 +201,12 @@ mod tests {
         let file: FenceFile = runtime::config::parse(&text, "bridge.toml").unwrap();
         let chart = Chart::new(&file.fence, &[]);
         assert_eq!((chart.floor_m, chart.ceiling_m), (Some(5.0), Some(120.0)));
-        assert!(chart.fence[0].is_inclusion && !chart.fence[1].is_inclusion);
+        assert!(chart.fence[0].inclusion && !chart.fence[1].inclusion);
         assert_eq!(chart.fence[0].corners.len(), 4);
         let centre = Place::new(37.412, -6.001).unwrap();
-        for corner in &chart.fence[1].corners {
-            assert!((distance_m(centre, *corner) - 30.0).abs() < 0.2);
+        for [latitude_deg, longitude_deg] in &chart.fence[1].corners {
+            let corner = Place::new(*latitude_deg, *longitude_deg).unwrap();
+            assert!((distance_m(centre, corner) - 30.0).abs() < 0.2);
         }
     }
 

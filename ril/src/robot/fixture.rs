@@ -5,9 +5,9 @@ use ipc_types::code::{
     Functionality, LinkState, ModuleId, ModuleStatus, MovementKind, PilotSwitch,
 };
 use ipc_types::module::{State, doing_bytes};
+use ipc_types::outline::{Outline, OutlineArea, OutlineShape};
 use ipc_types::payload::{HeroTelemetry, ModuleState, WaypointPosition};
 
-use crate::robot::chart::{Chart, FenceFile};
 use crate::robot::model::{Process, WatchedRobot};
 
 pub const fn at(ms: u64) -> MonotonicNs {
@@ -104,22 +104,42 @@ pub fn fly(robot: &mut WatchedRobot) {
     }
 }
 
-/// A fence of a rectangle with a mast in it, and the path of the flight.
-pub fn chart() -> Chart {
-    let text = "[fence]\nceiling_m = 120.0\n\
-        [[fence.area]]\nname = \"field\"\nkind = \"inclusion\"\n\
-        polygon = [[37.4109, -6.0012], [37.4115, -6.0012], [37.4115, -6.0003], [37.4109, -6.0003]]\n\
-        [[fence.area]]\nname = \"mast\"\nkind = \"exclusion\"\ncentre = [37.4113, -6.0007]\nradius_m = 6.0\n";
-    let fence: FenceFile = runtime::config::parse(text, "bridge.toml").expect("a fence");
+/// What a bridge holds: a fence of a rectangle with a mast in it, and the path of the flight.
+pub fn outline() -> Outline {
+    let area = |name: &str, is_inclusion, shape| OutlineArea {
+        name: name.to_owned(),
+        is_inclusion,
+        floor_m: None,
+        ceiling_m: None,
+        shape,
+    };
+    let field = vec![
+        [37.4109, -6.0012],
+        [37.4115, -6.0012],
+        [37.4115, -6.0003],
+        [37.4109, -6.0003],
+    ];
+    let mast = OutlineShape::Circle {
+        centre: [37.4113, -6.0007],
+        radius_m: 6.0,
+    };
     let waypoint = |latitude_deg, longitude_deg| WaypointPosition {
         latitude_deg,
         longitude_deg,
         altitude_m: 25.0,
     };
-    let path = [
-        waypoint(37.4112, -6.0008),
-        waypoint(37.4112, -6.0005),
-        waypoint(37.4110, -6.0005),
-    ];
-    Chart::new(&fence.fence, &path)
+    Outline {
+        number: 0,
+        floor_m: None,
+        ceiling_m: Some(120.0),
+        areas: vec![
+            area("field", true, OutlineShape::Polygon(field)),
+            area("mast", false, mast),
+        ],
+        path: vec![
+            waypoint(37.4112, -6.0008),
+            waypoint(37.4112, -6.0005),
+            waypoint(37.4110, -6.0005),
+        ],
+    }
 }

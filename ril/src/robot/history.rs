@@ -1,4 +1,5 @@
-//! [`History`]: a value over time for a sparkline: one number for each second, of the last minutes.
+//! What happened to a robot, and how it was. [`EventLog`]: the last events. [`Past`]: the last minutes, for plots and sparklines: values five
+//! times a second, and the phases of its flight.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -6,59 +7,7 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 
 use crate::robot::changes::Weight;
-
-/// Time of one bar of a sparkline.
-pub const SLOT: Duration = Duration::from_secs(1);
-
-/// Bars that are kept: four minutes, and more than a wide terminal shows.
-pub const MAX_SLOTS: usize = 240;
-
-/// See the module's documentation.
-#[derive(Clone, Debug, Default)]
-pub struct History {
-    /// Oldest first; `None` where no value came.
-    values: VecDeque<Option<f64>>,
-    /// Number of the newest slot since the host's start.
-    newest: u64,
-}
-
-impl History {
-    /// Takes the value at `now`. The last of a slot counts; slots without one stay empty.
-    pub fn push(&mut self, value: Option<f64>, now: MonotonicNs) {
-        let slot = now.0 / SLOT.as_nanos() as u64;
-        if self.values.is_empty() {
-            self.newest = slot;
-            self.values.push_back(None);
-        }
-        let passed = slot.saturating_sub(self.newest).min(MAX_SLOTS as u64);
-        for _ in 0..passed {
-            if self.values.len() == MAX_SLOTS {
-                self.values.pop_front();
-            }
-            self.values.push_back(None);
-        }
-        self.newest = self.newest.max(slot);
-        if let Some(newest) = self.values.back_mut() {
-            *newest = value.filter(|value| value.is_finite()).or(*newest);
-        }
-    }
-
-    /// The newest `count` slots, oldest first, each as a part of the range between the least and the greatest value of them, in
-    /// steps from 1 to `steps`. The range is at least `least_range`, so that noise does not look like a climb.
-    pub fn bars(&self, count: usize, steps: u64, least_range: f64) -> Vec<Option<u64>> {
-        let skipped = self.values.len().saturating_sub(count);
-        let shown: Vec<Option<f64>> = self.values.iter().skip(skipped).copied().collect();
-        let known = || shown.iter().flatten().copied();
-        let low = known().fold(f64::INFINITY, f64::min);
-        let high = known().fold(f64::NEG_INFINITY, f64::max);
-        let range = (high - low).max(least_range);
-        let bar = |value: f64| {
-            let part = ((value - low) / range).clamp(0.0, 1.0);
-            1 + (part * steps.saturating_sub(1) as f64).round() as u64
-        };
-        shown.into_iter().map(|value| value.map(bar)).collect()
-    }
-}
+use crate::robot::pilot::PilotView;
 
 /// Lines that are kept: more than a tall terminal shows.
 pub const MAX_LINES: usize = 200;
@@ -112,45 +61,223 @@ impl EventLog {
     }
 }
 
+/// How long values are kept.
+pub const KEPT: Duration = Duration::from_secs(600);
+
+/// Time between two points.
+pub const SPACING: Duration = Duration::from_millis(200);
+
+/// Points that are kept, at least all of [`KEPT`]; the oldest goes.
+const MAX_POINTS: usize = (KEPT.as_millis() / SPACING.as_millis()) as usize;
+
+/// Phases that are kept: one every 2.3 seconds of [`KEPT`]. The oldest goes.
+const MAX_PHASES: usize = 256;
+
+/// Values at one moment; what was not measured is nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PastPoint {
+    /// When.
+    pub at: MonotonicNs,
+    /// Telemetry altitude, m.
+    pub altitude_m: Option<f64>,
+    /// Speed over ground, m/s.
+    pub ground_speed_mps: Option<f64>,
+    /// Battery, V.
+    pub battery_v: Option<f64>,
+}
+
+/// What the helicopter did from one moment to another.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PastPhase {
+    /// Since when.
+    pub from: MonotonicNs,
+    /// Until when; it lasts if this is `None`.
+    pub to: Option<MonotonicNs>,
+    /// In a word or two.
+    pub text: &'static str,
+}
+
+/// See the module's documentation.
+#[derive(Clone, Debug, Default)]
+pub struct Past {
+    points: VecDeque<PastPoint>,
+    phases: VecDeque<PastPhase>,
+}
+
+impl Past {
+    /// Takes how the robot is at `now`, `None` if that is not known; to be called at least as often as points are kept.
+    pub fn push(&mut self, view: Option<&PilotView>, now: MonotonicNs) {
+        if self
+            .points
+            .back()
+            .is_some_and(|last| now < last.at + SPACING)
+        {
+            return;
+        }
+        if self.points.len() == MAX_POINTS {
+            self.points.pop_front();
+        }
+        self.points.push_back(PastPoint {
+            at: now,
+            altitude_m: view.and_then(|view| view.altitude_m),
+            ground_speed_mps: view.and_then(|view| view.ground_speed_mps),
+            battery_v: view.and_then(|view| view.battery_v),
+        });
+        let oldest = MonotonicNs(now.0.saturating_sub(KEPT.as_nanos() as u64));
+        while self.points.front().is_some_and(|point| point.at < oldest) {
+            self.points.pop_front();
+        }
+        self.phases
+            .retain(|phase| phase.to.is_none_or(|to| to >= oldest));
+    }
+
+    /// The phase is `text` from now on; `None` if it is not known.
+    pub fn phase(&mut self, text: Option<&'static str>, now: MonotonicNs) {
+        let last = self.phases.back_mut().filter(|last| last.to.is_none());
+        if last.as_ref().map(|last| last.text) == text {
+            return;
+        }
+        if let Some(last) = last {
+            last.to = Some(now);
+        }
+        if let Some(text) = text {
+            if self.phases.len() == MAX_PHASES {
+                self.phases.pop_front();
+            }
+            self.phases.push_back(PastPhase {
+                from: now,
+                to: None,
+                text,
+            });
+        }
+    }
+
+    /// The values, oldest first.
+    pub fn points(&self) -> impl Iterator<Item = &PastPoint> {
+        self.points.iter()
+    }
+
+    /// The phases, oldest first.
+    pub fn phases(&self) -> impl Iterator<Item = &PastPhase> {
+        self.phases.iter()
+    }
+
+    /// The newest `count` seconds of a value for a sparkline, oldest first, each as a part of the range between the least and the greatest
+    /// of them, in steps from 1 to `steps`; `None` where there was none. The last value of a second counts. The range is at least
+    /// `least_range`, so that noise does not look like a climb.
+    pub fn bars(
+        &self,
+        value: impl Fn(&PastPoint) -> Option<f64>,
+        count: usize,
+        steps: u64,
+        least_range: f64,
+    ) -> Vec<Option<u64>> {
+        let second = |point: &PastPoint| point.at.0 / 1_000_000_000;
+        let (Some(first), Some(last)) = (self.points.front(), self.points.back()) else {
+            return Vec::new();
+        };
+        let most = usize::try_from(second(last) - second(first) + 1).unwrap_or(usize::MAX);
+        let count = count.min(most);
+        let mut shown = vec![None; count];
+        for point in &self.points {
+            let ago = usize::try_from(second(last) - second(point)).unwrap_or(usize::MAX);
+            if let Some(slot) = count
+                .checked_sub(ago + 1)
+                .and_then(|index| shown.get_mut(index))
+            {
+                *slot = value(point).or(*slot);
+            }
+        }
+        let known = || shown.iter().flatten().copied();
+        let low = known().fold(f64::INFINITY, f64::min);
+        let high = known().fold(f64::NEG_INFINITY, f64::max);
+        let range = (high - low).max(least_range);
+        let bar = |value: f64| {
+            let part = ((value - low) / range).clamp(0.0, 1.0);
+            1 + (part * steps.saturating_sub(1) as f64).round() as u64
+        };
+        shown.into_iter().map(|value| value.map(bar)).collect()
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use ipc_types::RobotId;
+
     use super::*;
+    use crate::robot::fixture::{at, fly};
+    use crate::robot::model::WatchedRobot;
 
-    const fn at(ms: u64) -> MonotonicNs {
-        MonotonicNs(ms * 1_000_000)
+    #[test]
+    fn a_flight_has_phases_and_points_and_what_is_old_is_a_gap() {
+        let mut robot = WatchedRobot::new(RobotId::DEFAULT);
+        fly(&mut robot);
+        for ms in (20_050..26_000).step_by(50) {
+            robot.judge(at(ms));
+        }
+        let texts: Vec<_> = robot.past.phases().map(|phase| phase.text).collect();
+        assert_eq!(texts, ["on the ground", "taking off", "flying the path"]);
+        assert!(
+            robot.past.phases().last().unwrap().to.is_some(),
+            "it is not known any more"
+        );
+        let known: Vec<bool> = robot
+            .past
+            .points()
+            .map(|point| point.altitude_m.is_some())
+            .collect();
+        // One every 250 ms in flight, then one every 200 ms.
+        assert_eq!(known.len(), 81 + 29);
+        assert!(known[80] && !known[109]);
     }
 
     #[test]
-    fn a_slot_has_its_last_value_and_a_pause_is_a_gap() {
-        let mut history = History::default();
-        for (ms, value) in [(0, 1.0), (800, 2.0), (1200, 3.0), (4200, 9.0)] {
-            history.push(Some(value), at(ms));
+    fn it_is_bounded_by_time_and_by_number() {
+        let mut past = Past::default();
+        for tick in 0..20_000 {
+            past.push(None, at(tick * 100));
+            past.phase(Some(if tick % 2 == 0 { "a" } else { "b" }), at(tick * 100));
         }
-        let bars = history.bars(10, 8, 1.0);
-        assert_eq!(bars, [Some(1), Some(2), None, None, Some(8)]);
-        assert_eq!(history.bars(2, 8, 1.0), [None, Some(1)]);
+        assert!(past.points().count() <= MAX_POINTS);
+        assert!(past.points().count() > MAX_POINTS - 10);
+        assert!(past.phases().count() <= MAX_PHASES);
+        past.push(None, at(10_000_000));
+        assert_eq!(past.points().count(), 1);
+    }
+
+    /// The bars of these altitudes, at these moments, ms.
+    fn bars(values: &[(u64, Option<f64>)], count: usize, least_range: f64) -> Vec<Option<u64>> {
+        let mut past = Past::default();
+        for (ms, altitude_m) in values {
+            let view = PilotView {
+                altitude_m: *altitude_m,
+                ..PilotView::default()
+            };
+            past.push(Some(&view), at(*ms));
+        }
+        past.bars(|point| point.altitude_m, count, 8, least_range)
     }
 
     #[test]
-    fn it_is_bounded_and_takes_what_is_no_number_as_nothing() {
-        let mut history = History::default();
-        for index in 0..10_000 {
-            history.push(Some(f64::from(index)), at(u64::from(index as u32) * 1000));
-        }
-        assert_eq!(history.bars(usize::MAX, 8, 1.0).len(), MAX_SLOTS);
-        history.push(Some(f64::NAN), MonotonicNs(u64::MAX));
-        history.push(Some(1.0), at(0));
-        let bars = history.bars(MAX_SLOTS, 8, 1.0);
-        assert_eq!(bars.iter().flatten().count(), 1, "a long pause empties it");
-        assert!(History::default().bars(5, 8, 1.0).is_empty());
+    fn a_bar_is_the_last_value_of_a_second_and_a_pause_is_a_gap() {
+        let values = [
+            (0, Some(1.0)),
+            (800, Some(2.0)),
+            (1200, Some(3.0)),
+            (1400, None),
+            (4200, Some(9.0)),
+        ];
+        let expected = [Some(1), Some(2), None, None, Some(8)];
+        assert_eq!(bars(&values, 10, 1.0), expected);
+        assert_eq!(bars(&values, 2, 1.0), [None, Some(1)]);
+        assert!(bars(&[], 5, 1.0).is_empty());
+        assert_eq!(bars(&[(0, None)], 5, 1.0), [None]);
     }
 
     #[test]
     fn noise_stays_low() {
-        let mut history = History::default();
-        history.push(Some(10.0), at(0));
-        history.push(Some(10.1), at(1000));
-        assert_eq!(history.bars(9, 8, 5.0), [Some(1), Some(1)]);
+        let values = [(0, Some(10.0)), (1000, Some(10.1))];
+        assert_eq!(bars(&values, 9, 5.0), [Some(1), Some(1)]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 //! it comes.
 //!
 //! `model` is all that a screen or a page knows of one robot: `freshness` says how old that is, `changes` what is wrong now, `history` what
-//! happened and how values went, `past` the same for plots. `played` feeds it from a recording.
+//! happened and how values went. `played` feeds it from a recording.
 
 pub(crate) mod absence;
 pub mod changes;
@@ -17,7 +17,6 @@ pub mod freshness;
 pub mod geo;
 pub mod history;
 pub mod model;
-pub mod past;
 pub mod pilot;
 pub mod played;
 pub(crate) mod position;

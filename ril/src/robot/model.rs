@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use ipc_types::code::LinkState;
 use ipc_types::module::State;
+use ipc_types::outline::Outline;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations};
 use ipc_types::{Module, MonotonicNs, RobotId, StatusModule, Topic};
 use runtime::finding::{Finding, Severity};
@@ -19,7 +20,7 @@ use crate::robot::chart::Chart;
 use crate::robot::controller::Senders;
 use crate::robot::freshness::{Feed, Freshness, MODULE_OVERDUE_AFTER, OVERDUE_AFTER, named};
 use crate::robot::geo::{Place, Track};
-use crate::robot::history::{EventLog, History};
+use crate::robot::history::{EventLog, Past};
 use crate::robot::pilot::{self, PilotView};
 use crate::robot::relay_link::STATIONS_STALE_AFTER;
 
@@ -69,6 +70,15 @@ pub struct Home {
     pub altitude_m: f64,
 }
 
+/// What a bridge holds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Held {
+    /// As it says it.
+    pub outline: Outline,
+    /// The same as it is drawn.
+    pub chart: Chart,
+}
+
 /// A DSP error that was counted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct DspError {
@@ -97,8 +107,8 @@ pub struct WatchedRobot {
     /// How old the newest sample of each process is.
     feeds: [Feed; Process::ALL.len()],
     telemetry_feed: Feed,
-    /// The number and the chart of what the live bridge holds; `None` if it has not said it.
-    pub(crate) held: Option<(u64, Chart)>,
+    /// What the live bridge holds; `None` if it has not said it.
+    pub(crate) held: Option<Held>,
     /// The state of the link, and when it was first seen.
     link_seen: Option<(u32, MonotonicNs)>,
     /// What the newest telemetry says.
@@ -107,10 +117,8 @@ pub struct WatchedRobot {
     pub(crate) home: Option<Home>,
     /// Where it was.
     pub(crate) track: Track,
-    /// Altitude over time.
-    pub(crate) altitude: History,
-    /// Speed over ground over time.
-    pub(crate) speed: History,
+    /// Its last minutes.
+    pub(crate) past: Past,
     /// Where it was when it reached the waypoints of the path under way, or of the last.
     pub(crate) reached: Vec<Place>,
     /// Samples of telemetry that were lost between processes.
@@ -149,8 +157,7 @@ impl WatchedRobot {
             pilot: PilotView::default(),
             home: None,
             track: Track::default(),
-            altitude: History::default(),
-            speed: History::default(),
+            past: Past::default(),
             reached: Vec::new(),
             lost: 0,
             dsp_error: None,
@@ -176,9 +183,12 @@ impl WatchedRobot {
         self.state = Some(*state);
     }
 
-    /// The live bridge said what it holds: the outline of this number.
-    pub fn held(&mut self, number: u64, chart: Chart) {
-        self.held = Some((number, chart));
+    /// The live bridge said what it holds.
+    pub fn held(&mut self, outline: &Outline) {
+        self.held = Some(Held {
+            outline: outline.clone(),
+            chart: Chart::from(outline),
+        });
     }
 
     /// Who commands; `None` if no sender does.
@@ -202,7 +212,7 @@ impl WatchedRobot {
     /// Whether the bridge holds another outline than the last one that came.
     pub(crate) fn is_held_outdated(&self) -> bool {
         let number = self.state.as_ref().map(|state| state.outline);
-        let held = self.held.as_ref().map(|(number, _)| *number);
+        let held = self.held.as_ref().map(|held| held.outline.number);
         number.is_some() && held.is_some() && number != held
     }
 
@@ -244,8 +254,9 @@ impl WatchedRobot {
         self.feeds[process as usize].provider(lives, now);
     }
 
-    /// Judges what is wrong at `now`. To be called after samples, and when [`WatchedRobot::next`] says so.
+    /// Judges what is wrong at `now`, and keeps how it is. To be called after samples, and when [`WatchedRobot::next`] says so.
     pub fn judge(&mut self, now: MonotonicNs) {
+        self.keep(now);
         let findings = self.findings(now);
         for change in self.alarms.update(findings, now) {
             match change {
@@ -266,6 +277,18 @@ impl WatchedRobot {
                 }
             }
         }
+    }
+
+    /// Keeps how it is at `now` for plots. What is not of the present is a gap.
+    fn keep(&mut self, now: MonotonicNs) {
+        let is_fresh = self.telemetry_freshness(now).is_fresh();
+        self.past.push(is_fresh.then_some(&self.pilot), now);
+        let state = self.state.as_ref();
+        let state = state.filter(|_| self.process(Process::Bridge, now).is_fresh());
+        let functionality = state.and_then(ModuleState::functionality);
+        let flying = self.pilot.flying;
+        self.past
+            .phase(functionality.map(|one| pilot::activity(one, flying)), now);
     }
 
     /// The processes that are to be looked for now.
@@ -303,8 +326,6 @@ impl WatchedRobot {
         };
         self.pilot = view;
         self.telemetry_feed.sample(received, now);
-        self.altitude.push(view.altitude_m, now);
-        self.speed.push(view.ground_speed_mps, now);
         if let Some(place) = view.place {
             self.track.push(place);
             if let (Some(altitude_m), Some(false)) = (view.altitude_m, view.flying) {

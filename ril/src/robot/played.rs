@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use ipc_types::module::State;
-use ipc_types::outline::{Outline, OutlineReader};
+use ipc_types::outline::OutlineReader;
 use ipc_types::payload::{
     BridgeOutline, DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStations, SharedStruct,
 };
@@ -14,9 +14,7 @@ use recording::EventKind;
 use recording::play::key_of;
 use recording::read::{RecordedEvent, RecordedMessage};
 
-use crate::robot::chart::Chart;
 use crate::robot::model::{Process, WatchedRobot};
-use crate::robot::past::Past;
 
 /// Time between two looks at what is wrong: as often as the page of a live robot is renewed.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);
@@ -30,8 +28,6 @@ const QUIET: Duration = Duration::from_secs(60);
 pub struct PlayedRobot {
     /// The model that the live screens use.
     pub robot: WatchedRobot,
-    /// Its last minutes.
-    pub past: Past,
     outline: OutlineReader,
     /// When the last message was recorded.
     heard: MonotonicNs,
@@ -44,16 +40,10 @@ impl PlayedRobot {
     pub fn new(id: RobotId, begin: MonotonicNs) -> PlayedRobot {
         PlayedRobot {
             robot: WatchedRobot::new(id),
-            past: Past::default(),
             outline: OutlineReader::new(),
             heard: begin,
             looked: begin,
         }
-    }
-
-    /// The outline that its bridge held; `None` if no whole outline was recorded so far.
-    pub fn outline(&self) -> Option<&Outline> {
-        self.outline.outline()
     }
 
     /// Takes the next message, which was recorded at `at`. The caller makes looks that were due earlier first.
@@ -111,7 +101,7 @@ impl PlayedRobot {
         if self.outline.take(piece)
             && let Some(outline) = self.outline.outline()
         {
-            self.robot.held(outline.number, Chart::from(outline));
+            self.robot.held(outline);
         }
     }
 
@@ -133,8 +123,6 @@ impl PlayedRobot {
             self.robot.provider(process, true, now);
         }
         self.robot.judge(now);
-        self.robot.take_bells();
-        self.past.take(&self.robot, now);
     }
 }
 

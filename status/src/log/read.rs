@@ -10,7 +10,7 @@
 //! let text = "flying\tsequence\treceived_ns\tgps_quality\n1\t7\t5000\t4\n1\t8\tx\t4\n1\t9";
 //! let mut log = LogReader::new(text.as_bytes());
 //! let Some(LogEntry::Row(row)) = log.next()? else { panic!() };
-//! assert_eq!((row.sequence, row.cells().nth(3)), (7, Some("4")));
+//! assert_eq!((row.sample.sequence, row.sample.gps_quality), (7, 4));
 //! let Some(LogEntry::Damaged(damage)) = log.next()? else { panic!() };
 //! assert_eq!(damage.to_string(), "line 3: `received_ns` is no number: x");
 //! assert!(log.next()?.is_none());
@@ -25,10 +25,11 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::io::{self, BufRead};
 
+use ipc_types::TelemetryGroup;
 use ipc_types::payload::DspTelemetry;
 
 use super::clock::IsoTime;
-use super::tsv::UTC;
+use super::tsv::Column;
 use crate::fields;
 
 /// Longest line, bytes. A row has at most 50 cells of at most 24 bytes, so 1.2 kB; the names of the columns make 0.8 kB. What is
@@ -61,13 +62,9 @@ pub enum LogEntry<'a> {
 /// A row: the values of one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row<'a> {
-    /// Whether the helicopter was in the air.
-    pub flying: bool,
-    /// The sample's number.
-    pub sequence: u64,
-    /// When the bridge received it, monotonic ns of the robot's host.
-    pub received_ns: u64,
-    /// The same moment in ns since 1970, UTC; `None` if the log has no such column.
+    /// The sample, as far as the log has its columns: a group is valid if all of its cells hold a number.
+    pub sample: &'a DspTelemetry,
+    /// When the bridge received it, in ns since 1970, UTC; `None` if the log has no such column.
     pub unix_ns: Option<u64>,
     line: &'a str,
 }
@@ -75,11 +72,9 @@ pub struct Row<'a> {
 impl<'a> Row<'a> {
     /// The row of a sample that does not come from a text, such as one of a flight record: `line` has its cells, in the order of
     /// the columns and divided by tabs.
-    pub fn of_sample(sample: &DspTelemetry, unix_ns: Option<u64>, line: &'a str) -> Row<'a> {
+    pub fn of_sample(sample: &'a DspTelemetry, unix_ns: Option<u64>, line: &'a str) -> Row<'a> {
         Row {
-            flying: sample.is_flying(),
-            sequence: sample.sequence,
-            received_ns: sample.received_ns,
+            sample,
             unix_ns,
             line,
         }
@@ -157,8 +152,8 @@ impl fmt::Display for DamageReason {
 /// The columns of a log.
 struct Columns {
     names: Vec<String>,
-    /// Which of them is the time in UTC.
-    utc: Option<usize>,
+    /// What they hold, beside the names; `None` for a number of a later version.
+    columns: Vec<Option<Column>>,
 }
 
 /// Reads a log. See the module's documentation.
@@ -173,6 +168,8 @@ pub struct LogReader<R> {
     /// Whether the rest of a line that is too long is being passed over.
     is_too_long: bool,
     lines: u64,
+    /// The one that an entry shows.
+    sample: DspTelemetry,
 }
 
 impl<R: BufRead> LogReader<R> {
@@ -185,6 +182,7 @@ impl<R: BufRead> LogReader<R> {
             is_given: false,
             is_too_long: false,
             lines: 0,
+            sample: DspTelemetry::default(),
         }
     }
 
@@ -222,7 +220,7 @@ impl<R: BufRead> LogReader<R> {
         };
         let row = match self.is_too_long {
             true => Err(DamageReason::TooLong),
-            false => row(columns, &self.line),
+            false => row(columns, &self.line, &mut self.sample),
         };
         let line = self.lines;
         Ok(Some(row.map_or_else(
@@ -302,13 +300,17 @@ impl<R: BufRead> LogReader<R> {
         if unique.len() < names.len() || !names.iter().all(is_plain) {
             return Err("its first line names a column twice, or one by no name of a field".into());
         }
-        let utc = names.iter().position(|name| name == UTC);
-        Ok(Columns { names, utc })
+        let columns = names.iter().map(|name| Column::of_name(name)).collect();
+        Ok(Columns { names, columns })
     }
 }
 
-/// What `line` says, or what is wrong with it.
-fn row<'a>(columns: &Columns, line: &'a [u8]) -> Result<Row<'a>, DamageReason> {
+/// What `line` says, with its sample in `sample`; or what is wrong with it.
+fn row<'a>(
+    columns: &Columns,
+    line: &'a [u8],
+    sample: &'a mut DspTelemetry,
+) -> Result<Row<'a>, DamageReason> {
     let line = str::from_utf8(line).map_err(|_| DamageReason::NoText)?;
     let expected = columns.names.len();
     let found = line.split('\t').count();
@@ -320,27 +322,41 @@ fn row<'a>(columns: &Columns, line: &'a [u8]) -> Result<Row<'a>, DamageReason> {
         expected,
         found: excerpt(cell),
     };
-    let mut always = [0; 3];
+    *sample = DspTelemetry::default();
     let mut unix_ns = None;
-    for (index, cell) in line.split('\t').enumerate() {
-        if let Some(number) = always.get_mut(index) {
-            *number = cell.parse().map_err(|_| wrong(index, "number", cell))?;
-        } else if columns.utc == Some(index) {
-            let time = IsoTime::parse(cell);
-            let time = time.ok_or_else(|| wrong(index, "time in UTC", cell))?;
-            unix_ns = Some(time.unix_ns());
-        } else if !cell.is_empty() && cell.parse::<f64>().is_err() {
+    let (mut there, mut missing) = (0, 0);
+    for (index, (cell, column)) in line.split('\t').zip(&columns.columns).enumerate() {
+        let is_always = index < fields::ALWAYS.len();
+        let is_read = match column {
+            Some(Column::Utc) => {
+                let time = IsoTime::parse(cell);
+                let time = time.ok_or_else(|| wrong(index, "time in UTC", cell))?;
+                unix_ns = Some(time.unix_ns());
+                true
+            }
+            Some(Column::Field(group, field)) => {
+                let is_read = field.read(cell, sample);
+                let bit = group.map_or(0, TelemetryGroup::bit);
+                match is_read && field.value(sample).number().is_finite() {
+                    true => there |= bit,
+                    false => missing |= bit,
+                }
+                is_read
+            }
+            None => false,
+        };
+        // A number that the field cannot hold is none of this version.
+        let is_none = || !is_always && (cell.is_empty() || cell.parse::<f64>().is_ok());
+        if !is_read && !is_none() {
             return Err(wrong(index, "number", cell));
         }
     }
-    let [flying, sequence, received_ns] = always;
-    if flying > 1 {
-        return Err(wrong(0, "0 or 1", &flying.to_string()));
+    sample.valid_groups = there & !missing;
+    if sample.flying > 1 {
+        return Err(wrong(0, "0 or 1", &sample.flying.to_string()));
     }
     Ok(Row {
-        flying: flying == 1,
-        sequence,
-        received_ns,
+        sample,
         unix_ns,
         line,
     })

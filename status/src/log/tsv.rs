@@ -23,11 +23,32 @@ pub struct Table {
     clock: ClockAnchor,
 }
 
-enum Column {
+/// What a column holds.
+pub(super) enum Column {
     /// When the sample was received, by the wall clock.
     Utc,
     /// A field, with the group that must be valid for it, if there is one.
     Field(Option<Group>, &'static Field),
+}
+
+impl Column {
+    /// The column of this name; `None` if there is none.
+    pub(super) fn of_name(name: &str) -> Option<Column> {
+        let of_group = |group| {
+            fields::of(group)
+                .iter()
+                .map(move |field| (Some(group), field))
+        };
+        let always = fields::ALWAYS.iter().chain(fields::DSP_ERRORS);
+        let mut all = always
+            .map(|field| (None, field))
+            .chain(Group::ALL.into_iter().flat_map(of_group));
+        let found = all.find(|(_, field)| field.name == name);
+        match name {
+            UTC => Some(Column::Utc),
+            _ => found.map(|(group, field)| Column::Field(group, field)),
+        }
+    }
 }
 
 impl Table {

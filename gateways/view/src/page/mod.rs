@@ -16,6 +16,6 @@ pub use to_page::{
     ReplayStatus, RobotStatus, RobotSummary, Robots, TileRange,
 };
 pub use words::{
-    ChartSource, CheckKind, EventSeverity, Freshness, Holder, LeaseAction, OrderKind, OrderStage,
-    PROTOCOL, ReplayAction, Role, STALE_AFTER_MS, Severity, Switch,
+    ChartSource, CheckKind, Freshness, Holder, LeaseAction, OrderKind, OrderStage, PROTOCOL,
+    ReplayAction, Role, STALE_AFTER_MS, Severity, Switch, Weight,
 };

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::words::{
-    ChartSource, EventSeverity, Freshness, Holder, OrderKind, OrderStage, Role, Severity, Switch,
+    ChartSource, Freshness, Holder, OrderKind, OrderStage, Role, Severity, Switch, Weight,
 };
 
 /// `hello`: the first message, which says what server this is.
@@ -59,7 +59,7 @@ pub struct ReplayEvent {
     /// Seconds from its beginning.
     pub at_s: f64,
     /// How much weight it has.
-    pub severity: EventSeverity,
+    pub severity: Weight,
     /// What happened.
     pub text: String,
 }
@@ -310,7 +310,7 @@ pub struct PastEvent {
     /// UTC wall time.
     pub at_unix_ms: u64,
     /// How much weight it has.
-    pub severity: EventSeverity,
+    pub severity: Weight,
     /// What happened.
     pub text: String,
 }
@@ -323,7 +323,7 @@ pub struct Event {
     /// UTC wall time.
     pub at_unix_ms: u64,
     /// How much weight it has.
-    pub severity: EventSeverity,
+    pub severity: Weight,
     /// What happened.
     pub text: String,
 }

@@ -22,17 +22,17 @@ pub enum Severity {
     Alarm,
 }
 
-/// How much weight an event has.
+/// How much an event matters, to a page, on a terminal and in a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum EventSeverity {
-    /// Good to know.
+pub enum Weight {
+    /// Something went on as it should.
     Note,
-    /// Something that was ordered.
+    /// An order, or what became of it.
     Order,
-    /// To be watched.
+    /// Something to look at.
     Warning,
-    /// To be acted on.
+    /// Something to act on.
     Alarm,
 }
 

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::envelope::{Bins, Envelope};
-use crate::page::Area;
+use crate::page::{Area, Weight};
 
 /// A recorded flight. What the recording does not have is empty, and the report says so.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -149,18 +149,6 @@ pub struct RequestRow {
     pub outcome: Outcome,
     /// Why; may be empty.
     pub reason: String,
-}
-
-/// How much an event matters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Weight {
-    /// Something went on as it should.
-    Note,
-    /// Something to look at.
-    Warning,
-    /// Something that must not happen.
-    Alarm,
 }
 
 /// Something that happened.

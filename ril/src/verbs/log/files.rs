@@ -4,10 +4,10 @@ use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use ipc_types::TelemetryGroup;
 use recording::read::RecordFile;
 use runtime::config::load;
 use runtime::exit::{ExitCode, Failure, OrFail};
+use status::group::GroupSet;
 use status::log::config::LogConfig;
 use status::log::file_name::{FileKind, Series, Stamp, recognize};
 use status::log::groups::LogGroups;
@@ -53,7 +53,7 @@ impl FoundLog {
             let span = summary.first_ns.zip(summary.last_ns);
             return Ok(span.map(|(first, last)| last.saturating_sub(first) as f64 / 1e9));
         }
-        let mut file = LogFile::open(&self.path, LogGroups::default())?;
+        let mut file = LogFile::open(&self.path, OF_SAMPLES)?;
         let name = file.name();
         let Some(first) =
             next_row(file.recording.as_mut()).map_err(|error| unreadable(&name, error))?
@@ -73,7 +73,7 @@ impl FoundLog {
 fn next_row(recording: &mut dyn Recording) -> Result<Option<u64>, LogReadError> {
     loop {
         match recording.next()? {
-            Some(LogEntry::Row(row)) => return Ok(Some(row.received_ns)),
+            Some(LogEntry::Row(row)) => return Ok(Some(row.sample.received_ns)),
             Some(LogEntry::Damaged(_)) => {}
             None => return Ok(None),
         }
@@ -165,22 +165,12 @@ pub(super) fn folder_of(path: &Path) -> PathBuf {
     }
 }
 
-/// What a summary or a report is made of. A flight has hundreds of thousands of rows, and each column takes its time.
-pub(super) fn of_flight() -> LogGroups {
-    let groups = [
-        TelemetryGroup::Time,
-        TelemetryGroup::Geographic,
-        TelemetryGroup::GpsVelocity,
-        TelemetryGroup::GpsQuality,
-        TelemetryGroup::Supply,
-        TelemetryGroup::RotorSpeed,
-        TelemetryGroup::References,
-    ];
-    LogGroups {
-        telemetry: groups.into_iter().collect(),
-        dsp_errors: true,
-    }
-}
+/// The columns of a record's rows where samples are looked at, and not their text: each column takes its time. The DSP's errors are in
+/// every record, and not in every log.
+pub(super) const OF_SAMPLES: LogGroups = LogGroups {
+    telemetry: GroupSet(0),
+    dsp_errors: true,
+};
 
 /// A file of a log that is open.
 pub(super) struct LogFile {
@@ -391,7 +381,7 @@ pub(super) fn last_flight(
 
 /// Whether a sample in the file is of the air.
 fn has_flown(path: &Path) -> bool {
-    let Ok(mut file) = LogFile::open(path, LogGroups::default()) else {
+    let Ok(mut file) = LogFile::open(path, OF_SAMPLES) else {
         return false;
     };
     if file.begin().is_err() {
@@ -399,7 +389,7 @@ fn has_flown(path: &Path) -> bool {
     }
     loop {
         match file.recording.next() {
-            Ok(Some(LogEntry::Row(row))) if row.flying => return true,
+            Ok(Some(LogEntry::Row(row))) if row.sample.is_flying() => return true,
             Ok(Some(_)) => {}
             Ok(None) | Err(_) => return false,
         }

@@ -23,7 +23,7 @@ use status::log::groups::LogGroups;
 
 pub use self::report::report_page;
 
-use self::files::{MAX_NAMED, chosen_file, of_flight};
+use self::files::{MAX_NAMED, OF_SAMPLES, chosen_file};
 use self::options::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs};
 use self::recording::LogEntry;
 use self::row::{Chosen, UTC, UtcSource, UtcTimes};
@@ -51,7 +51,7 @@ pub fn log(args: &LogArgs) -> Result<(), Failure> {
 
 fn summary(args: &LogFileArgs) -> Result<(), Failure> {
     configuration(&args.place.common)?;
-    let mut file = chosen_file(args.file.as_ref(), &args.place, of_flight())?;
+    let mut file = chosen_file(args.file.as_ref(), &args.place, OF_SAMPLES)?;
     let (name, robot, created) = (file.name(), file.robot(), file.created_unix_s());
     file.begin()?;
     let columns = file.recording.columns();

@@ -104,8 +104,9 @@ pub struct McapReader {
     ahead: VecDeque<ReadItem>,
     entries: u64,
     unfinished_bytes: usize,
-    /// The row that was given last.
+    /// The row that was given last, and its sample.
     line: String,
+    sample: Box<DspTelemetry>,
 }
 
 /// What was found in the file, in its order.
@@ -117,7 +118,7 @@ enum ReadItem {
 }
 
 impl McapReader {
-    /// A reader of the file at `path` whose rows have the columns of these groups. No message is read yet.
+    /// A reader of the file at `path` whose rows have the columns of these groups, and whole samples. No message is read yet.
     ///
     /// # Errors
     ///
@@ -136,6 +137,7 @@ impl McapReader {
             entries: 0,
             unfinished_bytes: 0,
             line: String::new(),
+            sample: Box::default(),
         })
     }
 
@@ -224,13 +226,14 @@ impl Recording for McapReader {
             unix_ns,
             monotonic: MonotonicNs(sample.received_ns),
         });
+        self.sample = sample;
         let mut line = std::mem::take(&mut self.line).into_bytes();
         line.clear();
-        self.table.row(&sample, &mut line);
+        self.table.row(&self.sample, &mut line);
         // Without the end of the line.
         line.pop();
         self.line = String::from_utf8(line).unwrap_or_default();
-        let row = Row::of_sample(&sample, Some(unix_ns), &self.line);
+        let row = Row::of_sample(&self.sample, Some(unix_ns), &self.line);
         Ok(Some(LogEntry::Row(row)))
     }
 

@@ -63,11 +63,11 @@ impl UtcTimes {
 
     /// The time of the next row; `None` if it is not known.
     pub fn of(&mut self, row: &Row<'_>) -> Option<IsoTime> {
-        let first = *self.first_received_ns.get_or_insert(row.received_ns);
+        let first = *self.first_received_ns.get_or_insert(row.sample.received_ns);
         match self.source {
             UtcSource::Column => row.unix_ns.map(IsoTime::from_unix_ns),
             UtcSource::FileName(created_ns) => {
-                let elapsed_ns = row.received_ns.saturating_sub(first);
+                let elapsed_ns = row.sample.received_ns.saturating_sub(first);
                 Some(IsoTime::from_unix_ns(created_ns.saturating_add(elapsed_ns)))
             }
             UtcSource::Nowhere => None,

@@ -1,7 +1,11 @@
-//! What a log says of a flight: [`Summarizer`] takes the rows one after the other and keeps none of them.
+//! What a log says of a flight: [`Summarizer`] takes the samples one after the other and keeps none of them.
+//!
+//! [`Step`]: what lies between two samples, for the summary and for the report.
 
 use std::fmt;
 
+use ipc_types::TelemetryGroup;
+use ipc_types::payload::DspTelemetry;
 use serde::Serialize;
 use status::log::clock::IsoTime;
 use status::log::file_name::FileKind;
@@ -14,15 +18,15 @@ use crate::robot::geo::{Place, distance_m};
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.LogSummary.v1";
 
-/// Two rows with more between them than this have a gap: telemetry comes at least once a second, or is stale.
-const GAP_NS: u64 = 1_000_000_000;
+/// Two samples with more between them than this have a gap, s: telemetry comes at least once a second, or is stale.
+pub const GAP_S: f64 = 1.0;
 
 /// The way over ground is measured in steps of at least this length, m. The noise of a GPS moves a helicopter that hovers by
 /// centimetres with each sample; shorter steps would add them up to a way.
 const STEP_M: f64 = 1.0;
 
 /// A step longer than this is none of a helicopter, m: a damaged number, or the next fix after a time without one.
-const MAX_STEP_M: f64 = 1000.0;
+pub const MAX_STEP_M: f64 = 1000.0;
 
 /// A value at the beginning and the end, and its extreme between.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -64,7 +68,7 @@ pub struct Summary {
     /// Greatest height over the place where the helicopter last stood before, m; `None` if it was in the air in all rows.
     pub max_height_m: Option<f64>,
     /// Greatest speed over ground, m/s.
-    pub max_speed_mps: Option<f64>,
+    pub max_speed_mps: Option<f32>,
     /// Battery, V.
     pub battery_v: Option<Course>,
     /// Fuel, %.
@@ -94,38 +98,43 @@ impl Summary {
     }
 }
 
-/// The columns that a summary needs.
-#[derive(Clone, Copy, Debug, Default)]
-struct Places {
-    latitude: Option<usize>,
-    longitude: Option<usize>,
-    altitude: Option<usize>,
-    speed: Option<usize>,
-    battery: Option<usize>,
-    fuel: Option<usize>,
-    dsp_errors: Option<usize>,
-    quality: Option<usize>,
+/// What lies between two samples that follow each other in a log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// Time from the one to the other, s; 0 if the clock went back, because the robot's host was restarted.
+    pub elapsed_s: f64,
+    /// Samples that the bridge published between them, by their numbers.
+    pub lost: u64,
+    /// Whether the bridge began anew.
+    pub is_restart: bool,
+    /// Errors that the DSP reported. A bridge that began anew counts from 0 again.
+    pub new_errors: u32,
 }
 
-/// Makes a summary of rows.
+impl Step {
+    /// From `before` to `dsp`.
+    pub fn between(before: &DspTelemetry, dsp: &DspTelemetry) -> Step {
+        let steps = dsp.sequence.checked_sub(before.sequence);
+        let steps = steps.filter(|steps| *steps > 0 && before.epoch_ns == dsp.epoch_ns);
+        let errors = dsp.dsp_errors.checked_sub(before.dsp_errors);
+        Step {
+            elapsed_s: dsp.received_ns.saturating_sub(before.received_ns) as f64 / 1e9,
+            lost: steps.map_or(0, |steps| steps - 1),
+            is_restart: steps.is_none(),
+            new_errors: errors.unwrap_or(dsp.dsp_errors),
+        }
+    }
+}
+
+/// Makes a summary of samples.
 pub struct Summarizer {
     summary: Summary,
-    places: Places,
     times: UtcTimes,
-    last: Option<Last>,
+    last: Option<DspTelemetry>,
     /// Altitude where the helicopter stood last, m.
     ground_m: Option<f64>,
     /// The end of the last step of the way.
     step_from: Option<Place>,
-    dsp_errors: Option<u64>,
-}
-
-/// The row before.
-#[derive(Clone, Copy, Debug)]
-struct Last {
-    received_ns: u64,
-    sequence: u64,
-    flying: bool,
 }
 
 impl Summarizer {
@@ -136,7 +145,7 @@ impl Summarizer {
         columns: &[String],
         source: UtcSource,
     ) -> Summarizer {
-        let place = |name: &str| columns.iter().position(|column| column == name);
+        let has_errors = columns.iter().any(|name| name == "dsp_errors");
         Summarizer {
             summary: Summary {
                 schema: SCHEMA,
@@ -159,65 +168,48 @@ impl Summarizer {
                 bridge_restarts: 0,
                 gaps: 0,
                 longest_gap_s: 0.0,
-                dsp_errors: None,
+                dsp_errors: has_errors.then_some(0),
                 damaged_lines: 0,
                 first_damage: None,
                 unfinished_bytes: 0,
-            },
-            places: Places {
-                latitude: place("latitude_deg"),
-                longitude: place("longitude_deg"),
-                altitude: place("altitude_m"),
-                speed: place("gps_horizontal_speed_mps"),
-                battery: place("battery_mv"),
-                fuel: place("fuel_percent"),
-                dsp_errors: place("dsp_errors"),
-                quality: place("gps_quality"),
             },
             times: UtcTimes::new(source),
             last: None,
             ground_m: None,
             step_from: None,
-            dsp_errors: None,
         }
     }
 
     /// Takes the next row.
     pub fn row(&mut self, row: &Row<'_>) {
-        let cells: Vec<&str> = row.cells().collect();
-        let value = |place: Option<usize>| -> Option<f64> {
-            let number: f64 = cells.get(place?)?.parse().ok()?;
-            number.is_finite().then_some(number)
-        };
+        let dsp = row.sample;
         self.time(row);
         let summary = &mut self.summary;
         summary.rows += 1;
         // Without a fix the GPS says zero for everything.
-        let has_fix = value(self.places.quality) != Some(0.0);
-        let by_gps = |place| value(place).filter(|_| has_fix);
-        greatest(&mut summary.max_speed_mps, by_gps(self.places.speed));
-        let battery_v = value(self.places.battery).map(|mv| mv / 1000.0);
-        course(&mut summary.battery_v, battery_v);
-        course(&mut summary.fuel_percent, value(self.places.fuel));
-        if let Some(altitude) = by_gps(self.places.altitude) {
-            self.altitude(altitude, row.flying);
+        let has_fix = !dsp.valid(TelemetryGroup::GpsQuality) || dsp.gps_quality != 0;
+        if has_fix && dsp.valid(TelemetryGroup::GpsVelocity) {
+            let speed_mps = dsp.gps_velocity.horizontal_speed_mps;
+            greatest(&mut summary.max_speed_mps, speed_mps);
         }
-        let degrees = by_gps(self.places.latitude).zip(by_gps(self.places.longitude));
-        let place = degrees.and_then(|(latitude, longitude)| Place::new(latitude, longitude));
-        match place {
-            Some(place) if row.flying => self.step(place),
+        if dsp.valid(TelemetryGroup::Supply) {
+            let battery_v = f64::from(dsp.supply.battery_mv) / 1000.0;
+            course(&mut summary.battery_v, battery_v);
+            course(&mut summary.fuel_percent, dsp.supply.fuel_percent.into());
+        }
+        let geographic = dsp.geographic;
+        let has_place = has_fix && dsp.valid(TelemetryGroup::Geographic);
+        if has_place && geographic.altitude_m.is_finite() {
+            self.altitude(geographic.altitude_m, dsp.is_flying());
+        }
+        let place = Place::new(geographic.latitude_deg, geographic.longitude_deg);
+        match place.filter(|_| has_place) {
+            Some(place) if dsp.is_flying() => self.step(place),
             // The way goes on from where the helicopter takes off next.
-            _ if !row.flying => self.step_from = place.or(self.step_from),
+            place if !dsp.is_flying() => self.step_from = place.or(self.step_from),
             _ => {}
         }
-        if let Some(errors) = value(self.places.dsp_errors) {
-            self.errors(errors as u64);
-        }
-        self.last = Some(Last {
-            received_ns: row.received_ns,
-            sequence: row.sequence,
-            flying: row.flying,
-        });
+        self.last = Some(*dsp);
     }
 
     /// Takes a line that is no row.
@@ -235,40 +227,39 @@ impl Summarizer {
 
     fn time(&mut self, row: &Row<'_>) {
         let time = self.times.of(row).map(|time: IsoTime| time.to_string());
-        let summary = &mut self.summary;
+        let (summary, dsp) = (&mut self.summary, row.sample);
         if self.last.is_none() {
             summary.start_utc.clone_from(&time);
         }
         summary.end_utc = time;
-        let Some(last) = self.last else {
-            summary.take_offs = u32::from(row.flying);
+        let Some(last) = &self.last else {
+            summary.take_offs = u32::from(dsp.is_flying());
             return;
         };
-        // The clock of the robot's host goes back when that was restarted.
-        let elapsed_ns = row.received_ns.saturating_sub(last.received_ns);
-        let elapsed_s = elapsed_ns as f64 / 1e9;
-        summary.duration_s += elapsed_s;
-        if last.flying {
-            summary.flight_s += elapsed_s;
-        } else if row.flying {
+        let step = Step::between(last, dsp);
+        summary.duration_s += step.elapsed_s;
+        if last.is_flying() {
+            summary.flight_s += step.elapsed_s;
+        } else if dsp.is_flying() {
             summary.take_offs += 1;
         }
-        if elapsed_ns > GAP_NS {
+        if step.elapsed_s > GAP_S {
             summary.gaps += 1;
-            summary.longest_gap_s = summary.longest_gap_s.max(elapsed_s);
+            summary.longest_gap_s = summary.longest_gap_s.max(step.elapsed_s);
         }
-        match row.sequence.checked_sub(last.sequence) {
-            Some(steps @ 1..) => summary.lost_samples += steps - 1,
-            Some(0) | None => summary.bridge_restarts += 1,
+        summary.lost_samples += step.lost;
+        summary.bridge_restarts += u32::from(step.is_restart);
+        if let Some(errors) = &mut summary.dsp_errors {
+            *errors += u64::from(step.new_errors);
         }
     }
 
     fn altitude(&mut self, altitude_m: f64, is_flying: bool) {
-        greatest(&mut self.summary.max_altitude_m, Some(altitude_m));
+        greatest(&mut self.summary.max_altitude_m, altitude_m);
         if !is_flying {
             self.ground_m = Some(altitude_m);
         } else if let Some(ground_m) = self.ground_m {
-            greatest(&mut self.summary.max_height_m, Some(altitude_m - ground_m));
+            greatest(&mut self.summary.max_height_m, altitude_m - ground_m);
         }
     }
 
@@ -283,35 +274,22 @@ impl Summarizer {
             self.step_from = Some(to);
         }
     }
+}
 
-    fn errors(&mut self, errors: u64) {
-        // A bridge that began anew counts from 0 again.
-        let new = match self.dsp_errors {
-            None => 0,
-            Some(before) if errors < before => errors,
-            Some(before) => errors - before,
-        };
-        *self.summary.dsp_errors.get_or_insert(0) += new;
-        self.dsp_errors = Some(errors);
+fn greatest<T: PartialOrd>(of: &mut Option<T>, value: T) {
+    if of.as_ref().is_none_or(|greatest| value > *greatest) {
+        *of = Some(value);
     }
 }
 
-fn greatest(of: &mut Option<f64>, value: Option<f64>) {
-    if let Some(value) = value {
-        *of = Some(of.map_or(value, |greatest| greatest.max(value)));
-    }
-}
-
-fn course(of: &mut Option<Course>, value: Option<f64>) {
-    if let Some(value) = value {
-        let course = of.get_or_insert(Course {
-            first: value,
-            last: value,
-            min: value,
-        });
-        course.last = value;
-        course.min = course.min.min(value);
-    }
+fn course(of: &mut Option<Course>, value: f64) {
+    let course = of.get_or_insert(Course {
+        first: value,
+        last: value,
+        min: value,
+    });
+    course.last = value;
+    course.min = course.min.min(value);
 }
 
 impl fmt::Display for Summary {

@@ -9,8 +9,7 @@ use runtime::exit::Failure;
 use super::speaker::SpokenRobot;
 use crate::request::ports::{RobotPorts, Wakers};
 use crate::robot::chart::fence_of;
-use crate::robot::model::{Process, WatchedRobot};
-use crate::robot::past::Past;
+use crate::robot::model::{Held, Process, WatchedRobot};
 use crate::session::alive;
 
 /// Most robots that are shown: as many as a relay carries. Those that come later are not joined, which is logged.
@@ -23,7 +22,6 @@ const LOOK_PERIOD: Duration = Duration::from_secs(2);
 pub(super) struct ShownRobot {
     pub robot: WatchedRobot,
     pub ports: RobotPorts,
-    pub past: Past,
     /// The fence that the bridge holds, and the number of its outline; none in the place of one that cannot be judged by.
     fence: Option<(u64, Option<Fence>)>,
     /// Whether something of it came at the last look.
@@ -38,7 +36,7 @@ impl ShownRobot {
     }
 
     fn take_fence(&mut self) {
-        let Some(held) = self.ports.outline() else {
+        let Some(Held { outline: held, .. }) = &self.robot.held else {
             return;
         };
         if self.fence.as_ref().map(|(number, _)| *number) != Some(held.number) {
@@ -143,7 +141,6 @@ impl Fleet {
         self.shown.push(ShownRobot {
             robot: WatchedRobot::new(robot),
             ports,
-            past: Past::default(),
             fence: None,
             has_news: true,
         });
@@ -158,8 +155,6 @@ impl Fleet {
             one.has_news |= one.ports.look(&mut one.robot, now);
             one.take_fence();
             one.robot.judge(now);
-            one.robot.take_bells();
-            one.past.take(&one.robot, now);
         }
     }
 
@@ -186,7 +181,6 @@ impl Fleet {
     pub fn seen(&self) -> impl Iterator<Item = SpokenRobot<'_>> {
         self.shown.iter().map(|one| SpokenRobot {
             robot: &one.robot,
-            outline: one.ports.outline(),
             has_news: one.has_news,
         })
     }

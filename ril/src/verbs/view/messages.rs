@@ -4,19 +4,16 @@
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{LinkState, MovementKind, PilotSwitch};
-use ipc_types::outline::Outline;
 use ipc_types::payload::ModuleState;
 use runtime::finding::{Finding, Severity};
 use view::page;
 
-use crate::robot::changes::{Alarm, Weight};
-use crate::robot::chart::Chart;
+use crate::robot::changes::Alarm;
 use crate::robot::clock::Clocks;
 use crate::robot::freshness::{Freshness, named};
 use crate::robot::geo::{Place, distance_m};
 use crate::robot::history::EventLine;
 use crate::robot::model::{Process, WatchedRobot};
-use crate::robot::past::Past;
 use crate::robot::pilot;
 use crate::robot::relay_link::UNREADABLE;
 
@@ -290,18 +287,19 @@ fn freshness(freshness: Freshness) -> page::Freshness {
 }
 
 /// The fence in force, the path that is flown, and home; a part that the bridge has not published is empty.
-pub(super) fn chart(robot: &WatchedRobot, held: Option<&Outline>) -> page::Chart {
-    let areas = held.map(Chart::from).unwrap_or_default().fence.into_iter();
+pub(super) fn chart(robot: &WatchedRobot) -> page::Chart {
+    let held = robot.held.as_ref();
+    let outline = held.map(|held| &held.outline);
     page::Chart {
         robot: robot.id.get(),
         source: page::ChartSource::Bridge,
-        number: held.map_or(0, |held| held.number),
-        fence: areas.map(Into::into).collect(),
-        floor_m: held.and_then(|held| held.floor_m),
-        ceiling_m: held.and_then(|held| held.ceiling_m),
-        path: held
+        number: outline.map_or(0, |outline| outline.number),
+        fence: held.map_or_else(Vec::new, |held| held.chart.fence.clone()),
+        floor_m: outline.and_then(|outline| outline.floor_m),
+        ceiling_m: outline.and_then(|outline| outline.ceiling_m),
+        path: outline
             .iter()
-            .flat_map(|held| &held.path)
+            .flat_map(|outline| &outline.path)
             .map(|at| [at.latitude_deg, at.longitude_deg, at.altitude_m])
             .collect(),
         home: robot.home.map(|home| {
@@ -332,8 +330,8 @@ pub(super) fn is_another_chart(before: &page::Chart, chart: &page::Chart, is_fly
 }
 
 /// The last minutes, for a page that joins.
-pub(super) fn past(robot: &WatchedRobot, past: &Past, clock: Clocks) -> page::Past {
-    let now = clock.now;
+pub(super) fn past(robot: &WatchedRobot, clock: Clocks) -> page::Past {
+    let (past, now) = (&robot.past, clock.now);
     let before = |at: MonotonicNs| rounded(-now.since(at).as_secs_f64(), decimals::SECONDS);
     let metres = |value| known(value, decimals::METRES);
     page::Past {
@@ -377,7 +375,7 @@ pub(super) fn past(robot: &WatchedRobot, past: &Past, clock: Clocks) -> page::Pa
 fn past_event(line: &EventLine, clock: Clocks) -> page::PastEvent {
     page::PastEvent {
         at_unix_ms: clock.unix_ms(line.at),
-        severity: weight(line.weight),
+        severity: line.weight,
         text: line.text.clone(),
     }
 }
@@ -387,17 +385,8 @@ pub(super) fn event(robot: &WatchedRobot, line: &EventLine, clock: Clocks) -> pa
     page::Event {
         robot: robot.id.get(),
         at_unix_ms: clock.unix_ms(line.at),
-        severity: weight(line.weight),
+        severity: line.weight,
         text: line.text.clone(),
-    }
-}
-
-pub(super) fn weight(weight: Weight) -> page::EventSeverity {
-    match weight {
-        Weight::Note => page::EventSeverity::Note,
-        Weight::Order => page::EventSeverity::Order,
-        Weight::Warning => page::EventSeverity::Warning,
-        Weight::Alarm => page::EventSeverity::Alarm,
     }
 }
 
@@ -528,7 +517,7 @@ mod tests {
     fn a_chart_is_sent_again_when_it_is_another_one_and_not_for_the_noise_of_home() {
         let before = page::Chart {
             home: Some([37.4, -6.0, 10.0]),
-            ..chart(&flown(), None)
+            ..chart(&flown())
         };
         let moved = |home: Option<[f64; 3]>| page::Chart {
             home,
@@ -576,28 +565,26 @@ mod tests {
         );
         let words = super::robot(&robot, at(0));
         assert_eq!((&*words.phase, words.movement), ("no bridge runs", None));
-        assert_eq!(chart(&robot, None).home, None);
+        assert_eq!(chart(&robot).home, None);
     }
 
     #[test]
     fn a_page_that_comes_gets_track_plots_and_events_with_the_time_of_day() {
         let robot = flown();
-        let mut past = Past::default();
-        past.take(&robot, at(20_000));
         let clock = Clocks {
             now: at(21_000),
             zero_unix_ns: 1_800_014_400_000_000_000 - at(0).0,
         };
-        let said = super::past(&robot, &past, clock);
-        assert_eq!(said.t_s, [-1.0]);
-        assert_eq!(said.altitude_m, [Some(25.0)]);
-        assert_eq!((said.phases[0].from_s, said.phases[0].to_s), (-1.0, 0.0));
+        let said = past(&robot, clock);
+        assert_eq!((said.t_s.len(), said.t_s[80]), (81, -1.0));
+        assert_eq!(said.altitude_m[80], Some(25.0));
+        assert_eq!((said.phases[2].from_s, said.phases[2].to_s), (-13.0, 0.0));
         assert!(said.track.len() > 20);
         let first = &said.events[0];
         assert_eq!(
             (first.at_unix_ms, &*first.text),
             (1_800_014_400_000, "at rest")
         );
-        assert_eq!(said.events[3].severity, page::EventSeverity::Order);
+        assert_eq!(said.events[3].severity, page::Weight::Order);
     }
 }

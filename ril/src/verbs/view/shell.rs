@@ -357,7 +357,7 @@ impl ViewShell {
         let Some(shown) = self.fleet.get_mut(robot) else {
             return;
         };
-        let past = messages::past(&shown.robot, &shown.past, clock);
+        let past = messages::past(&shown.robot, clock);
         self.server.past(viewer, &past);
         self.speaker.joined(robot);
         self.next_look = now;

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
-use ipc_types::outline::Outline;
 use view::{Server, page};
 
 use super::messages;
@@ -21,8 +20,6 @@ const AGES_PERIOD: Duration = Duration::from_millis(500);
 #[derive(Clone, Copy)]
 pub(super) struct SpokenRobot<'a> {
     pub robot: &'a WatchedRobot,
-    /// The outline that its bridge holds; `None` if the bridge has not published it.
-    pub outline: Option<&'a Outline>,
     /// Whether something of it has come since the last look.
     pub has_news: bool,
 }
@@ -117,7 +114,7 @@ impl Said {
             server.robot(&words);
             (self.words, self.words_at) = (lasting, now);
         }
-        let chart = messages::chart(seen.robot, seen.outline);
+        let chart = messages::chart(seen.robot);
         let is_flying = seen.robot.pilot.flying == Some(true);
         let before = self.chart.as_ref();
         if before.is_none_or(|before| messages::is_another_chart(before, &chart, is_flying)) {

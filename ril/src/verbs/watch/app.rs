@@ -9,11 +9,12 @@ mod tests;
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
+use view::page::Area;
 
 use crate::render::terminal::Key;
 use crate::request::ports::RobotOrder;
 use crate::robot::changes::Weight;
-use crate::robot::chart::{AreaOutline, Chart};
+use crate::robot::chart::Chart;
 use crate::robot::geo::Place;
 use crate::robot::model::WatchedRobot;
 
@@ -177,14 +178,14 @@ impl App {
     }
 
     /// The fence of the robot in detail.
-    pub(super) fn fence(&self) -> &[AreaOutline] {
+    pub(super) fn fence(&self) -> &[Area] {
         let held = self.robot().held.as_ref();
-        held.map_or(&self.chart.fence, |(_, chart)| &chart.fence)
+        held.map_or(&self.chart.fence, |held| &held.chart.fence)
     }
 
     /// The path that the robot in detail flies; without one that of the plan.
     pub(super) fn path(&self) -> &[Place] {
-        let held = self.robot().held.as_ref().map(|(_, chart)| &chart.path);
+        let held = self.robot().held.as_ref().map(|held| &held.chart.path);
         let flown = held.filter(|path| !path.is_empty());
         flown.unwrap_or(&self.chart.path)
     }

@@ -1,11 +1,12 @@
 //! The screen of robots in flight, for its tests.
 
 use ipc_types::RobotId;
+use ipc_types::outline::Outline;
 
 use super::app::App;
 use crate::robot::chart::Chart;
 use crate::robot::clock::Clocks;
-use crate::robot::fixture::{at, chart, fly};
+use crate::robot::fixture::{at, fly, outline};
 
 /// The clock at `ms`; the flight begins at 12:00:00.
 pub fn clock(ms: u64) -> Clocks {
@@ -18,14 +19,12 @@ pub fn clock(ms: u64) -> Clocks {
 /// So many robots, of which the first has flown.
 pub fn app(robots: u32) -> App {
     let robots: Vec<RobotId> = (1..=robots).filter_map(RobotId::new).collect();
-    let chart = chart();
-    let mut app = App::new(&robots, chart.clone());
+    let mut app = App::new(&robots, Chart::from(&outline()));
     for robot in app.robots_mut() {
-        let held = Chart {
+        robot.held(&Outline {
             path: Vec::new(),
-            ..chart.clone()
-        };
-        robot.held(0, held);
+            ..outline()
+        });
     }
     fly(&mut app.robots_mut()[0]);
     app

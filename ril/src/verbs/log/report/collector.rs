@@ -3,10 +3,11 @@
 use ipc_types::TelemetryGroup;
 use ipc_types::code::PilotSwitch;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use view::page::Weight;
 use view::report::FlightReport;
-use view::report::flight::{Ink, Lane, Limit, Map, Weight};
+use view::report::flight::{Ink, Lane, Limit, Map};
 
-use super::curves::{Curves, FlightClock, GAP_S, RelativeDelay};
+use super::curves::{Curves, FlightClock, RelativeDelay};
 use super::events::{EventLog, LoggedEventKind};
 use super::module::{ModuleLog, States};
 use super::requests::RequestLog;
@@ -15,6 +16,7 @@ use crate::render::messages::details;
 use crate::robot::chart::Chart;
 use crate::robot::geo::{Place, Spaced, Track, distance_m};
 use crate::robot::pilot::PilotView;
+use crate::verbs::log::summary::{GAP_S, MAX_STEP_M, Step};
 
 /// Most points of the track: more than a map has columns.
 const TRACK_POINTS: usize = 4000;
@@ -28,10 +30,7 @@ const BOOT_BACK_MS: u32 = 500;
 /// The DSP's clock begins anew after 2³² ms; that is no boot if it was this near to it, ms.
 const WRAP_MS: u32 = 60_000;
 
-/// A position that jumps farther than this is used only after a second one confirms it, m.
-const MAX_STEP_M: f64 = 1000.0;
-
-/// Leaves out a single place that is far from all others: a damaged number.
+/// Leaves out a single place that is farther than [`MAX_STEP_M`] from all others: a damaged number.
 #[derive(Clone, Copy, Debug, Default)]
 struct Places {
     last: Option<Place>,
@@ -139,8 +138,9 @@ impl Collector {
         let view = with_fix(PilotView::from(dsp));
         self.flying.get_or_insert(dsp.is_flying());
         if let Some(before) = self.before {
-            self.note_gaps(&before, at_s, dsp);
-            self.dsp(&before, at_s, dsp, &view);
+            let step = Step::between(&before.dsp, dsp);
+            self.note_gaps(&before, at_s, step);
+            self.dsp(&before, at_s, step, dsp, &view);
         }
         if dsp.valid(TelemetryGroup::Time) {
             let late_ms = self.delay.of(at_s, dsp.dsp_time_ms, dsp.received_ns);
@@ -197,7 +197,7 @@ impl Collector {
     }
 
     /// Losses, gaps and restarts.
-    fn note_gaps(&mut self, before: &Before, at_s: f64, dsp: &DspTelemetry) {
+    fn note_gaps(&mut self, before: &Before, at_s: f64, step: Step) {
         let place = before.view.place;
         let interval_s = at_s - before.at_s;
         self.curves.interval(at_s, interval_s * 1000.0);
@@ -217,32 +217,34 @@ impl Collector {
             self.event_log
                 .add(LoggedEventKind::Gap, before.at_s, weight, text, place);
         }
-        let is_same = before.dsp.epoch_ns == dsp.epoch_ns;
-        match dsp.sequence.checked_sub(before.dsp.sequence) {
-            Some(1) if is_same => {}
-            Some(steps @ 2..) if is_same => {
-                let lost = steps - 1;
-                self.curves.lost.add(at_s, lost as f64);
-                self.event_log.count(
-                    LoggedEventKind::Lost,
-                    at_s,
-                    Weight::Warning,
-                    lost,
-                    "",
-                    place,
-                );
-            }
-            _ => {
-                self.delay.reset();
-                let text = "the bridge began anew";
-                self.event_log
-                    .add(LoggedEventKind::Restart, at_s, Weight::Alarm, text, place);
-            }
+        if step.lost > 0 {
+            self.curves.lost.add(at_s, step.lost as f64);
+            self.event_log.count(
+                LoggedEventKind::Lost,
+                at_s,
+                Weight::Warning,
+                step.lost,
+                "",
+                place,
+            );
+        }
+        if step.is_restart {
+            self.delay.reset();
+            let text = "the bridge began anew";
+            self.event_log
+                .add(LoggedEventKind::Restart, at_s, Weight::Alarm, text, place);
         }
     }
 
     /// What the DSP says of itself.
-    fn dsp(&mut self, before: &Before, at_s: f64, dsp: &DspTelemetry, view: &PilotView) {
+    fn dsp(
+        &mut self,
+        before: &Before,
+        at_s: f64,
+        step: Step,
+        dsp: &DspTelemetry,
+        view: &PilotView,
+    ) {
         let place = view.place.or(before.view.place);
         let has_time = |dsp: &DspTelemetry| dsp.valid(TelemetryGroup::Time);
         if has_time(&before.dsp) && has_time(dsp) {
@@ -257,8 +259,7 @@ impl Collector {
                 }
             }
         }
-        let new = dsp.dsp_errors.saturating_sub(before.dsp.dsp_errors);
-        if new > 0 {
+        if step.new_errors > 0 {
             let text = format!(
                 "the DSP reported {}",
                 details::dsp_error(dsp.last_dsp_error_code)
@@ -267,7 +268,7 @@ impl Collector {
                 LoggedEventKind::DspError,
                 at_s,
                 Weight::Warning,
-                new.into(),
+                step.new_errors.into(),
                 text,
                 place,
             );
@@ -400,7 +401,7 @@ const MAX_POINTS: usize = 5000;
 fn map_of(track: &[Visit], chart: Chart) -> Map {
     let fence = chart.fence.into_iter().map(|mut area| {
         area.corners.truncate(MAX_POINTS);
-        area.into()
+        area
     });
     Map {
         track: track.iter().map(|visit| visit.place.degrees()).collect(),

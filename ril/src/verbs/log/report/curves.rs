@@ -8,9 +8,7 @@ use view::report::envelope::{Bins, Envelope};
 use view::report::flight::{Curve, Ink, Limit, Plot, Scale};
 
 use crate::robot::pilot::PilotView;
-
-/// A curve is interrupted where nothing came for longer than this, s: telemetry comes at least once a second, or is stale.
-pub const GAP_S: f64 = 1.0;
+use crate::verbs::log::summary::GAP_S;
 
 /// An altitude that was asked for beyond this is none, m.
 const MAX_ALTITUDE_M: f32 = 100_000.0;
@@ -40,6 +38,7 @@ pub struct Curves {
 
 impl Default for Curves {
     fn default() -> Self {
+        // A curve is interrupted where nothing came.
         let empty = || Envelope::new(GAP_S);
         Curves {
             altitude: empty(),

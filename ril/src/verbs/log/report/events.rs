@@ -1,7 +1,8 @@
 //! [`EventLog`]: what happened in a flight, bounded: of each kind at most [`MAX_OF_A_KIND`] events are kept, so that no kind crowds
 //! out another, and the others are counted. What repeats within some seconds is one event.
 
-use view::report::flight::{Event, Weight};
+use view::page::Weight;
+use view::report::flight::Event;
 
 use crate::robot::geo::Place;
 

@@ -18,12 +18,12 @@ use std::path::{Path, PathBuf};
 use recording::read::{RecordFile, RecordSummary, summary_of};
 use runtime::exit::Failure;
 use serde::Serialize;
+use view::page::Weight;
 use view::report::FlightReport;
-use view::report::flight::{Table, Weight};
+use view::report::flight::Table;
 
 use self::collector::Collector;
-use self::record::SampleReader;
-use super::files::{LogEnd, LogFile, MAX_NAMED, chosen_file, of_flight};
+use super::files::{LogEnd, LogFile, MAX_NAMED, OF_SAMPLES, chosen_file};
 use super::options::LogReportArgs;
 use super::recording::{LogEntry, LogFormat};
 use super::row::UtcSource;
@@ -68,7 +68,7 @@ struct Read {
 pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
     configuration(&args.place.common)?;
     let chart = of_files(args.bridge.as_deref(), args.plan.as_deref())?;
-    let file = chosen_file(args.file.as_ref(), &args.place, of_flight())?;
+    let file = chosen_file(args.file.as_ref(), &args.place, OF_SAMPLES)?;
     let log = file.path().to_owned();
     let output = match &args.output {
         Some(output) => output.clone(),
@@ -88,7 +88,7 @@ pub(super) fn report(args: &LogReportArgs) -> Result<(), Failure> {
 ///
 /// Code 2 when the file cannot be read or is no log.
 pub fn report_page(path: &Path) -> Result<String, Failure> {
-    let file = LogFile::open(path, of_flight())?;
+    let file = LogFile::open(path, OF_SAMPLES)?;
     let read = read(file, of_files(None, None)?, true)?;
     Ok(view::report::page(&read.flight))
 }
@@ -167,7 +167,6 @@ fn read(mut file: LogFile, mut chart: Chart, finds_fence: bool) -> Result<Read, 
     let columns = file.recording.columns().to_vec();
     let source = UtcSource::of(&columns, created);
     let mut summarizer = Summarizer::new(name, robot, &columns, source);
-    let reader = SampleReader::new(&columns);
     let mut collector = Collector::default();
     let mut start_unix_ns = match source {
         UtcSource::FileName(created_ns) => Some(created_ns),
@@ -178,7 +177,7 @@ fn read(mut file: LogFile, mut chart: Chart, finds_fence: bool) -> Result<Read, 
             LogEntry::Row(row) => {
                 start_unix_ns = start_unix_ns.or(row.unix_ns);
                 summarizer.row(&row);
-                collector.sample(&reader.sample(&row));
+                collector.sample(row.sample);
             }
             LogEntry::Damaged(damage) => {
                 summarizer.damage(&damage);

@@ -3,7 +3,8 @@
 use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::ModuleState;
 use runtime::finding::Severity;
-use view::report::flight::{Ink, Lane, Span, Weight};
+use view::page::Weight;
+use view::report::flight::{Ink, Lane, Span};
 
 use super::curves::Curves;
 use super::events::{EventLog, LoggedEventKind};

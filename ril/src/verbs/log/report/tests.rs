@@ -1,12 +1,11 @@
 //! Logs as reports.
 
+use view::page::Weight;
 use view::report::FlightReport;
-use view::report::flight::Weight;
 
 use status::log::read::LogReader;
 
 use super::collector::Collector;
-use super::record::SampleReader;
 use super::words;
 use crate::robot::chart::Chart;
 use crate::verbs::log::recording::LogEntry;
@@ -20,14 +19,13 @@ fn flight(text: &str) -> (FlightReport, Vec<String>) {
     let mut log = LogReader::new(text.as_bytes());
     assert!(log.begin().unwrap());
     let columns = log.columns().to_vec();
-    let reader = SampleReader::new(&columns);
     let mut summarizer = Summarizer::new("x.tsv".to_owned(), Some(1), &columns, UtcSource::Nowhere);
     let mut collector = Collector::default();
     while let Some(entry) = log.next().unwrap() {
         match entry {
             LogEntry::Row(row) => {
                 summarizer.row(&row);
-                collector.sample(&reader.sample(&row));
+                collector.sample(row.sample);
             }
             LogEntry::Damaged(damage) => {
                 summarizer.damage(&damage);

@@ -142,7 +142,7 @@ impl RobotTopics {
     /// Fence, path and home, and the track.
     fn map(&mut self, shown: &ShownRobot, server: &mut Server, clock: Clocks) {
         if let Some(channel) = self.chart.wanted(server) {
-            let chart = messages::chart(&shown.robot, shown.ports.outline());
+            let chart = messages::chart(&shown.robot);
             let is_flying = shown.robot.pilot.flying == Some(true);
             let before = self.chart.said.as_ref();
             if before

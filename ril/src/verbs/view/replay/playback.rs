@@ -112,8 +112,8 @@ impl Playback {
         self.go_on(server, now);
         self.say(server, now);
         let clock = self.recording.clock_at(self.head.position(now));
-        let played = self.recording.played();
-        server.past(viewer, &messages::past(&played.robot, &played.past, clock));
+        let past = messages::past(&self.recording.played().robot, clock);
+        server.past(viewer, &past);
         speaker.moved(std::iter::once(self.seen(true)));
     }
 
@@ -217,10 +217,8 @@ impl Playback {
     }
 
     fn seen(&self, has_news: bool) -> SpokenRobot<'_> {
-        let played = self.recording.played();
         SpokenRobot {
-            robot: &played.robot,
-            outline: played.outline(),
+            robot: &self.recording.played().robot,
             has_news,
         }
     }

@@ -14,7 +14,6 @@ use recording::read::RecordedMessage;
 use runtime::exit::Failure;
 use view::page::{Phase, ReplayEvent, ReplayInfo};
 
-use super::super::messages::weight;
 use crate::robot::changes::Weight;
 use crate::robot::clock::Clocks;
 use crate::robot::played::PlayedRobot;
@@ -292,7 +291,7 @@ pub(super) struct Course {
     phases: Vec<Phase>,
     /// When the last of the phases began.
     phase_from: Option<MonotonicNs>,
-    events: Vec<(Weight, ReplayEvent)>,
+    events: Vec<ReplayEvent>,
     /// Lines of the robot's journal that were taken.
     lines: u64,
 }
@@ -315,7 +314,7 @@ impl Course {
             self.event(line.at, line.weight, &line.text);
         }
         self.lines = journal.added();
-        let Some(phase) = played.past.phases().last() else {
+        let Some(phase) = played.robot.past.phases().last() else {
             return;
         };
         let to_s = self.position_s(phase.to.unwrap_or(now));
@@ -337,15 +336,15 @@ impl Course {
     /// Adds an event.
     pub fn event(&mut self, at: MonotonicNs, weight: Weight, text: &str) {
         if self.events.len() == MAX_EVENTS {
-            self.events.retain(|(weight, _)| *weight >= Weight::Warning);
+            self.events
+                .retain(|event| event.severity >= Weight::Warning);
         }
         if self.events.len() < MAX_EVENTS {
-            let event = ReplayEvent {
+            self.events.push(ReplayEvent {
                 at_s: self.position_s(at),
-                severity: self::weight(weight),
+                severity: weight,
                 text: text.to_owned(),
-            };
-            self.events.push((weight, event));
+            });
         }
     }
 
@@ -354,10 +353,9 @@ impl Course {
     }
 
     /// The phases and the events, in the order of time.
-    pub fn finish(self) -> (Vec<Phase>, Vec<ReplayEvent>) {
-        let events = self.events.into_iter().map(|(_, event)| event);
-        let mut events: Vec<ReplayEvent> = events.collect();
-        events.sort_by(|one, other| one.at_s.total_cmp(&other.at_s));
-        (self.phases, events)
+    pub fn finish(mut self) -> (Vec<Phase>, Vec<ReplayEvent>) {
+        self.events
+            .sort_by(|one, other| one.at_s.total_cmp(&other.at_s));
+        (self.phases, self.events)
     }
 }

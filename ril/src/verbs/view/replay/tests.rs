@@ -11,7 +11,7 @@ use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::schema::{CDR_HEADER, text};
 use ipc_types::{Module, MonotonicNs, RobotId, StatusModule, Topic};
 use recording::{Anchor, Channel, ChannelId, Event, EventKind, FlightInfo, Recorder, Settings};
-use view::page::EventSeverity;
+use view::page::Weight;
 
 use super::recording::Recording;
 use crate::recorded::topic_of;
@@ -240,7 +240,7 @@ fn a_replay_has_the_alarms_and_events_of_the_flight_at_their_times() {
     assert!(
         info.events
             .iter()
-            .any(|event| event.severity == EventSeverity::Alarm)
+            .any(|event| event.severity == Weight::Alarm)
     );
 }
 

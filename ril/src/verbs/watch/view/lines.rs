@@ -6,7 +6,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
 
-use super::pen::{ALARM, GOOD, Glyphs, OLD, TITLE, WARNING, put, put_right, style_of};
+use super::pen::{ALARM, GOOD, Glyphs, OLD, TITLE, WARNING, mark_of, put, put_right, style_of};
 use crate::robot::changes::Weight;
 use crate::robot::clock::Clocks;
 use crate::robot::freshness::Freshness;
@@ -162,7 +162,7 @@ pub(super) fn draw_list(app: &App, clock: Clocks, area: Rect, buffer: &mut Buffe
             put(buffer, cell(BATTERY, WORST), 0, &text, style);
         }
         if let Some(worst) = robot.alarms.lasting().next() {
-            let text = format!("{} {}", worst.weight().mark(), worst.finding.text);
+            let text = format!("{} {}", mark_of(worst.weight()), worst.finding.text);
             put(
                 buffer,
                 cell(WORST, area.width + 1),
@@ -196,7 +196,7 @@ pub(super) fn draw_log(
         };
         let time = clock.time_of_day(entry.at);
         let x = put(buffer, row, 1, &time, Style::new());
-        let mark = format!("{:<2}", entry.weight.mark());
+        let mark = format!("{:<2}", mark_of(entry.weight));
         let style = style_of(entry.weight);
         let x = put(buffer, row, x + 1, &mark, style);
         put(buffer, row, x + 1, &entry.text, style);

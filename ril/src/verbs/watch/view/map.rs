@@ -7,6 +7,7 @@ use ratatui::symbols::{Marker, border};
 use ratatui::text::Span;
 use ratatui::widgets::canvas::{Canvas, Line};
 use ratatui::widgets::{Block, Widget};
+use view::page::Area;
 
 use super::pen::{Glyphs, OLD, TITLE, put};
 use crate::robot::geo::{Place, offset_m};
@@ -117,12 +118,18 @@ fn shown(app: &App, origin: Place) -> Vec<(f64, f64)> {
     places.extend(robot.track.points());
     places.extend(app.path());
     if app.zoom == Zoom::Fence {
-        places.extend(app.fence().iter().flat_map(|area| &area.corners));
+        places.extend(app.fence().iter().flat_map(corners));
     }
     places
         .iter()
         .map(|place| offset_m(origin, *place))
         .collect()
+}
+
+fn corners(area: &Area) -> impl Iterator<Item = Place> {
+    let corner =
+        |[latitude_deg, longitude_deg]: &[f64; 2]| Place::new(*latitude_deg, *longitude_deg);
+    area.corners.iter().filter_map(corner)
 }
 
 /// The inside of the map's frame, and which part of the world it shows.
@@ -137,16 +144,12 @@ impl Sheet<'_> {
     /// Fence and path, which lie below all else.
     fn chart(&mut self, app: &App, glyphs: Glyphs) {
         for area in app.fence() {
-            let (letter, colour) = match area.is_inclusion {
+            let (letter, colour) = match area.inclusion {
                 true => ("#", Color::Yellow),
                 false => ("x", Color::Red),
             };
-            let closed: Vec<Place> = area
-                .corners
-                .iter()
-                .chain(area.corners.first())
-                .copied()
-                .collect();
+            let mut closed: Vec<Place> = corners(area).collect();
+            closed.extend(closed.first().copied());
             self.lines(&closed, Some(letter), colour);
         }
         self.lines(app.path(), Some(glyphs.pick("·", ".")), Color::Cyan);

@@ -69,3 +69,13 @@ pub(super) fn style_of(weight: Weight) -> Style {
         Weight::Alarm => ALARM,
     }
 }
+
+/// What stands before a line of this weight, so that it does not need colour.
+pub(super) fn mark_of(weight: Weight) -> &'static str {
+    match weight {
+        Weight::Note => " ",
+        Weight::Order => ">",
+        Weight::Warning => "!",
+        Weight::Alarm => "!!",
+    }
+}

@@ -2,6 +2,7 @@
 
 use ipc_types::RobotId;
 use ipc_types::module::State;
+use ipc_types::outline::Outline;
 use ipc_types::payload::{
     DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStation, RelayStations, SharedStruct,
     ascii_bytes,
@@ -17,7 +18,7 @@ use super::*;
 use crate::render::terminal::Key;
 use crate::robot::changes::Weight;
 use crate::robot::chart::Chart;
-use crate::robot::fixture::{at, hero, on_path};
+use crate::robot::fixture::{at, hero, on_path, outline};
 use crate::robot::model::Process;
 use crate::verbs::watch::fixture::{app, clock};
 
@@ -180,21 +181,26 @@ fn an_event_has_the_same_time_of_day_whenever_it_is_drawn() {
 #[test]
 fn the_fence_of_a_file_is_called_so_until_the_bridge_says_its_own() {
     let drawn_with = |app: &App| text(&drawn(app, clock(20_000), Glyphs::Unicode, 80, 24));
-    let mut app = App::new(&[RobotId::DEFAULT], crate::robot::fixture::chart());
+    let mut app = App::new(&[RobotId::DEFAULT], Chart::from(&outline()));
     crate::robot::fixture::fly(&mut app.robots_mut()[0]);
     let shown = drawn_with(&app);
     assert!(
         shown.contains("#x fence of file") && shown.contains("xxx"),
         "{shown}"
     );
-    app.robots_mut()[0].held(0, Chart::default());
+    let number = |number| Outline {
+        number,
+        areas: Vec::new(),
+        ..outline()
+    };
+    app.robots_mut()[0].held(&number(0));
     let shown = drawn_with(&app);
     assert!(
         shown.contains("#x fence ·") && !shown.contains("xxx"),
         "{shown}"
     );
     // The state names another outline than the last one that came.
-    app.robots_mut()[0].held(7, Chart::default());
+    app.robots_mut()[0].held(&number(7));
     let shown = drawn_with(&app);
     assert!(shown.contains("#x fence ? · path ?"), "{shown}");
 }

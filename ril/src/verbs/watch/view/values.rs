@@ -11,7 +11,7 @@ use super::pen::{GOOD, Glyphs, OLD, TITLE, WARNING, put};
 use crate::render::words::{count, duration, or_dash};
 use crate::robot::clock::Clocks;
 use crate::robot::freshness::{Freshness, named};
-use crate::robot::history::History;
+use crate::robot::history::{Past, PastPoint};
 use crate::robot::model::{Process, WatchedRobot};
 use crate::robot::pilot;
 use crate::robot::relay_link::UNREADABLE;
@@ -77,11 +77,15 @@ pub(super) fn draw(
     for name in names {
         let (is_fresh, (text, style)) = match *name {
             "altitudes" => {
-                lines.sparkline(&robot.altitude, LEAST_CLIMB_M);
+                lines.sparkline(&robot.past, |point| point.altitude_m, LEAST_CLIMB_M);
                 continue;
             }
             "speeds" => {
-                lines.sparkline(&robot.speed, LEAST_CHANGE_MPS);
+                lines.sparkline(
+                    &robot.past,
+                    |point| point.ground_speed_mps,
+                    LEAST_CHANGE_MPS,
+                );
                 continue;
             }
             "altitude" => (telemetry, plain(altitude(robot), telemetry)),
@@ -142,12 +146,12 @@ impl Lines<'_> {
         put(self.buffer, row, NAMES + 2, &text, style);
     }
 
-    fn sparkline(&mut self, history: &History, least_range: f64) {
+    fn sparkline(&mut self, past: &Past, value: fn(&PastPoint) -> Option<f64>, least_range: f64) {
         const BARS: [&str; 8] = ["▁", "▂", "▃", "▄", "▅", "▆", "▇", "█"];
         const ASCII: [&str; 8] = ["_", "_", ".", ".", "-", "-", "=", "#"];
         let row = self.row();
         let width = row.width.saturating_sub(NAMES + 2);
-        let bars = history.bars(width.into(), BARS.len() as u64, least_range);
+        let bars = past.bars(value, width.into(), BARS.len() as u64, least_range);
         let text: String = bars
             .into_iter()
             .map(|bar| match bar.and_then(|bar| usize::try_from(bar).ok()) {
