@@ -13,8 +13,8 @@ use ipc_types::payload::{
 use ipc_types::{
     Client, Ipc, MonotonicNs, Request, SendError, Source, Subscriber, Topic, fresh_request_id,
 };
-use mavlink_gateway::number::MissionResult;
-use mavlink_gateway::{FenceRefusal, Gateway, Order, OrderKind};
+use mavlink_gateway::number::{MissionRefusal, MissionResult};
+use mavlink_gateway::{Gateway, Order, OrderKind};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::render::messages::{self, FinalReport, Verb};
@@ -81,13 +81,13 @@ impl Ports {
     }
 
     /// The bridge's configuration file: the one that the operator has named, else that which the live bridge was started with.
-    pub fn bridge_file(&self) -> Result<PathBuf, FenceRefusal> {
+    pub fn bridge_file(&self) -> Result<PathBuf, MissionRefusal> {
         let of_process = || {
             let provider = self.ipc.provider(ModuleState::KEY).ok()??;
             file_of(&provider, "bridge", bridge::cli::DEFAULT_CONFIG_FILE)
         };
         let file = self.bridge_file.clone().or_else(of_process);
-        file.ok_or_else(|| FenceRefusal {
+        file.ok_or_else(|| MissionRefusal {
             result: MissionResult::Error,
             text: "the file of a bridge on this machine is not known: name it by `[fence] bridge` in mavlink.toml".to_owned(),
         })
