@@ -6,6 +6,8 @@ use std::path::Path;
 use dsp_protocol::Waypoint;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
+use crate::robot::geo::{Place, moved};
+
 /// A command of the operator: the name of its output, and its words behind `ril`.
 pub(super) type ScriptCommand = (&'static str, &'static [&'static str]);
 
@@ -41,13 +43,17 @@ const PATHS: [(&str, &[[f64; 3]]); 2] = [
 
 /// The waypoints of each path around `home`.
 pub(super) fn waypoints_of(home: &Waypoint) -> [Vec<Waypoint>; 2] {
-    // Good for the few metres of the demonstration.
-    const METRES_PER_DEGREE: f64 = 111_194.93;
-    let east_metres_per_degree = METRES_PER_DEGREE * home.latitude_deg.to_radians().cos();
-    let waypoint = |[east_m, north_m, up_m]: &[f64; 3]| Waypoint {
-        latitude_deg: home.latitude_deg + north_m / METRES_PER_DEGREE,
-        longitude_deg: home.longitude_deg + east_m / east_metres_per_degree,
-        altitude_m: home.altitude_m + up_m,
+    let place = Place {
+        latitude_deg: home.latitude_deg,
+        longitude_deg: home.longitude_deg,
+    };
+    let waypoint = |[east_m, north_m, up_m]: &[f64; 3]| {
+        let to = moved(place, *east_m, *north_m).unwrap_or(place);
+        Waypoint {
+            latitude_deg: to.latitude_deg,
+            longitude_deg: to.longitude_deg,
+            altitude_m: home.altitude_m + up_m,
+        }
     };
     PATHS.map(|(_, offsets)| offsets.iter().map(waypoint).collect())
 }
