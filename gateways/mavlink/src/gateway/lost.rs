@@ -12,7 +12,7 @@
 use ipc_types::MonotonicNs;
 
 use super::Gateway;
-use super::orders::Pending;
+use super::pending::Pending;
 use crate::commands::CommandKey;
 use crate::event::{Event, OrderKind};
 use crate::number::{MavResult, MavSeverity};

@@ -11,7 +11,8 @@ use plans::flight::{PathPoint, Step};
 use plans::mavlink::command as item;
 
 use super::Gateway;
-use super::orders::{MAX_ORDERS, Pending};
+use super::orders::MAX_ORDERS;
+use super::pending::Pending;
 use crate::commands::CommandKey;
 use crate::decide::{Decision, MissionAsk, OrderPair};
 use crate::event::{Event, OrderKind, Task};

@@ -12,7 +12,7 @@
 //!
 //! `missions`: how a mission comes, and its steps; `orders`: commands become orders, and reports become answers; `fence`: the geofence;
 //! `home`: what is kept of home; `lost`: what becomes of those of a station that is lost; `output`: what is sent, and what the gateway
-//! says of itself; `parameters`: what is asked about them.
+//! says of itself; `parameters`: what is asked about them; `pending`: an order on its way.
 
 mod fence;
 mod home;
@@ -21,6 +21,7 @@ mod missions;
 mod orders;
 mod output;
 mod parameters;
+mod pending;
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -30,7 +31,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{MavlinkVehicle, ModuleStatus, SafetyAction};
 use ipc_types::payload::{HeroTelemetry, MavlinkStations, ModuleState};
 
-use self::orders::Pending;
+use self::pending::Pending;
 use crate::commands::Commands;
 use crate::event::{Datagram, Event, Order, Task};
 use crate::fence::Fence;

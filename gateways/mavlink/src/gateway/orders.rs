@@ -1,12 +1,13 @@
-//! Commands become orders, and reports become answers. [`Pending`]: an order on its way.
+//! Commands become orders, and reports become answers.
 
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, Reason, Stage};
-use ipc_types::payload::{RequestReport, WaypointPosition};
+use ipc_types::payload::RequestReport;
 
 use super::Gateway;
+use super::pending::Pending;
 use crate::commands::{CommandKey, Copy};
 use crate::decide::{Decision, OrderPair, VehicleFacts, decide, decide_mode};
 use crate::event::{Event, Order, OrderKind};
@@ -32,42 +33,6 @@ const TOO_MANY: CommandAck = CommandAck {
     result: MavResult::TemporarilyRejected,
     reason: Reason::TooManyRequests,
 };
-
-/// An order that has no final report.
-#[derive(Clone, Debug)]
-pub(super) struct Pending {
-    pub number: u64,
-    pub kind: OrderKind,
-    pub key: CommandKey,
-    /// What follows when it is done.
-    pub then: Option<OrderKind>,
-    pub is_return: bool,
-    /// Whether it is a step of the mission.
-    pub is_mission: bool,
-    /// The waypoints of [`OrderKind::Path`].
-    pub path: Vec<WaypointPosition>,
-    pub issued: MonotonicNs,
-    pub is_answered: bool,
-}
-
-impl Pending {
-    /// Whether it moves the helicopter to another place.
-    pub fn is_movement(&self) -> bool {
-        matches!(
-            self.kind,
-            OrderKind::GoTo(_) | OrderKind::Path | OrderKind::TakeOff(_)
-        )
-    }
-
-    /// What people call it.
-    pub fn name(&self) -> &'static str {
-        match (self.is_return, self.is_mission) {
-            (true, _) => "return",
-            (_, true) => "mission",
-            _ => self.kind.name(),
-        }
-    }
-}
 
 impl Gateway {
     pub(super) fn command(

@@ -22,10 +22,10 @@ use runtime::signal::Termination;
 use runtime::usage::Usage;
 use rustix::process::Signal;
 
-use super::DemoArgs;
 use super::checks::check;
 use super::children::{ChildProcess, END_WITHIN, Readiness, Spawner};
 use super::craft::{Craft, ENDS, KINDS, RELAY_CONFIG, STATION, View};
+use super::options::DemoArgs;
 use super::result::{DemoResult, Fate, FleetResult, RobotResult, Usages, shares};
 use super::screen::Screen;
 use super::script::{SCRIPT, ScriptCommand, line};
