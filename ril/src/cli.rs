@@ -174,7 +174,7 @@ fn is_negative_coordinate(text: &str) -> bool {
 #[derive(Clone, Debug, Subcommand)]
 pub enum Command {
     /// Fly a whole simulated mission, with nothing else running, and check it
-    Demo(demo::DemoArgs),
+    Demo(demo::options::DemoArgs),
     /// Run a process of the RIL in the foreground: bridge, status, sim, view or mavlink
     Run(RunArgs),
     /// Run the bridge: short for `ril run bridge`

@@ -1,7 +1,9 @@
 //! [`decide`]: what a command asks for, as the helicopter is now. Nothing is changed here.
 
+use dsp_protocol::Waypoint;
 use ipc_types::code::{Functionality, Reason};
 use ipc_types::payload::{ModuleState, WaypointPosition};
+use plans::flight::ground_m;
 use plans::mavlink::{FRAMES_HOME, FRAMES_SEA, command_name};
 
 use crate::event::OrderKind;
@@ -73,13 +75,17 @@ pub struct OrderPair {
 }
 
 impl OrderPair {
-    pub fn one(kind: OrderKind) -> Decision {
-        Decision::Orders(OrderPair {
-            first: kind,
+    fn of(first: OrderKind) -> OrderPair {
+        OrderPair {
+            first,
             then: None,
             is_return: false,
             notice: None,
-        })
+        }
+    }
+
+    pub fn one(kind: OrderKind) -> Decision {
+        Decision::Orders(OrderPair::of(kind))
     }
 }
 
@@ -275,10 +281,8 @@ impl VehicleFacts<'_> {
             true => OrderPair::one(take_off),
             // QGroundControl arms behind the take-off.
             false => Decision::Orders(OrderPair {
-                first: OrderKind::Start,
                 then: Some(take_off),
-                is_return: false,
-                notice: None,
+                ..OrderPair::of(OrderKind::Start)
             }),
         }
     }
@@ -308,8 +312,16 @@ impl VehicleFacts<'_> {
 
     fn is_elsewhere(&self, asked: &VehicleCommand) -> bool {
         let here = self.known.and_then(|known| known.position());
+        let at = |latitude_deg, longitude_deg| Waypoint {
+            latitude_deg,
+            longitude_deg,
+            altitude_m: 0.0,
+        };
         match (asked.degrees(), here) {
-            (Some(there), Some(here)) => distance_m(here, there) > ELSEWHERE_M,
+            (Some((latitude_deg, longitude_deg)), Some(here)) => {
+                let here = at(here.latitude_deg, here.longitude_deg);
+                ground_m(&here, &at(latitude_deg, longitude_deg)) > ELSEWHERE_M
+            }
             _ => false,
         }
     }
@@ -353,10 +365,9 @@ impl VehicleFacts<'_> {
             false => (OrderKind::Start, Some(path)),
         };
         Decision::Orders(OrderPair {
-            first,
             then,
             is_return: true,
-            notice: None,
+            ..OrderPair::of(first)
         })
     }
 
@@ -398,17 +409,15 @@ impl VehicleFacts<'_> {
         let (latitude_deg, longitude_deg) =
             place.unwrap_or((here.latitude_deg, here.longitude_deg));
         Decision::Orders(OrderPair {
-            first: OrderKind::GoTo(WaypointPosition {
-                latitude_deg,
-                longitude_deg,
-                altitude_m,
-            }),
-            then: None,
-            is_return: false,
             notice: asked
                 .param(4)
                 .is_finite()
                 .then_some("goto: the heading is not set, the helicopter chooses it"),
+            ..OrderPair::of(OrderKind::GoTo(WaypointPosition {
+                latitude_deg,
+                longitude_deg,
+                altitude_m,
+            }))
         })
     }
 
@@ -428,13 +437,11 @@ impl VehicleFacts<'_> {
         let follows =
             |state: &ModuleState| state.functionality() == Some(Functionality::FollowingPath);
         Decision::Orders(OrderPair {
-            first: OrderKind::Speed(speed_mps),
-            then: None,
-            is_return: false,
             notice: self
                 .last_state
                 .is_some_and(follows)
                 .then_some("speed: the helicopter stops for a moment"),
+            ..OrderPair::of(OrderKind::Speed(speed_mps))
         })
     }
 
@@ -471,12 +478,4 @@ fn has_zeros(asked: &VehicleCommand) -> bool {
         crate::received::CommandPlace::Integer { x: 0, y: 0, .. }
             | crate::received::CommandPlace::Float(0.0, 0.0)
     )
-}
-
-/// Along the ground, on a flat map, m.
-fn distance_m(from: WaypointPosition, (latitude_deg, longitude_deg): (f64, f64)) -> f64 {
-    const METRES_PER_DEGREE: f64 = 111_195.0;
-    let scale = from.latitude_deg.to_radians().cos();
-    let east_deg = (longitude_deg - from.longitude_deg + 540.0).rem_euclid(360.0) - 180.0;
-    (east_deg * scale).hypot(latitude_deg - from.latitude_deg) * METRES_PER_DEGREE
 }

@@ -7,22 +7,19 @@
 //! * [`wire`]: frames and their checksums; [`message`]: the messages; `received`: what is read of one; [`number`]: the protocol's numbers;
 //! * `mission`: the mission: its items, how it comes, whether it can be flown;
 //! * `signing`: whose frames they are;
-//! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`, `identity`: the same in messages;
+//! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`: the same in messages;
 //! * `stations`, `streams`, `texts`: to whom what is sent, and when;
 //! * `decide`: what a command asks for; `commands`: each at most once; `verdict`: how it is answered;
 //! * `parameters`: the DSP's ports and some values of our own, by name;
-//! * `fence`: the bridge's geofence in items; `areas`: those of a station as areas;
+//! * `fence`: the bridge's geofence in items, and the items of a station as areas;
 //! * `gateway`: all of it as one value.
 
-mod areas;
 mod commands;
-mod counts;
 mod decide;
 mod event;
 mod fence;
 mod gateway;
 mod home;
-mod identity;
 pub mod message;
 mod mission;
 mod mode;
@@ -39,7 +36,6 @@ mod vehicle;
 mod verdict;
 pub mod wire;
 
-pub use areas::FenceRefusal;
 pub use commands::MEMORY;
 pub use event::{Datagram, Event, Order, OrderKind, Task};
 pub use gateway::Gateway;

@@ -3,7 +3,9 @@
 
 use ipc_types::code::Functionality;
 
+use crate::message::AVAILABLE_MODES;
 use crate::vehicle::Known;
+use crate::wire::MessageWriter;
 
 /// See the module's documentation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,22 +55,22 @@ impl Mode {
         }
     }
 
-    /// Main mode and sub mode of PX4.
-    pub fn numbers(self) -> (u8, u8) {
+    /// Main mode and sub mode of PX4, MAV_STANDARD_MODE, whether a station can choose it, and what it is called.
+    fn row(self) -> ((u8, u8), u8, bool, &'static str) {
         match self {
-            Mode::Manual => (1, 0),
-            Mode::TakeOff => (4, 2),
-            Mode::Hold => (4, 3),
-            Mode::Mission => (4, 4),
-            Mode::Return => (4, 5),
-            Mode::Land => (4, 6),
-            Mode::Offboard => (6, 0),
+            Mode::Manual => ((1, 0), 0, false, "Manual"),
+            Mode::TakeOff => ((4, 2), 8, false, "Takeoff"),
+            Mode::Hold => ((4, 3), 0, true, "Hold"),
+            Mode::Mission => ((4, 4), 6, true, "Mission"),
+            Mode::Return => ((4, 5), 5, true, "Return"),
+            Mode::Land => ((4, 6), 7, true, "Land"),
+            Mode::Offboard => ((6, 0), 0, false, "Offboard"),
         }
     }
 
     /// `custom_mode`.
     pub fn custom(self) -> u32 {
-        let (main, sub) = self.numbers();
+        let (main, sub) = self.row().0;
         u32::from(sub) << 24 | u32::from(main) << 16
     }
 
@@ -84,31 +86,32 @@ impl Mode {
 
     /// MAV_STANDARD_MODE; 0 for one that is not standard.
     pub fn standard(self) -> u8 {
-        match self {
-            Mode::Return => 5,
-            Mode::Mission => 6,
-            Mode::Land => 7,
-            Mode::TakeOff => 8,
-            _ => 0,
-        }
+        self.row().1
     }
 
     /// Whether a station can choose it.
     pub fn is_selectable(self) -> bool {
-        matches!(self, Mode::Hold | Mode::Mission | Mode::Return | Mode::Land)
+        self.row().2
     }
 
     /// What it is called.
     pub fn name(self) -> &'static str {
-        match self {
-            Mode::Manual => "Manual",
-            Mode::TakeOff => "Takeoff",
-            Mode::Hold => "Hold",
-            Mode::Mission => "Mission",
-            Mode::Return => "Return",
-            Mode::Land => "Land",
-            Mode::Offboard => "Offboard",
-        }
+        self.row().3
+    }
+
+    /// AVAILABLE_MODES: one mode, by its place in the list.
+    pub fn message(index: usize) -> Option<MessageWriter> {
+        let mode = Mode::ALL.get(index)?;
+        let not_selectable = if mode.is_selectable() { 0 } else { 2 };
+        Some(
+            MessageWriter::new(AVAILABLE_MODES)
+                .u32(mode.custom())
+                .u32(not_selectable)
+                .u8(Mode::ALL.len() as u8)
+                .u8(index as u8 + 1)
+                .u8(mode.standard())
+                .text(mode.name(), 35),
+        )
     }
 
     /// `base_mode`, without "armed" and "simulated": custom mode, and how it is stabilized.
@@ -176,5 +179,11 @@ mod tests {
             assert_eq!(Mode::of_custom(mode.custom()), Ok(mode));
         }
         assert_eq!(Mode::of_custom(7), Err("this mode"));
+    }
+
+    #[test]
+    fn modes_are_listed_from_one() {
+        assert_eq!(Mode::message(0).unwrap().payload().0.len(), 46);
+        assert!(Mode::message(Mode::ALL.len()).is_none());
     }
 }

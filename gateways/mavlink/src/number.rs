@@ -54,6 +54,15 @@ pub enum MissionResult {
     Cancelled = 15,
 }
 
+/// A mission or a geofence that is not taken.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MissionRefusal {
+    /// Which parameter is wrong, so that stations name it.
+    pub result: MissionResult,
+    /// The reason, as a clause.
+    pub text: String,
+}
+
 /// MAV_MISSION_TYPE of a geofence.
 pub const MISSION_TYPE_FENCE: u8 = 1;
 

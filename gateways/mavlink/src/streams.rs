@@ -17,40 +17,60 @@ use crate::number::MavResult;
 /// Shortest period of a message.
 const MIN_PERIOD: Duration = Duration::from_millis(20);
 
-/// A message that is sent again and again.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum StreamId {
+macro_rules! streams {
+    ($($(#[$meta:meta])* $name:ident = $kind:ident, $tenths:literal, $content:ident;)*) => {
+        /// A message that is sent again and again.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(u8)]
+        pub enum StreamId {
+            $($(#[$meta])* $name,)*
+        }
+
+        impl StreamId {
+            /// All, by their numbers.
+            pub const ALL: [StreamId; [$(message::$kind),*].len()] = [$(StreamId::$name),*];
+
+            /// The message, how often it is sent by default in tenths of a hertz, and what it is made of.
+            fn row(self) -> (MessageKind, u64, StreamContent) {
+                match self {
+                    $(StreamId::$name => (message::$kind, $tenths, StreamContent::$content),)*
+                }
+            }
+        }
+    };
+}
+
+streams! {
     /// That the helicopter is there. First, because stations look for it first.
-    Heartbeat,
+    Heartbeat = HEARTBEAT, 10, State;
     /// The mode, as MAVLink's own.
-    CurrentMode,
+    CurrentMode = CURRENT_MODE, 5, State;
     /// Sensors, supply, readiness.
-    SysStatus,
+    SysStatus = SYS_STATUS, 10, Sample;
     /// On the ground or in the air.
-    ExtendedSysState,
+    ExtendedSysState = EXTENDED_SYS_STATE, 10, State;
     /// Place and velocity on the globe.
-    GlobalPosition,
+    GlobalPosition = GLOBAL_POSITION_INT, 50, Sample;
     /// Angles and rates.
-    Attitude,
+    Attitude = ATTITUDE, 100, Sample;
     /// The same as a quaternion; on request.
-    AttitudeQuaternion,
+    AttitudeQuaternion = ATTITUDE_QUATERNION, 0, Sample;
     /// Place and velocity in metres.
-    LocalPosition,
+    LocalPosition = LOCAL_POSITION_NED, 20, Sample;
     /// What a pilot looks at.
-    VfrHud,
+    VfrHud = VFR_HUD, 40, Sample;
     /// Altitudes.
-    Altitude,
+    Altitude = ALTITUDE, 20, Sample;
     /// Satellites.
-    GpsRaw,
+    GpsRaw = GPS_RAW_INT, 20, Sample;
     /// The battery.
-    Battery,
+    Battery = BATTERY_STATUS, 5, Sample;
     /// The fuel.
-    Fuel,
+    Fuel = FUEL_STATUS, 5, Sample;
     /// Where home is.
-    Home,
+    Home = HOME_POSITION, 2, State;
     /// Which item of the mission is flown.
-    Mission,
+    Mission = MISSION_CURRENT, 10, State;
 }
 
 /// What a message is made of, so that it is not sent again unchanged.
@@ -63,47 +83,6 @@ pub enum StreamContent {
 }
 
 impl StreamId {
-    /// All, by their numbers.
-    pub const ALL: [StreamId; 15] = [
-        StreamId::Heartbeat,
-        StreamId::CurrentMode,
-        StreamId::SysStatus,
-        StreamId::ExtendedSysState,
-        StreamId::GlobalPosition,
-        StreamId::Attitude,
-        StreamId::AttitudeQuaternion,
-        StreamId::LocalPosition,
-        StreamId::VfrHud,
-        StreamId::Altitude,
-        StreamId::GpsRaw,
-        StreamId::Battery,
-        StreamId::Fuel,
-        StreamId::Home,
-        StreamId::Mission,
-    ];
-
-    /// The message, how often it is sent by default in tenths of a hertz, and what it is made of.
-    fn row(self) -> (MessageKind, u64, StreamContent) {
-        use StreamContent::{Sample, State};
-        match self {
-            StreamId::Heartbeat => (message::HEARTBEAT, 10, State),
-            StreamId::CurrentMode => (message::CURRENT_MODE, 5, State),
-            StreamId::SysStatus => (message::SYS_STATUS, 10, Sample),
-            StreamId::ExtendedSysState => (message::EXTENDED_SYS_STATE, 10, State),
-            StreamId::GlobalPosition => (message::GLOBAL_POSITION_INT, 50, Sample),
-            StreamId::Attitude => (message::ATTITUDE, 100, Sample),
-            StreamId::AttitudeQuaternion => (message::ATTITUDE_QUATERNION, 0, Sample),
-            StreamId::LocalPosition => (message::LOCAL_POSITION_NED, 20, Sample),
-            StreamId::VfrHud => (message::VFR_HUD, 40, Sample),
-            StreamId::Altitude => (message::ALTITUDE, 20, Sample),
-            StreamId::GpsRaw => (message::GPS_RAW_INT, 20, Sample),
-            StreamId::Battery => (message::BATTERY_STATUS, 5, Sample),
-            StreamId::Fuel => (message::FUEL_STATUS, 5, Sample),
-            StreamId::Home => (message::HOME_POSITION, 2, State),
-            StreamId::Mission => (message::MISSION_CURRENT, 10, State),
-        }
-    }
-
     /// The message.
     pub fn kind(self) -> MessageKind {
         self.row().0

@@ -6,9 +6,9 @@ use mavlink_gateway::message::{
     MISSION_ACK, MISSION_CLEAR_ALL, MISSION_COUNT, MISSION_ITEM_INT, MISSION_REQUEST_INT,
     MISSION_REQUEST_LIST,
 };
-use mavlink_gateway::number::MissionResult;
+use mavlink_gateway::number::{MissionRefusal, MissionResult};
 use mavlink_gateway::wire::MessageWriter;
-use mavlink_gateway::{FenceRefusal, Order, OrderKind, Settings};
+use mavlink_gateway::{Order, OrderKind, Settings};
 
 use crate::common::{QGC, Sent, Station, World, texts};
 
@@ -309,7 +309,7 @@ fn an_answer_comes_when_the_bridge_has_the_fence_in_force_or_has_refused_it() {
         (
             "the file cannot be written",
             |world, _| {
-                let refusal = FenceRefusal {
+                let refusal = MissionRefusal {
                     result: MissionResult::Denied,
                     text: "it would be wider".to_owned(),
                 };

@@ -13,15 +13,11 @@ use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::BridgeOutline;
 
 use super::Gateway;
-use crate::areas::{FenceRefusal, StationFence};
 use crate::event::{Event, Order, OrderKind, Task};
-use crate::fence::{Upload, UploadStep};
-use crate::message::MISSION_COUNT;
+use crate::fence::{StationFence, Upload, UploadStep};
 use crate::mission::store::Item;
-use crate::number::{MISSION_TYPE_FENCE, MavSeverity, MissionResult};
-use crate::received::MissionRequest;
+use crate::number::{MISSION_TYPE_FENCE as FENCE, MavSeverity, MissionRefusal, MissionResult};
 use crate::stations::StationAddress;
-use crate::wire::MessageWriter;
 
 /// How long it may take from the last item until the bridge has the fence in force, which is tens of milliseconds as a rule. It is shorter
 /// than the check of a transfer may be, so that the answer tells why.
@@ -33,71 +29,31 @@ impl Gateway {
         self.fence.take(piece);
     }
 
-    /// What a station asks about the geofence: it can read it, and change its own areas of it where that is allowed.
-    pub(super) fn fence(
+    /// A station clears the geofence, or has another one of so many items: it can change its own areas where that is allowed.
+    pub(super) fn change_fence(
         &mut self,
         sender: StationAddress,
         is_station: bool,
-        request: &MissionRequest,
+        count: Option<u16>,
         now: MonotonicNs,
     ) {
-        let state = self.vehicle.last_state();
-        match *request {
-            MissionRequest::List => match self.fence.read_by(sender, state) {
-                Some(count) => {
-                    let message = MessageWriter::new(MISSION_COUNT).u16(count);
-                    let message = message.u8(sender.system).u8(sender.component);
-                    self.send(sender.address, &message.u8(MISSION_TYPE_FENCE));
-                }
-                None => {
-                    let why = "the fence is not known: the bridge has not said it";
-                    self.refuse_fence(sender, MissionResult::Error, why, now);
-                }
-            },
-            MissionRequest::Request(sequence) => match self.fence.item(sender, sequence) {
-                Some(item) => self.send(sender.address, &item.message(sequence, sender)),
-                None => {
-                    let why = "the fence has no such item: ask for its list anew";
-                    self.refuse_fence(sender, MissionResult::InvalidSequence, why, now);
-                }
-            },
-            MissionRequest::Ack(result) => {
-                self.fence.forget(sender);
-                if result != MissionResult::Accepted as u8 {
-                    self.fence.transfer.cancel(sender);
-                }
-            }
-            MissionRequest::Clear | MissionRequest::Count(_) if self.settings.accepts_fence => {
-                let count = match *request {
-                    MissionRequest::Count(count) => count,
-                    _ => 0,
-                };
-                self.begin_fence(sender, is_station, count, now);
-            }
-            MissionRequest::Item(sequence, item) => {
-                let output = self.fence.transfer.item(sender, sequence, item, now);
-                self.transfer(MISSION_TYPE_FENCE, output, now);
-            }
-            MissionRequest::Clear => {
-                let outline = self.fence.in_force(state);
-                match outline.is_some_and(|outline| outline.areas.is_empty()) {
-                    true => self.acknowledge_mission(
-                        sender,
-                        MissionResult::Accepted,
-                        MISSION_TYPE_FENCE,
-                    ),
-                    false => {
-                        let why = "the fence is never removed over MAVLink: edit bridge.toml, then `ril fence reload`";
-                        self.refuse_fence(sender, MissionResult::Denied, why, now);
-                    }
-                }
-            }
-            MissionRequest::SetCurrent(_) | MissionRequest::FloatItem => {}
-            MissionRequest::Count(_) => {
-                let why = "a fence is not taken over MAVLink: set `[fence] accept`, or use `ril plan fly --fence`";
-                self.refuse_fence(sender, MissionResult::Denied, why, now);
-            }
+        if self.settings.accepts_fence {
+            return self.begin_fence(sender, is_station, count.unwrap_or(0), now);
         }
+        let outline = self.fence.in_force(self.vehicle.last_state());
+        let is_empty = outline.is_some_and(|outline| outline.areas.is_empty());
+        let why = match count {
+            None if is_empty => {
+                return self.acknowledge_mission(sender, MissionResult::Accepted, FENCE);
+            }
+            None => {
+                "the fence is never removed over MAVLink: edit bridge.toml, then `ril fence reload`"
+            }
+            Some(_) => {
+                "a fence is not taken over MAVLink: set `[fence] accept`, or use `ril plan fly --fence`"
+            }
+        };
+        self.refuse_fence(sender, MissionResult::Denied, why, now);
     }
 
     /// Why no other fence comes into force now: a path that is under way was judged by the one of now.
@@ -127,12 +83,12 @@ impl Gateway {
             return self.refuse_fence(sender, result, &why, now);
         }
         let output = self.fence.transfer.begin(sender, count, now);
-        self.transfer(MISSION_TYPE_FENCE, Some(output), now);
+        self.transfer(FENCE, Some(output), now);
     }
 
     /// All items of a station's fence are there.
     pub(super) fn put_fence(&mut self, from: StationAddress, items: &[Item], now: MonotonicNs) {
-        let refused = |result, text: &str| FenceRefusal {
+        let refused = |result, text: &str| MissionRefusal {
             result,
             text: text.to_owned(),
         };
@@ -164,7 +120,7 @@ impl Gateway {
     }
 
     /// A [`Task::PutFence`] was done: the file has so many areas. Or it was not, and the file is as before.
-    pub fn fence_put(&mut self, put: Result<usize, FenceRefusal>, now: MonotonicNs) {
+    pub fn fence_put(&mut self, put: Result<usize, MissionRefusal>, now: MonotonicNs) {
         let number = self.last_number + 1;
         let Some(upload) = self
             .fence
@@ -242,7 +198,7 @@ impl Gateway {
         if let Some(upload) = self.fence.upload.take() {
             self.ask(Task::RestoreFence);
             let text = format!("{why}; the fence is as before");
-            self.end_fence(upload.from, Err(FenceRefusal { result, text }), now);
+            self.end_fence(upload.from, Err(MissionRefusal { result, text }), now);
         }
     }
 
@@ -260,7 +216,7 @@ impl Gateway {
     fn end_fence(
         &mut self,
         from: StationAddress,
-        end: Result<(usize, usize), FenceRefusal>,
+        end: Result<(usize, usize), MissionRefusal>,
         now: MonotonicNs,
     ) {
         let result = match end {
@@ -284,7 +240,7 @@ impl Gateway {
             }
         };
         let output = self.fence.transfer.checked(result);
-        self.transfer(MISSION_TYPE_FENCE, output, now);
+        self.transfer(FENCE, output, now);
     }
 
     /// Does what is due about the fence.
@@ -300,17 +256,17 @@ impl Gateway {
             self.take_back_fence(MissionResult::Error, why, now);
         }
         let output = self.fence.transfer.advance(now);
-        self.transfer(MISSION_TYPE_FENCE, output, now);
+        self.transfer(FENCE, output, now);
     }
 
-    fn refuse_fence(
+    pub(super) fn refuse_fence(
         &mut self,
         sender: StationAddress,
         result: MissionResult,
         why: &str,
         now: MonotonicNs,
     ) {
-        self.acknowledge_mission(sender, result, MISSION_TYPE_FENCE);
+        self.acknowledge_mission(sender, result, FENCE);
         self.tell(sender, MavSeverity::Error, why, now);
     }
 }

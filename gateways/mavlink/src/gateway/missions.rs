@@ -1,5 +1,7 @@
 //! Missions: how they come and go, begin, pause and end. The order of their steps is that of `ril plan fly`.
 
+use std::sync::Arc;
+
 use bridge::BridgeConfig;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
@@ -14,14 +16,15 @@ use super::pending::Pending;
 use crate::commands::CommandKey;
 use crate::decide::{Decision, MissionAsk, OrderPair};
 use crate::event::{Event, OrderKind, Task};
+use crate::fence;
 use crate::message::{
     MISSION_ACK, MISSION_COUNT, MISSION_CURRENT, MISSION_ITEM_REACHED, MISSION_REQUEST_INT,
 };
 use crate::mission::check::{Conditions, check_mission};
 use crate::mission::store::Mission;
-use crate::mission::transfer::Output;
+use crate::mission::transfer::{Output, Transfer};
 use crate::mission::{PRIMED, Run, Starting};
-use crate::number::{MISSION_TYPE_FENCE, MavResult, MavSeverity, MissionResult, command};
+use crate::number::{MISSION_TYPE_FENCE as FENCE, MavResult, MavSeverity, MissionResult, command};
 use crate::received::MissionRequest;
 use crate::stations::StationAddress;
 use crate::verdict::CommandAck;
@@ -44,35 +47,68 @@ impl Gateway {
         if *request == MissionRequest::FloatItem {
             return self.refuse_float_item(sender, mission_type, now);
         }
-        if mission_type != MISSION && !(mission_type == ALL && *request == MissionRequest::Clear) {
-            return match mission_type {
-                MISSION_TYPE_FENCE => self.fence(sender, is_station, request, now),
-                _ => self.other_type(sender, request, mission_type, now),
-            };
+        let is_fence = mission_type == FENCE;
+        let is_clear_of_all = mission_type == ALL && *request == MissionRequest::Clear;
+        if mission_type != MISSION && !is_fence && !is_clear_of_all {
+            return self.other_type(sender, request, mission_type, now);
         }
         match *request {
-            MissionRequest::List => {
-                let (count, id) = {
-                    let mission = self.missions.read_by(sender);
-                    (mission.count(), mission.id())
+            MissionRequest::List if is_fence => {
+                let outline = self.fence.in_force(self.vehicle.last_state());
+                let items = outline.map(fence::items).unwrap_or_default();
+                let count = u16::try_from(items.len()).ok();
+                let Some(count) = count.filter(|_| outline.is_some()) else {
+                    let why = "the fence is not known: the bridge has not said it";
+                    return self.refuse_fence(sender, MissionResult::Error, why, now);
                 };
-                let message = MessageWriter::new(MISSION_COUNT).u16(count);
-                let message = message.u8(sender.system).u8(sender.component);
-                self.send(sender.address, &message.u8(MISSION).u32(id));
+                self.send_count(sender, FENCE, count, 0);
+                self.fence.transfer.read_by(sender, items.into());
             }
-            MissionRequest::Request(sequence) => match self.missions.item(sender, sequence) {
-                Ok(item) => self.send(sender.address, &item.message(sequence, sender, MISSION)),
-                Err(result) => self.acknowledge_mission(sender, result, MISSION),
-            },
-            MissionRequest::Ack(result) => {
-                self.missions.forget(sender);
-                if result != MissionResult::Accepted as u8 {
-                    self.missions.transfer.cancel(sender);
+            MissionRequest::List => {
+                let mission = self.missions.mission.clone();
+                self.send_count(sender, MISSION, mission.count(), mission.id());
+                let items = Arc::clone(mission.items());
+                self.missions.transfer.read_by(sender, items);
+            }
+            MissionRequest::Request(sequence) => {
+                let (fence, missions) = (&self.fence, &self.missions);
+                let read = match is_fence {
+                    true => fence.transfer.read(sender).unwrap_or_default(),
+                    false => missions
+                        .transfer
+                        .read(sender)
+                        .unwrap_or(missions.mission.items()),
+                };
+                match read.get(usize::from(sequence)).copied() {
+                    Some(item) => {
+                        self.send(
+                            sender.address,
+                            &item.message(sequence, sender, mission_type),
+                        );
+                    }
+                    None if is_fence => {
+                        let why = "the fence has no such item: ask for its list anew";
+                        self.refuse_fence(sender, MissionResult::InvalidSequence, why, now);
+                    }
+                    None => {
+                        self.acknowledge_mission(sender, MissionResult::InvalidSequence, MISSION);
+                    }
                 }
             }
+            MissionRequest::Ack(result) => {
+                self.transfer_of(mission_type).ended_by(sender, result);
+            }
             MissionRequest::Item(sequence, item) => {
-                let output = self.missions.transfer.item(sender, sequence, item, now);
-                self.transfer(MISSION, output, now);
+                let transfer = self.transfer_of(mission_type);
+                let output = transfer.item(sender, sequence, item, now);
+                self.transfer(mission_type, output, now);
+            }
+            MissionRequest::SetCurrent(_) if is_fence => {}
+            MissionRequest::Count(count) if is_fence => {
+                self.change_fence(sender, is_station, Some(count), now);
+            }
+            MissionRequest::Clear if is_fence => {
+                self.change_fence(sender, is_station, None, now);
             }
             MissionRequest::SetCurrent(sequence) => {
                 if let Some((_, why)) = self.not_permitted(sender, is_station) {
@@ -114,12 +150,24 @@ impl Gateway {
         }
     }
 
+    fn transfer_of(&mut self, mission_type: u8) -> &mut Transfer {
+        match mission_type {
+            FENCE => &mut self.fence.transfer,
+            _ => &mut self.missions.transfer,
+        }
+    }
+
+    /// Says how many items there are of a type, and what tells them from others.
+    fn send_count(&mut self, to: StationAddress, mission_type: u8, count: u16, id: u32) {
+        let message = MessageWriter::new(MISSION_COUNT).u16(count);
+        let message = message.u8(to.system).u8(to.component);
+        self.send(to.address, &message.u8(mission_type).u32(id));
+    }
+
     /// A station has sent MISSION_ITEM, whose degrees are floats: it is told at once that this is not supported, and its transfer ends.
     fn refuse_float_item(&mut self, sender: StationAddress, mission_type: u8, now: MonotonicNs) {
-        match mission_type {
-            MISSION => self.missions.transfer.cancel(sender),
-            MISSION_TYPE_FENCE => self.fence.transfer.cancel(sender),
-            _ => {}
+        if matches!(mission_type, MISSION | FENCE) {
+            self.transfer_of(mission_type).cancel(sender);
         }
         self.acknowledge_mission(sender, MissionResult::Unsupported, mission_type);
         let text =
@@ -136,11 +184,7 @@ impl Gateway {
         now: MonotonicNs,
     ) {
         match request {
-            MissionRequest::List => {
-                let message = MessageWriter::new(MISSION_COUNT).u16(0);
-                let message = message.u8(sender.system).u8(sender.component);
-                self.send(sender.address, &message.u8(mission_type));
-            }
+            MissionRequest::List => self.send_count(sender, mission_type, 0, 0),
             MissionRequest::Clear => {
                 self.acknowledge_mission(sender, MissionResult::Accepted, mission_type);
             }
@@ -175,9 +219,9 @@ impl Gateway {
 
     /// Does what the transfer of this type wants.
     pub(super) fn transfer(&mut self, mission_type: u8, output: Option<Output>, now: MonotonicNs) {
-        let is_fence = mission_type == MISSION_TYPE_FENCE;
+        let is_fence = mission_type == FENCE;
         let answered = match is_fence {
-            true => MISSION_TYPE_FENCE,
+            true => FENCE,
             false => self.missions.asked_type,
         };
         match output {
@@ -225,7 +269,7 @@ impl Gateway {
     ) {
         self.acknowledge_mission(to, result, mission_type);
         let what = match mission_type {
-            MISSION_TYPE_FENCE => "fence",
+            FENCE => "fence",
             _ => "mission",
         };
         let text = format!("the {what} was refused: {why}");
@@ -234,7 +278,7 @@ impl Gateway {
 
     /// Puts a mission on the disk, so that it is in force.
     fn save(&mut self, mission: Mission, now: MonotonicNs) {
-        if *self.missions.mission == mission && !self.missions.is_saving {
+        if self.missions.mission == mission && !self.missions.is_saving {
             // The same again: only its progress is forgotten.
             return self.saved(mission, Ok(()), now);
         }

@@ -11,8 +11,8 @@
 //! What becomes of it later is a text to all stations.
 //!
 //! `missions`: how a mission comes, and its steps; `orders`: commands become orders, and reports become answers; `fence`: the geofence;
-//! `home`: what is kept of home; `lost`: what becomes of those of a station that is lost; `output`: what is sent; `parameters`: what is asked about them; `pending`: an
-//! order on its way; `shown`: what the gateway says of itself.
+//! `home`: what is kept of home; `lost`: what becomes of those of a station that is lost; `output`: what is sent, and what the gateway
+//! says of itself; `parameters`: what is asked about them; `pending`: an order on its way.
 
 mod fence;
 mod home;
@@ -22,7 +22,6 @@ mod orders;
 mod output;
 mod parameters;
 mod pending;
-mod shown;
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -30,11 +29,10 @@ use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{MavlinkVehicle, ModuleStatus, SafetyAction};
-use ipc_types::payload::{HeroTelemetry, ModuleState};
+use ipc_types::payload::{HeroTelemetry, MavlinkStations, ModuleState};
 
 use self::pending::Pending;
 use crate::commands::Commands;
-use crate::counts::Counts;
 use crate::event::{Datagram, Event, Order, Task};
 use crate::fence::Fence;
 use crate::home::{Home, HomeKeeper};
@@ -49,7 +47,7 @@ use crate::stations::{HeartbeatOutcome, StationAddress, Stations};
 use crate::telemetry::Signature;
 use crate::texts::Texts;
 use crate::vehicle::{Heard, Vehicle};
-use crate::wire::{MavFrame, MessageWriter, frames};
+use crate::wire::{MavFrame, MessageWriter, Rejected, frames};
 
 /// Frames that were rejected are logged at most so often.
 const REJECTED_PERIOD: Duration = Duration::from_secs(10);
@@ -78,7 +76,8 @@ pub struct Gateway {
     last_number: u64,
     last_hold: Option<MonotonicNs>,
     shown: Option<Signature>,
-    counts: Counts,
+    /// What was read and sent, and what was not taken, by reason.
+    counts: MavlinkStations,
     /// What of them is in the log, and since when.
     rejected_logged: (u64, MonotonicNs),
     /// Whether the helicopter is heard, in the words for programs, and since when.
@@ -109,7 +108,7 @@ impl Gateway {
             last_number: 0,
             last_hold: None,
             shown: None,
-            counts: Counts::default(),
+            counts: MavlinkStations::default(),
             rejected_logged: (0, MonotonicNs(0)),
             told_vehicle: (MavlinkVehicle::NoState, MonotonicNs(0)),
             datagrams: VecDeque::new(),
@@ -175,11 +174,11 @@ impl Gateway {
                     self.frame(from, &frame, now);
                 }
                 Ok(_) => {}
-                Err(why) => self.counts.reject(why),
+                Err(why) => self.reject(why),
             }
         }
         let (logged, moment) = self.rejected_logged;
-        let rejected = self.counts.suspicious();
+        let rejected = self.suspicious();
         if rejected > logged && now.since(moment) >= REJECTED_PERIOD {
             self.rejected_logged = (rejected, now);
             let text = format!(
@@ -190,18 +189,38 @@ impl Gateway {
         }
     }
 
+    fn reject(&mut self, why: Rejected) {
+        let counts = &mut self.counts;
+        let count = match why {
+            Rejected::Stray | Rejected::CutShort | Rejected::Flags => {
+                &mut counts.refused_unreadable
+            }
+            // Stations send many.
+            Rejected::UnknownMessage => &mut counts.refused_unknown,
+            Rejected::Checksum => &mut counts.refused_checksum,
+        };
+        *count += 1;
+    }
+
+    /// How many frames were not taken that say that something is wrong.
+    fn suspicious(&self) -> u64 {
+        let counts = &self.counts;
+        let forged = counts.refused_unsigned + counts.refused_signature + counts.refused_replayed;
+        counts.refused_unreadable + counts.refused_checksum + counts.refused_full + forged
+    }
+
     /// Whether a frame comes from where its sender may be without a signature, or has a right one.
     fn is_taken(&mut self, from: SocketAddr, frame: &MavFrame<'_>, now: MonotonicNs) -> bool {
         let count = match (&mut self.signing, &frame.signature) {
             (Some(signing), Some(signature)) => {
                 match signing.check((frame.system, frame.component), signature, now) {
                     Ok(()) => return true,
-                    Err(Forged::Signature) => &mut self.counts.signature,
-                    Err(Forged::Replayed) => &mut self.counts.replayed,
+                    Err(Forged::Signature) => &mut self.counts.refused_signature,
+                    Err(Forged::Replayed) => &mut self.counts.refused_replayed,
                 }
             }
             _ if from.ip().is_loopback() || self.settings.is_insecure => return true,
-            _ => &mut self.counts.unsigned,
+            _ => &mut self.counts.refused_unsigned,
         };
         *count += 1;
         false
@@ -288,7 +307,7 @@ impl Gateway {
                 text += &format!(", in the place of {other} at {}", other.address);
             }
             HeartbeatOutcome::Full => {
-                self.counts.full += 1;
+                self.counts.refused_full += 1;
                 return;
             }
         }
@@ -334,8 +353,8 @@ impl Gateway {
     /// A station is not there any more.
     fn forget(&mut self, gone: StationAddress) {
         self.commands.forget(gone);
-        self.fence.forget(gone);
-        self.missions.forget(gone);
+        self.fence.transfer.forget(gone);
+        self.missions.transfer.forget(gone);
         if !self.stations.is_heard(gone.address) {
             self.parameters.forget(gone.address);
         }

@@ -1,17 +1,17 @@
-//! What is sent: streams, messages on request, texts.
+//! What is sent: streams, messages on request, texts; and what the gateway says of itself.
 
 use std::net::SocketAddr;
 
 use ipc_types::MonotonicNs;
+use ipc_types::payload::{MAX_MAVLINK_STATIONS, MavlinkStation, MavlinkStations, ascii_bytes};
 
 use super::Gateway;
 use crate::event::{Datagram, Event, OrderKind};
-use crate::identity::{autopilot_version, available_mode};
-use crate::message::{self, MESSAGE_INTERVAL};
+use crate::message::{self, AUTOPILOT_VERSION, MESSAGE_INTERVAL};
 use crate::mode::Mode;
 use crate::number::{COMPONENT, MavResult, MavSeverity, command};
 use crate::received::VehicleCommand;
-use crate::stations::StationAddress;
+use crate::stations::{MAX_STATIONS, Station, StationAddress};
 use crate::streams::StreamId;
 use crate::telemetry::Scene;
 use crate::wire::MessageWriter;
@@ -21,6 +21,8 @@ const MAX_DATAGRAMS: usize = 256;
 
 /// Most events that wait for the log.
 const MAX_EVENTS: usize = 64;
+
+const _: () = assert!(MAX_STATIONS == MAX_MAVLINK_STATIONS);
 
 impl Gateway {
     pub(super) fn message_request(
@@ -38,7 +40,7 @@ impl Gateway {
         let stream = StreamId::of(id);
         match (asked.command, stream) {
             (command::REQUEST_CAPABILITIES, _) => {
-                self.send_message(sender, message::AUTOPILOT_VERSION.id, 0)
+                self.send_message(sender, AUTOPILOT_VERSION.id, 0)
             }
             (command::GET_HOME_POSITION, _) => {
                 self.send_message(sender, message::HOME_POSITION.id, 0)
@@ -82,11 +84,11 @@ impl Gateway {
         which: usize,
     ) -> MavResult {
         let modes: Vec<MessageWriter> = match which {
-            0 => (0..Mode::ALL.len()).filter_map(available_mode).collect(),
-            one => available_mode(one - 1).into_iter().collect(),
+            0 => (0..Mode::ALL.len()).filter_map(Mode::message).collect(),
+            one => Mode::message(one - 1).into_iter().collect(),
         };
         let messages = match id {
-            id if id == message::AUTOPILOT_VERSION.id => vec![autopilot_version(self.robot)],
+            id if id == AUTOPILOT_VERSION.id => vec![autopilot_version(self.robot)],
             id if id == message::AVAILABLE_MODES.id => modes,
             id => match StreamId::of(id) {
                 None => return MavResult::Unsupported,
@@ -242,5 +244,74 @@ impl Gateway {
         if self.events.len() < MAX_EVENTS {
             self.events.push_back(event);
         }
+    }
+
+    /// Writes everything but what each publisher writes itself.
+    pub fn describe(&self, sample: &mut MavlinkStations, now: MonotonicNs) {
+        let (vehicle, since) = self.told_vehicle;
+        *sample = MavlinkStations {
+            sequence: sample.sequence,
+            epoch_ns: sample.epoch_ns,
+            published_ns: now.0,
+            since_ns: since.0,
+            vehicle: vehicle.code(),
+            system: self.settings.system.into(),
+            is_signed: self.signing.is_some().into(),
+            ..self.counts
+        };
+        let stations = self.stations.all();
+        sample.count = stations.len() as u32;
+        for (place, station) in sample.stations.iter_mut().zip(stations) {
+            *place = self.describe_station(station);
+        }
+    }
+
+    fn describe_station(&self, station: &Station) -> MavlinkStation {
+        let sender = station.sender;
+        let mut movements = self.pending.iter().filter(|one| one.is_movement());
+        let has_movement = movements.any(|one| one.key.sender == sender);
+        MavlinkStation {
+            address: ascii_bytes(&sender.address.to_string()),
+            last_heard_ns: station.heard.0,
+            since_ns: station.since.0,
+            last_command_ns: station.last_command.map_or(0, |last| last.0),
+            commands: station.commands,
+            refused: station.refused,
+            system: sender.system.into(),
+            component: sender.component.into(),
+            may_command: self.not_permitted(sender, true).is_none().into(),
+            is_lost: station.is_lost.into(),
+            has_movement: has_movement.into(),
+            ..MavlinkStation::default()
+        }
+    }
+}
+
+/// MAV_PROTOCOL_CAPABILITY: parameters, of which integers are not converted; missions and commands with integer coordinates; MAVLink 2;
+/// fences.
+const CAPABILITIES: u64 = 2 | 4 | 8 | 16 | 8192 | 16_384;
+
+/// AUTOPILOT_VERSION. The version is that of the PX4 of which the dialect of modes and commands is, of the type "development".
+fn autopilot_version(robot: u32) -> MessageWriter {
+    let own = env!("CARGO_PKG_VERSION");
+    MessageWriter::new(AUTOPILOT_VERSION)
+        .u64(CAPABILITIES)
+        .u64(u64::from(robot))
+        .u32(0x010f_0000)
+        .u32(0)
+        .u32(0)
+        .u32(0)
+        .u16(0)
+        .u16(0)
+        .text(own, 8)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn robots_are_told_apart_by_their_serial_numbers() {
+        assert_eq!(autopilot_version(3).payload().u64(8), 3);
     }
 }

@@ -14,7 +14,7 @@ use runtime::finding::Finding;
 
 use super::store::{Item, Mission};
 use crate::home::Home;
-use crate::number::MissionResult;
+use crate::number::{MissionRefusal, MissionResult};
 use crate::settings::Settings;
 
 /// Most remarks about a mission that can be flown; stations show each in its own line.
@@ -42,13 +42,6 @@ pub struct CheckedMission {
     pub remarks: Vec<String>,
 }
 
-/// A mission that cannot be flown.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Refusal {
-    pub result: MissionResult,
-    pub text: String,
-}
-
 /// Checks a mission from the item `from` on, which counts from 1.
 ///
 /// # Errors
@@ -58,9 +51,9 @@ pub fn check_mission(
     mission: &Mission,
     from: u32,
     conditions: &Conditions<'_>,
-) -> Result<CheckedMission, Refusal> {
+) -> Result<CheckedMission, MissionRefusal> {
     let items = mission.items();
-    let plan = Plan::from_items(items.iter().map(Item::read)).map_err(|error| Refusal {
+    let plan = Plan::from_items(items.iter().map(Item::read)).map_err(|error| MissionRefusal {
         result: unreadable(items),
         text: error.to_string(),
     })?;
@@ -74,7 +67,7 @@ pub fn check_mission(
     };
     let findings = check(&plan, &flight, &site, conditions.rules, &endurance);
     if let Some(forbids) = findings.iter().find(|one| effect(one) == "forbids") {
-        return Err(Refusal {
+        return Err(MissionRefusal {
             result: result_of(forbids, items),
             text: text_of(forbids),
         });
@@ -231,7 +224,7 @@ mod tests {
         items: &[Item],
         rules: &BridgeConfig,
         here: Option<(WaypointPosition, bool)>,
-    ) -> Result<CheckedMission, Refusal> {
+    ) -> Result<CheckedMission, MissionRefusal> {
         let conditions = Conditions {
             settings: &Settings::default(),
             rules: Some(rules),

@@ -13,7 +13,6 @@ pub mod check;
 pub mod store;
 pub mod transfer;
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
@@ -24,8 +23,7 @@ use plans::mavlink::command;
 use self::store::{Item, MAX_ITEMS, Mission};
 use self::transfer::Transfer;
 use crate::commands::CommandKey;
-use crate::number::MissionResult;
-use crate::stations::{MAX_STATIONS, StationAddress};
+use crate::stations::StationAddress;
 
 /// How long a mission that was chosen on the ground waits for the arming that starts it.
 pub const PRIMED: Duration = Duration::from_secs(10);
@@ -116,7 +114,7 @@ pub struct Starting {
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct Missions {
-    pub mission: Arc<Mission>,
+    pub mission: Mission,
     pub transfer: Transfer,
     /// The `mission_type` that the answer to the transfer repeats.
     pub asked_type: u8,
@@ -124,8 +122,6 @@ pub struct Missions {
     pub spare: Option<(StationAddress, Mission)>,
     /// Whether one is on its way to the disk.
     pub is_saving: bool,
-    /// What stations read: each reads the mission that was in force when it began.
-    downloads: Vec<(StationAddress, Arc<Mission>)>,
     pub run: Option<Run>,
     /// The item that the next start begins with, from 1.
     pub next: u32,
@@ -138,12 +134,11 @@ impl Missions {
     /// None is there.
     pub fn new() -> Missions {
         Missions {
-            mission: Arc::default(),
+            mission: Mission::default(),
             transfer: Transfer::new(MAX_ITEMS),
             asked_type: 0,
             spare: None,
             is_saving: false,
-            downloads: Vec::new(),
             run: None,
             next: 1,
             primed: None,
@@ -153,7 +148,7 @@ impl Missions {
 
     /// Another mission is in force.
     pub fn set(&mut self, mission: Mission) {
-        self.mission = Arc::new(mission);
+        self.mission = mission;
         (self.run, self.next, self.primed, self.starting) = (None, 1, None, None);
     }
 
@@ -170,34 +165,6 @@ impl Missions {
 
     pub fn is_primed(&self) -> bool {
         self.primed.is_some()
-    }
-
-    /// A station begins to read it.
-    pub fn read_by(&mut self, sender: StationAddress) -> &Mission {
-        self.forget(sender);
-        // A further one makes the oldest read what is in force then.
-        if self.downloads.len() == MAX_STATIONS {
-            self.downloads.remove(0);
-        }
-        self.downloads.push((sender, self.mission.clone()));
-        &self.mission
-    }
-
-    /// An item for a station, by its number from 0.
-    ///
-    /// # Errors
-    ///
-    /// The answer when there is none.
-    pub fn item(&self, sender: StationAddress, sequence: u16) -> Result<Item, MissionResult> {
-        let read = self.downloads.iter().find(|(one, _)| *one == sender);
-        let mission = read.map_or(&self.mission, |(_, mission)| mission);
-        let item = mission.items().get(usize::from(sequence));
-        item.copied().ok_or(MissionResult::InvalidSequence)
-    }
-
-    /// A station has read it, or is gone.
-    pub fn forget(&mut self, sender: StationAddress) {
-        self.downloads.retain(|(one, _)| *one != sender);
     }
 
     pub fn view(&self) -> MissionView {

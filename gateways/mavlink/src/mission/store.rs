@@ -10,6 +10,8 @@
 //! | 33 each | the items, as in MISSION_ITEM_INT without number and target |
 //! | 4 | CRC-32 of all before it |
 
+use std::sync::Arc;
+
 use crc::{CRC_32_ISO_HDLC, Crc};
 use plans::mavlink::{FRAME_MISSION, MissionItem};
 
@@ -45,6 +47,20 @@ impl Item {
             28..30 => payload.u8(at + 2),
             _ => payload.u8(at + 4),
         }))
+    }
+
+    /// An item of a geofence: `param1` is how many corners the area has, or the radius, m; the place in degrees.
+    pub fn of_area(command: u16, param1: f32, place: [f64; 2]) -> Item {
+        let [x, y] = place.map(|degrees| (degrees * 1e7).round() as i32);
+        let message = MessageWriter::new(MISSION_ITEM_INT)
+            .f32(param1)
+            .f32s(0.0, 3)
+            .i32(x)
+            .i32(y)
+            .f32(0.0)
+            .u16(0)
+            .u16(command);
+        Item::of(message.u16(0).u8(0).u8(0).u8(1).payload())
     }
 
     /// The message that gives it to a station.
@@ -109,17 +125,19 @@ fn widened(value: f32) -> f64 {
 /// See the module's documentation.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Mission {
-    items: Vec<Item>,
+    items: Arc<[Item]>,
 }
 
 impl Mission {
     /// A mission of these items; at most 2,048.
     pub fn new(items: Vec<Item>) -> Mission {
-        Mission { items }
+        Mission {
+            items: items.into(),
+        }
     }
 
     /// Its items.
-    pub fn items(&self) -> &[Item] {
+    pub fn items(&self) -> &Arc<[Item]> {
         &self.items
     }
 

@@ -1,4 +1,5 @@
-//! [`Transfer`]: a mission or a fence comes from a station, item by item, whole or not at all.
+//! [`Transfer`]: a mission or a fence comes from a station, item by item, whole or not at all; and stations read the one in force, each
+//! the one that was in force when it began.
 //!
 //! | state | MISSION_COUNT | the awaited item | another item | no item for a while | the limit | the verdict of the check |
 //! |---|---|---|---|---|---|---|
@@ -9,13 +10,14 @@
 //! Stations only answer: who sends the items waits for each to be asked for. QGroundControl gives up when 1.5 s have passed without a
 //! question, so an item is asked for again in a time that depends on how quickly the station has answered so far, and for 1.5 s at most.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
 
 use super::store::Item;
 use crate::number::MissionResult;
-use crate::stations::StationAddress;
+use crate::stations::{MAX_STATIONS, StationAddress};
 
 /// When an item is asked for again: four times what the station has needed for an answer so far, within these limits. The longer one is
 /// what QGroundControl itself waits, and holds until an answer has come; the shorter one keeps a station from being flooded.
@@ -79,6 +81,8 @@ pub struct Transfer {
     state: TransferState,
     /// The end of the last transfer: its station, the number of its last item, the answer.
     last: Option<(StationAddress, u16, MissionResult)>,
+    /// What stations read.
+    read: Vec<(StationAddress, Arc<[Item]>)>,
 }
 
 impl Transfer {
@@ -88,6 +92,37 @@ impl Transfer {
             max_items,
             state: TransferState::Idle,
             last: None,
+            read: Vec::new(),
+        }
+    }
+
+    /// A station begins to read these items.
+    pub fn read_by(&mut self, sender: StationAddress, items: Arc<[Item]>) {
+        self.forget(sender);
+        if self.read.len() == MAX_STATIONS {
+            // Of more stations the oldest has to begin anew.
+            self.read.remove(0);
+        }
+        self.read.push((sender, items));
+    }
+
+    /// What a station reads; `None` if it has not begun.
+    pub fn read(&self, sender: StationAddress) -> Option<&[Item]> {
+        let mut reads = self.read.iter();
+        let (_, items) = reads.find(|(one, _)| *one == sender)?;
+        Some(items)
+    }
+
+    /// A station has read it, or is gone.
+    pub fn forget(&mut self, sender: StationAddress) {
+        self.read.retain(|(one, _)| *one != sender);
+    }
+
+    /// How a station ended: what it has read, or, if it failed, what it was sending too.
+    pub fn ended_by(&mut self, sender: StationAddress, result: u8) {
+        self.forget(sender);
+        if result != MissionResult::Accepted as u8 {
+            self.cancel(sender);
         }
     }
 

@@ -26,9 +26,9 @@ use super::facts::{
     ClockFacts, Device, FileContent, FileFacts, FreeMemory, LinkFacts, LogPlace, Logs,
     MachineFacts, MavlinkFacts, PortFacts, PortHolders, ViewFacts,
 };
-use super::services::bridge_pid;
+use super::services::{bridge_pid, process};
 use crate::mavlink_setup::{self, MavlinkConfig};
-use crate::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, Provided, open_files};
+use crate::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, open_files};
 use crate::robot::running::{ConfigOrigin, RunningBridge, file_of};
 use crate::view_setup::config::{self, ViewConfig};
 use crate::view_setup::peer::holder;
@@ -226,35 +226,19 @@ pub(super) fn files(
         let provider = || process(domain?, robot, name);
         let file = || file_of(&provider()?.by, name, default);
         let file = explicit.is_none().then(file).flatten();
-        ConfigSource::new(explicit, file.unwrap_or_else(|| PathBuf::from(default)))
+        file.unwrap_or_else(|| PathBuf::from(default))
     };
-    let bridge = bridge::cli::DEFAULT_CONFIG_FILE;
-    let bridge = of_process(args.bridge.as_deref(), "bridge", bridge);
-    let status = of_process(
-        args.status.as_deref(),
-        "status",
-        status::config::DEFAULT_FILE,
-    );
-    let sim = ConfigSource::new(sim, dsp_sim::config::DEFAULT_FILE);
-    let own = ConfigSource::new(args.common.settings.config.as_deref(), ril::DEFAULT_FILE);
-    let reading = bridge.start::<BridgeConfig>();
-    let others = [
-        (
-            Some("status"),
-            &status,
-            status.start_check::<status::config::Config>(),
-        ),
-        (
-            Some("sim"),
-            &sim,
-            sim.start_check::<dsp_sim::config::Config>(),
-        ),
-        (None, &own, own.start_check::<ril::Config>()),
-    ];
-    let (content, config) = match reading.end(LOOK_TIMEOUT) {
-        Ok((content, config)) => (Ok(content), config),
-        Err(trouble) => (Err(trouble), None),
-    };
+    let (bridge, status) = (args.bridge.as_deref(), args.status.as_deref());
+    let bridge_file = of_process(bridge, "bridge", bridge::cli::DEFAULT_CONFIG_FILE);
+    let status_file = of_process(status, "status", status::config::DEFAULT_FILE);
+    let own = args.common.settings.config.as_deref();
+    let bridge = Reading::start(Some("bridge"), bridge, bridge_file, by_default);
+    let status =
+        Reading::<status::config::Config>::start(Some("status"), status, status_file, by_default);
+    let sim_file = dsp_sim::config::DEFAULT_FILE.into();
+    let sim = Reading::<dsp_sim::config::Config>::start(Some("sim"), sim, sim_file, by_default);
+    let own = Reading::<ril::Config>::start(None, own, ril::DEFAULT_FILE.into(), by_default);
+    let (file, config): (FileFacts, Option<BridgeConfig>) = bridge.end();
     let is_in_force = config.as_ref().zip(running).map(|(config, running)| {
         // The journal does not say the port.
         let serial = config.serial.clone();
@@ -264,14 +248,20 @@ pub(super) fn files(
                 ..running.clone()
             }
     });
-    let mut files = vec![FileFacts {
+    let bridge = FileFacts {
         is_in_force,
-        ..bridge.facts(Some("bridge"), content)
-    }];
-    for (command, source, check) in others {
-        files.push(source.facts(command, check.end(LOOK_TIMEOUT)));
-    }
+        ..file
+    };
+    let files = vec![bridge, status.end().0, sim.end().0, own.end().0];
     (files, config)
+}
+
+/// Reads a file as a process does that has nothing to check beyond single values.
+fn by_default<C: DeserializeOwned + Default>(
+    explicit: Option<&Path>,
+    default: &Path,
+) -> Result<Loaded<C>, Failure> {
+    Ok(load(explicit, default)?)
 }
 
 /// The view's configuration, unless there is none, and what it is set up with, if that is right.
@@ -307,20 +297,13 @@ fn of_process<C: Send + 'static, F: Send + 'static>(
     load: fn(Option<&Path>) -> Result<Loaded<C>, Failure>,
     look: fn(&C) -> F,
 ) -> (Option<FileFacts>, Option<Look<F>>) {
-    let source = ConfigSource::new(explicit, default);
-    let explicit = explicit.map(Path::to_owned);
-    let reading = Looking::start(move || match load(explicit.as_deref()) {
-        Ok(loaded) if loaded.file.is_none() => (FileContent::Absent, None),
-        Ok(loaded) => (FileContent::Right, Some(loaded.value)),
-        Err(failure) => (FileContent::Wrong(failure.chain().join(": ")), None),
-    });
-    let (content, config) = match reading.end(LOOK_TIMEOUT) {
-        Ok((content, config)) => (Ok(content), config),
-        Err(trouble) => (Err(trouble), None),
-    };
-    let file = source.facts(Some(command), content);
+    let load = move |explicit: Option<&Path>, _: &Path| load(explicit);
+    let (file, config) = Reading::start(Some(command), explicit, default.into(), load).end();
+    if file.is_absent() {
+        return (None, None);
+    }
     let seen = config.map(|config| Looking::start(move || look(&config)).end(LOOK_TIMEOUT));
-    (Some(file).filter(|file| !file.is_absent()), seen)
+    (Some(file), seen)
 }
 
 fn setup(config: &ViewConfig) -> ViewFacts {
@@ -350,60 +333,46 @@ fn setup(config: &ViewConfig) -> ViewFacts {
     }
 }
 
-/// The live process `name` of `robot`.
-pub(super) fn process<'a>(domain: &'a DomainFacts, robot: u32, name: &str) -> Option<&'a Provided> {
-    let mut providers = domain.providers.as_ref().ok()?.iter();
-    providers.find(|one| one.robot.get() == robot && one.service.provider() == name)
+/// A configuration that is being read, by the code of its process.
+struct Reading<C> {
+    command: Option<&'static str>,
+    path: PathBuf,
+    looking: Looking<(FileContent, Option<C>)>,
 }
 
-/// Where a configuration comes from.
-struct ConfigSource {
-    explicit: Option<PathBuf>,
-    default: PathBuf,
-}
-
-impl ConfigSource {
-    fn new(explicit: Option<&Path>, default: impl Into<PathBuf>) -> ConfigSource {
-        ConfigSource {
-            explicit: explicit.map(Path::to_owned),
-            default: default.into(),
+impl<C: Send + 'static> Reading<C> {
+    /// Begins to read the file that is named, or else the default one.
+    fn start(
+        command: Option<&'static str>,
+        explicit: Option<&Path>,
+        default: PathBuf,
+        load: impl FnOnce(Option<&Path>, &Path) -> Result<Loaded<C>, Failure> + Send + 'static,
+    ) -> Reading<C> {
+        let explicit = explicit.map(Path::to_owned);
+        Reading {
+            command,
+            path: explicit.clone().unwrap_or_else(|| default.clone()),
+            looking: Looking::start(move || match load(explicit.as_deref(), &default) {
+                Ok(loaded) if loaded.file.is_none() => (FileContent::Absent, Some(loaded.value)),
+                Ok(loaded) => (FileContent::Right, Some(loaded.value)),
+                Err(failure) => (FileContent::Wrong(failure.chain().join(": ")), None),
+            }),
         }
     }
 
-    fn start<T: DeserializeOwned + Default + Send + 'static>(
-        &self,
-    ) -> Looking<(FileContent, Option<T>)> {
-        let (explicit, default) = (self.explicit.clone(), self.default.clone());
-        Looking::start(move || read(explicit.as_deref(), &default))
-    }
-
-    fn start_check<T: DeserializeOwned + Default>(&self) -> Looking<FileContent> {
-        let (explicit, default) = (self.explicit.clone(), self.default.clone());
-        Looking::start(move || read::<T>(explicit.as_deref(), &default).0)
-    }
-
-    fn facts(&self, command: Option<&'static str>, content: Look<FileContent>) -> FileFacts {
-        FileFacts {
-            command,
-            path: self.explicit.as_ref().unwrap_or(&self.default).clone(),
+    /// What is in it, and its value if that is right.
+    fn end(self) -> (FileFacts, Option<C>) {
+        let (content, config) = match self.looking.end(LOOK_TIMEOUT) {
+            Ok((content, config)) => (Ok(content), config),
+            Err(trouble) => (Err(trouble), None),
+        };
+        let facts = FileFacts {
+            command: self.command,
+            path: self.path,
             content,
             is_in_force: None,
-        }
-    }
-}
-
-/// What is in a configuration file, and its value if that is right.
-fn read<T: DeserializeOwned + Default>(
-    explicit: Option<&Path>,
-    default: &Path,
-) -> (FileContent, Option<T>) {
-    match load::<T>(explicit, default) {
-        Ok(loaded) if loaded.file.is_none() => (FileContent::Absent, Some(loaded.value)),
-        Ok(loaded) => (FileContent::Right, Some(loaded.value)),
-        Err(error) => {
-            let words = Failure::from(error).chain().join(": ");
-            (FileContent::Wrong(words), None)
-        }
+        };
+        (facts, config)
     }
 }
 

@@ -15,6 +15,7 @@ use runtime::finding::{Finding, Severity};
 use serde::{Serialize, Serializer};
 
 use super::facts::{Live, Logs, PreflightFacts};
+use super::services::process;
 use super::{HEADING, gather, helicopter, machine, robot, width};
 use super::{MachineArgs, PreflightArgs};
 use crate::config::{Config, PreflightLimits};
@@ -92,7 +93,7 @@ fn report(args: &MachineArgs, live: Live, config: &Config) -> PreflightReport {
     let now = MonotonicNs::now();
     let (machine, bridge) = gather::machine(args, None, false);
     let status = machine.domain.as_ref().ok();
-    let status = status.and_then(|domain| gather::process(domain, machine.robot, "status"));
+    let status = status.and_then(|domain| process(domain, machine.robot, "status"));
     let status_folder = status
         .filter(|status| status.pids == Namespace::Ours)
         .map(|status| PathBuf::from(format!("/proc/{}/cwd", status.by.pid)));

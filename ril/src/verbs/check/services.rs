@@ -123,24 +123,22 @@ fn named(provided: &Provided) -> String {
     }
 }
 
-/// The live bridge of `robot`: what it provides.
-fn bridge(domain: &DomainFacts, robot: u32) -> Option<&Provided> {
-    let providers = domain.providers.as_ref().ok()?;
-    providers
-        .iter()
-        .find(|one| one.robot.get() == robot && one.service.provider() == "bridge")
+/// The live process `name` of `robot`.
+pub(super) fn process<'a>(domain: &'a DomainFacts, robot: u32, name: &str) -> Option<&'a Provided> {
+    let mut providers = domain.providers.as_ref().ok()?.iter();
+    providers.find(|one| one.robot.get() == robot && one.service.provider() == name)
 }
 
 /// The live bridge of `robot`, if its process id means something here.
 pub fn bridge_pid(domain: &DomainFacts, robot: u32) -> Option<u32> {
-    bridge(domain, robot)
+    process(domain, robot, "bridge")
         .filter(|one| is_here(one))
         .map(|one| one.by.pid)
 }
 
 /// Whether `robot` has a live bridge whose process cannot be found here.
 pub(super) fn is_bridge_elsewhere(domain: &DomainFacts, robot: u32) -> bool {
-    bridge(domain, robot).is_some_and(|one| !is_here(one))
+    process(domain, robot, "bridge").is_some_and(|one| !is_here(one))
 }
 
 /// Whether this process provides a bridge's services with a serial port of this machine that can be found: the bridge of a

@@ -243,7 +243,7 @@ mod tests {
     use ipc_types::payload::{HeroTelemetry, ModuleState};
     use ipc_types::{Losses, MonotonicNs, TelemetryGroup};
 
-    use super::super::flight::waypoints_of;
+    use super::super::script::waypoints_of;
     use super::*;
 
     const HOME: Waypoint = Waypoint {

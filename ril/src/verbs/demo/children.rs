@@ -12,6 +12,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use ipc_types::Domain;
+use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::WITH_PARENT;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
@@ -21,6 +22,12 @@ pub const END_WITHIN: Duration = Duration::from_secs(10);
 
 /// Lines of a process's own output that are shown when it failed.
 const SHOWN_LINES: usize = 5;
+
+/// This program, to be started once more.
+fn own() -> Result<Command, Failure> {
+    let program = std::env::current_exe().or_fail(ExitCode::Internal)?;
+    Ok(Command::new(program))
+}
 
 /// A running process.
 #[derive(Debug)]
@@ -53,16 +60,16 @@ impl Spawner<'_> {
     }
 
     /// Starts the process `name` by `ril run` with its configuration. It says on [`Readiness`] when it is ready.
-    pub fn start(&self, name: &'static str, args: &[&str]) -> io::Result<ChildProcess> {
-        let mut command = Command::new(std::env::current_exe()?);
+    pub fn start(&self, name: &'static str, args: &[&str]) -> Result<ChildProcess, Failure> {
+        let mut command = own()?;
         command.args(["run", name, "--config"]);
         command.arg(self.config_file(name)).args(args);
         self.spawn(name, command)
     }
 
     /// Starts the recorder, which records the configurations along.
-    pub fn start_recorder(&self) -> io::Result<ChildProcess> {
-        let mut command = Command::new(std::env::current_exe()?);
+    pub fn start_recorder(&self) -> Result<ChildProcess, Failure> {
+        let mut command = own()?;
         // A few megabytes, however full the disk is.
         command.args(["record", "--min-free", "0", "--output"]);
         command.arg(self.folder);
@@ -73,8 +80,8 @@ impl Spawner<'_> {
     }
 
     /// Starts the relay of this `side`, `robot` or `station`, with its configuration.
-    pub fn start_relay(&self, side: &str, args: &[&str]) -> io::Result<ChildProcess> {
-        let mut command = Command::new(std::env::current_exe()?);
+    pub fn start_relay(&self, side: &str, args: &[&str]) -> Result<ChildProcess, Failure> {
+        let mut command = own()?;
         command.args(["relay", side, "--config"]);
         command.arg(self.config_file("relay")).args(args);
         self.spawn("relay", command)
@@ -82,8 +89,8 @@ impl Spawner<'_> {
 
     /// Gives a command of the operator, in the folder, where no configuration of the user's is. It is patient: a machine may
     /// stall.
-    pub fn order(&self, name: &'static str, words: &[&str]) -> io::Result<ChildProcess> {
-        let mut command = Command::new(std::env::current_exe()?);
+    pub fn order(&self, name: &'static str, words: &[&str]) -> Result<ChildProcess, Failure> {
+        let mut command = own()?;
         command
             .args(words)
             .args(["--timeout", "60s", "--deadline", "60s"]);
@@ -91,7 +98,15 @@ impl Spawner<'_> {
         self.spawn(name, command)
     }
 
-    fn spawn(&self, name: &'static str, mut command: Command) -> io::Result<ChildProcess> {
+    fn spawn(&self, name: &'static str, command: Command) -> Result<ChildProcess, Failure> {
+        let spawned = self.try_spawn(name, command);
+        spawned.or_fail_with(
+            ExitCode::Internal,
+            format!("the process {name} cannot be started"),
+        )
+    }
+
+    fn try_spawn(&self, name: &'static str, mut command: Command) -> io::Result<ChildProcess> {
         let output = self.folder.join(format!("{name}.out"));
         let out = File::create(&output)?;
         command

@@ -12,7 +12,7 @@ use serde::Deserialize;
 use status::log::file_name::{FileKind, recognize};
 
 use super::checks::{Evidence, RecordEvidence, judge};
-use super::flight::SCRIPT;
+use super::script::SCRIPT;
 use super::seen::Flown;
 use crate::recorded::topic_of;
 

@@ -5,66 +5,32 @@
 //! left running and nothing of it is left in shared memory. Its folder is removed, unless the operator chose it or the
 //! demonstration failed.
 //!
-//! * `flight`: the script of commands, from the start of the processes to their end, and the one wait; `children`: the processes;
+//! * `script`: the operator's commands; `fleet`: the flight of one robot or of many, and the one wait;
+//! * `craft`: a robot; `children`: its processes;
 //! * `seen`: what a consumer sees; `checks`: the judgement. Both pure;
 //! * `files`: the log and the record as evidence, and the judgement with them;
-//! * `screen`: what is shown meanwhile, and the result;
-//! * `fleet`: many robots at once, and a station.
+//! * `screen`: what is shown meanwhile; `result`: what is shown in the end.
 
 mod checks;
 mod children;
+mod craft;
 mod files;
 mod fleet;
-mod flight;
+pub mod options;
+mod result;
 mod screen;
+mod script;
 mod seen;
 
 use std::fs;
-use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
-use ipc_types::{Domain, RobotId};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 
-use crate::options::EXIT_CODES;
-use files::{FlightFiles, judge_flight};
-use flight::{PROCESSES, fly};
-use screen::{KeptFiles, Screen, print_result};
-
-/// Options of `ril demo`.
-#[derive(clap::Args, Clone, Debug)]
-#[command(after_help = EXIT_CODES)]
-pub struct DemoArgs {
-    /// Which robot to be: an integer greater than 0
-    #[arg(long, value_name = "N", env = "RIL_ROBOT", default_value = "1")]
-    pub robot: NonZeroU32,
-
-    /// Fly so many robots at once, from 3 to 50, whatever `--robot` says, each with a relay to one station, which orders; with two outages, a robot that dies
-    /// and one that is replaced. Needs `ril-relay`
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(3..=50))]
-    pub robots: Option<u32>,
-
-    /// Print one JSON object on a line
-    #[arg(long)]
-    pub json: bool,
-
-    /// Run the simulator's clock so many times faster
-    #[arg(long, value_name = "X", default_value_t = 1.0, value_parser = speed)]
-    pub speed: f64,
-
-    /// Where log, record and the outputs of the processes go and stay; made if it is not there [default: a folder that is removed
-    /// at the end]
-    #[arg(long, value_name = "FOLDER")]
-    pub folder: Option<PathBuf>,
-}
-
-fn speed(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(speed) if (0.1..=20.0).contains(&speed) => Ok(speed),
-        _ => Err("the speed is a number from 0.1 to 20".to_owned()),
-    }
-}
+use checks::check;
+use fleet::Fleet;
+use options::DemoArgs;
 
 /// Runs the demonstration.
 ///
@@ -74,18 +40,7 @@ fn speed(text: &str) -> Result<f64, String> {
 pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     let termination = Termination::install().map_err(Failure::internal)?;
     let folder = folder(args)?;
-    let result = match args.robots {
-        Some(robots) => {
-            let options = fleet::Options {
-                robots,
-                speed: args.speed,
-                json: args.json,
-                is_folder_kept: args.folder.is_some(),
-            };
-            fleet::demonstrate(options, &folder, &termination)
-        }
-        None => demonstrate(args, &folder, &termination),
-    };
+    let result = demonstrate(args, &folder, &termination);
     match result {
         // What the processes said shows the cause.
         Err(failure) if failure.signal().is_none() && failure.code() != ExitCode::Ok => {
@@ -102,34 +57,31 @@ pub fn run(args: &DemoArgs) -> Result<(), Failure> {
     }
 }
 
-/// Flies, judges and prints, with everything but the folder cleaned up in any case.
+/// Flies, judges and prints.
 fn demonstrate(args: &DemoArgs, folder: &Path, termination: &Termination) -> Result<(), Failure> {
-    let domain = Domain::isolated();
-    let mut screen = Screen::new(args.json);
-    let robot = RobotId::from(args.robot);
-    let flown = fly(&domain, robot, folder, args.speed, termination, &mut screen);
-    screen.end()?;
-    // Every process and port is gone by now, also after an error.
-    domain.remove_if_dead().map_err(Failure::internal)?;
-    let flight = flown?;
-    let residue = domain.residue().len();
-    let files = FlightFiles::find(folder);
-    let checks = judge_flight(&flight.flown, robot, &files, PROCESSES, residue);
-    let kept = match args.folder {
-        Some(_) => KeptFiles {
-            folder: Some(folder),
-            log: files.log.as_deref(),
-            record: files.record.as_deref(),
-        },
-        None => KeptFiles::default(),
+    let fleet = Fleet::new(args, folder, termination)?;
+    let kept = args.folder.as_ref().map(|_| folder);
+    let Some(robots) = args.robots else {
+        let (result, _) = fleet.demonstrate(Fleet::fly_one)?;
+        result.print(kept, args.json)?;
+        return match result.failed() {
+            0 => Ok(()),
+            failed => {
+                let text = format!("{failed} of {} checks failed", result.checks.len());
+                Err(Failure::internal(text))
+            }
+        };
     };
-    print_result(&flight.flown.seen, flight.took, &checks, kept, args.json)?;
-    match checks.iter().filter(|check| check.has_failed()).count() {
+    let (mut result, residue) = fleet.demonstrate(|fleet| fleet.fly_many(robots))?;
+    result.checks.push(check(
+        "nothing left at the station",
+        residue == 0,
+        format!("{residue} files and segments left"),
+    ));
+    result.print(kept, args.json)?;
+    match result.failed() {
         0 => Ok(()),
-        failed => Err(Failure::internal(format!(
-            "{failed} of {} checks failed",
-            checks.len()
-        ))),
+        failed => Err(Failure::internal(format!("{failed} checks failed"))),
     }
 }
 

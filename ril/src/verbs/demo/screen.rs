@@ -1,24 +1,16 @@
-//! What the demonstration shows: while it runs a live block on a terminal, plain lines elsewhere, nothing for JSON; then the result.
+//! What the demonstration shows while it runs: a live block on a terminal, plain lines elsewhere, nothing for JSON.
 
 use std::io::{self, IsTerminal, Write};
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use ipc_types::MonotonicNs;
 use runtime::exit::Failure;
-use runtime::finding::Finding;
-use serde::Serialize;
 
 use super::seen::Seen;
-use crate::render::finding::lines;
-use crate::render::json_line;
 use crate::render::terminal::{Block, Size};
 
 /// Shortest time between two drawings: what the eye can follow.
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);
-
-/// Width of the names of the checks, and a space.
-pub(super) const HEADING: usize = 34;
 
 /// Where and how to show.
 #[derive(Debug)]
@@ -129,97 +121,4 @@ fn block(phase: &str, seen: &Seen, now: MonotonicNs) -> Vec<String> {
         dsp.lost + hero.lost
     ));
     lines
-}
-
-/// What stays when the demonstration is over.
-#[derive(Clone, Copy, Default)]
-pub(super) struct KeptFiles<'a> {
-    /// The folder that the operator chose.
-    pub folder: Option<&'a Path>,
-    /// The log of the flight in it.
-    pub log: Option<&'a Path>,
-    /// The record of the flight in it.
-    pub record: Option<&'a Path>,
-}
-
-/// The demonstration's result as JSON.
-#[derive(Serialize)]
-struct DemoObject<'a> {
-    schema: &'static str,
-    passed: bool,
-    flight_s: f64,
-    telemetry_age_ms_p50: Option<f64>,
-    telemetry_age_ms_p99: Option<f64>,
-    checks: Vec<CheckObject<'a>>,
-    log: Option<&'a Path>,
-    record: Option<&'a Path>,
-    folder: Option<&'a Path>,
-}
-
-/// A check as JSON.
-#[derive(Serialize)]
-pub(super) struct CheckObject<'a> {
-    name: &'a str,
-    passed: bool,
-    detail: &'a str,
-}
-
-impl CheckObject<'_> {
-    /// Of what was found.
-    pub fn of(check: &Finding) -> CheckObject<'_> {
-        CheckObject {
-            name: check.id,
-            passed: !check.has_failed(),
-            detail: &check.text,
-        }
-    }
-}
-
-/// Prints the result on standard output: in lines for people, or as one JSON object.
-pub(super) fn print_result(
-    seen: &Seen,
-    flight: Duration,
-    checks: &[Finding],
-    kept: KeptFiles<'_>,
-    json: bool,
-) -> Result<(), Failure> {
-    let mut out = io::stdout().lock();
-    let (flight_s, p50, p99) = (flight.as_secs_f64(), seen.age_ms(50), seen.age_ms(99));
-    let passed = checks.iter().all(|check| !check.has_failed());
-    if json {
-        let checks = checks.iter().map(CheckObject::of);
-        let report = DemoObject {
-            schema: "ril.Demo.v1",
-            passed,
-            flight_s,
-            telemetry_age_ms_p50: p50,
-            telemetry_age_ms_p99: p99,
-            checks: checks.collect(),
-            log: kept.log,
-            record: kept.record,
-            folder: kept.folder,
-        };
-        return json_line(&mut out, &report);
-    }
-    let mut text = "\n".to_owned();
-    for check in checks {
-        text += &lines(check, check.id, HEADING, usize::MAX);
-    }
-    text += &format!("\nflight    {flight_s:.1} s\n");
-    if let (Some(p50), Some(p99)) = (p50, p99) {
-        text += &format!(
-            "age       {p50:.3} ms median, {p99:.3} ms 99th percentile: serial byte to this consumer\n"
-        );
-    }
-    for (title, file) in [("log", kept.log), ("record", kept.record)] {
-        text += &match file {
-            Some(file) => format!("{title:9} {}\n", file.display()),
-            None => format!("{title:9} removed; --folder FOLDER keeps it\n"),
-        };
-    }
-    text += match passed {
-        true => "all checks passed\n",
-        false => "not all checks passed\n",
-    };
-    out.write_all(text.as_bytes()).map_err(Failure::output)
 }

@@ -44,6 +44,8 @@ pub(super) struct Flown {
     pub orders_done: usize,
     /// The command that did not, and what it said.
     pub order_failed: Option<String>,
+    /// What the last command said at its end.
+    pub said: String,
     /// What a consumer saw.
     pub seen: Seen,
     /// The processes that were ended, with their exit codes; `None` for one that a signal ended.
@@ -57,6 +59,7 @@ impl Flown {
             Some(0) => self.orders_done += 1,
             _ => self.order_failed = Some(format!("`{command}`: {end}")),
         }
+        self.said = end.to_owned();
     }
 }
 

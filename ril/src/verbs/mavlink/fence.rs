@@ -2,8 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use mavlink_gateway::FenceRefusal;
-use mavlink_gateway::number::MissionResult;
+use mavlink_gateway::number::{MissionRefusal, MissionResult};
 use plans::model::FenceArea;
 
 use crate::fence_file::{FenceChange, FenceFileError};
@@ -17,8 +16,8 @@ const NEXT_STEP: &str =
 /// # Errors
 ///
 /// Why it was not changed, for the station.
-pub(super) fn put(file: &Path, areas: &[FenceArea]) -> Result<FenceChange, FenceRefusal> {
-    FenceChange::put(file, areas).map_err(|error| FenceRefusal {
+pub(super) fn put(file: &Path, areas: &[FenceArea]) -> Result<FenceChange, MissionRefusal> {
+    FenceChange::put(file, areas).map_err(|error| MissionRefusal {
         result: match error {
             FenceFileError::Refused { .. } => MissionResult::Denied,
             FenceFileError::Configuration(_) => MissionResult::Invalid,
@@ -32,7 +31,7 @@ pub(super) fn put(file: &Path, areas: &[FenceArea]) -> Result<FenceChange, Fence
 }
 
 /// Why no fence of a station can come into force, as far as that is known before one comes.
-pub(super) fn trouble(file: Result<PathBuf, FenceRefusal>) -> Option<String> {
+pub(super) fn trouble(file: Result<PathBuf, MissionRefusal>) -> Option<String> {
     let file = match file {
         Ok(file) => file,
         Err(refusal) => return Some(refusal.text),
@@ -70,7 +69,7 @@ mod tests {
         let why = said(&link);
         assert!(why.contains("link.toml cannot be written"), "{why}");
         assert!(why.ends_with(NEXT_STEP), "{why}");
-        let unknown = FenceRefusal {
+        let unknown = MissionRefusal {
             result: MissionResult::Error,
             text: "name it".to_owned(),
         };

@@ -8,17 +8,17 @@ use dsp_protocol::port;
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{
     BridgeJournal, BridgeOutline, HeroTelemetry, ModuleControl, ModuleState, MovementData,
-    ParameterRequest, RequestReport, WaypointPosition,
+    ParameterRequest, RequestReport,
 };
 use ipc_types::{
     Client, Ipc, MonotonicNs, Request, SendError, Source, Subscriber, Topic, fresh_request_id,
 };
-use mavlink_gateway::number::MissionResult;
-use mavlink_gateway::{FenceRefusal, Gateway, Order, OrderKind};
+use mavlink_gateway::number::{MissionRefusal, MissionResult};
+use mavlink_gateway::{Gateway, Order, OrderKind};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::render::messages::{self, FinalReport, Verb};
-use crate::request::ports::{OrderRequest, RobotOrder};
+use crate::request::ports::{OrderRequest, RobotOrder, send};
 use crate::request::{Exchange, Next, Outcome, Until};
 use crate::robot::running::{RunningBridge, file_of};
 use crate::session::Topics;
@@ -29,6 +29,9 @@ const RULES_LIMIT: Duration = Duration::from_millis(500);
 /// How long the bridge may need to take one waypoint of a path.
 const WAYPOINT_LIMIT: Duration = Duration::from_secs(5);
 
+/// Of another order the gateway itself knows when it gives up; this bounds what is remembered.
+const ORDER_LIMIT: Duration = Duration::from_secs(86_400);
+
 /// See the module's documentation.
 pub(super) struct Ports {
     ipc: Ipc,
@@ -38,8 +41,7 @@ pub(super) struct Ports {
     movement: Option<Client<MovementData>>,
     control: Option<Client<ModuleControl>>,
     parameters: Option<Client<ParameterRequest>>,
-    open: Vec<SentRequest>,
-    paths: Vec<Path>,
+    open: Vec<FollowedOrder>,
     /// A bridge that was asked for its configuration, and until when it may answer.
     rules: Option<(RunningBridge, MonotonicNs)>,
     /// Whether its configuration is asked for, and no bridge is there that could say it.
@@ -48,18 +50,13 @@ pub(super) struct Ports {
     bridge_file: Option<PathBuf>,
 }
 
-/// A request without a final report.
-struct SentRequest {
-    request_id: u64,
+/// An order without a final report. Of a path each waypoint is sent when the one before it was accepted.
+struct FollowedOrder {
     number: u64,
     verb: Verb,
-}
-
-/// A path: each waypoint is sent when the one before it was accepted.
-struct Path {
-    number: u64,
     exchange: Exchange,
-    requests: Vec<MovementData>,
+    /// The waypoints of a path.
+    path: Vec<MovementData>,
 }
 
 impl Ports {
@@ -73,7 +70,6 @@ impl Ports {
             control: None,
             parameters: None,
             open: Vec::new(),
-            paths: Vec::new(),
             rules: None,
             has_no_rules: false,
             bridge_file,
@@ -81,13 +77,13 @@ impl Ports {
     }
 
     /// The bridge's configuration file: the one that the operator has named, else that which the live bridge was started with.
-    pub fn bridge_file(&self) -> Result<PathBuf, FenceRefusal> {
+    pub fn bridge_file(&self) -> Result<PathBuf, MissionRefusal> {
         let of_process = || {
             let provider = self.ipc.provider(ModuleState::KEY).ok()??;
             file_of(&provider, "bridge", bridge::cli::DEFAULT_CONFIG_FILE)
         };
         let file = self.bridge_file.clone().or_else(of_process);
-        file.ok_or_else(|| FenceRefusal {
+        file.ok_or_else(|| MissionRefusal {
             result: MissionResult::Error,
             text: "the file of a bridge on this machine is not known: name it by `[fence] bridge` in mavlink.toml".to_owned(),
         })
@@ -117,13 +113,13 @@ impl Ports {
     /// When [`Ports::drain`] is to be called though nothing has come.
     pub fn deadline(&self) -> Option<MonotonicNs> {
         let rules = self.rules.as_ref().map(|(_, until)| *until);
-        let due = |path: &Path| match path.exchange.next(MonotonicNs(0)) {
+        let due = |one: &FollowedOrder| match one.exchange.next(MonotonicNs(0)) {
             Next::Wait(until) => until,
             _ => None,
         };
         rules
             .into_iter()
-            .chain(self.paths.iter().filter_map(due))
+            .chain(self.open.iter().filter_map(due))
             .min()
     }
 
@@ -179,63 +175,50 @@ impl Ports {
         {
             tracing::warn!(%error, "samples could not be received");
         }
-        for report in self.reports() {
-            self.report_of_path(&report, gateway, now);
-            let Some(index) = self
-                .open
-                .iter()
-                .position(|one| one.request_id == report.request_id)
-            else {
-                continue;
-            };
-            let SentRequest { number, verb, .. } = self.open[index];
-            let end = FinalReport::of(&report);
-            let words = end.map_or_else(String::new, |end| messages::ending(verb, &end));
-            if end.is_some() {
-                self.open.swap_remove(index);
-            }
-            gateway.report(number, &report, &words, now);
+        let mut reports = Vec::new();
+        drain(&mut self.movement, &mut reports);
+        drain(&mut self.control, &mut reports);
+        drain(&mut self.parameters, &mut reports);
+        for report in reports {
+            self.report(&report, gateway, now);
         }
         // What the bridge does not answer.
-        let due: Vec<u64> = self.paths.iter().map(|path| path.number).collect();
-        for number in due {
+        let open: Vec<u64> = self.open.iter().map(|one| one.number).collect();
+        for number in open {
             self.go_on(number, gateway, now);
         }
     }
 
-    /// A report about a waypoint. Those of the last one stand for the path.
-    fn report_of_path(&mut self, report: &RequestReport, gateway: &mut Gateway, now: MonotonicNs) {
+    /// A report about an order. Those of its last waypoint stand for a path.
+    fn report(&mut self, report: &RequestReport, gateway: &mut Gateway, now: MonotonicNs) {
         let taken = self
-            .paths
+            .open
             .iter_mut()
-            .find_map(|path| path.exchange.take(report, now).map(|index| (path, index)));
-        let Some((path, index)) = taken else {
+            .find_map(|one| one.exchange.take(report, now).map(|index| (one, index)));
+        let Some((one, index)) = taken else {
             return;
         };
-        let number = path.number;
-        let is_last = index + 1 == path.requests.len();
+        let number = one.number;
+        let is_last = index + 1 >= one.path.len();
         if is_last && matches!(report.stage(), Some(Stage::Accepted | Stage::Progress)) {
             gateway.report(number, report, "", now);
         }
         self.go_on(number, gateway, now);
     }
 
-    /// Sends the next waypoints, or says how the path ended.
+    /// Sends the next waypoints, or says how the order ended.
     fn go_on(&mut self, number: u64, gateway: &mut Gateway, now: MonotonicNs) {
-        let Some(place) = self.paths.iter().position(|path| path.number == number) else {
+        let Some(place) = self.open.iter().position(|one| one.number == number) else {
             return;
         };
-        let path = &mut self.paths[place];
+        let one = &mut self.open[place];
         let report = loop {
-            match path.exchange.next(now) {
+            match one.exchange.next(now) {
                 Next::Wait(_) => return,
                 Next::Send(index) => {
-                    let sent = self
-                        .movement
-                        .as_mut()
-                        .map(|client| client.send(&path.requests[index]));
-                    match sent {
-                        Some(Ok(_)) => path.exchange.sent(now),
+                    let client = self.movement.as_mut();
+                    match client.map(|client| client.send(&one.path[index])) {
+                        Some(Ok(_)) => one.exchange.sent(now),
                         _ => break RequestReport::new(Stage::Refused, Reason::LinkDown),
                     }
                 }
@@ -243,47 +226,10 @@ impl Ports {
                 Next::Over(_) => break RequestReport::new(Stage::Unknown, Reason::BridgeGone),
             }
         };
-        self.paths.swap_remove(place);
+        let verb = self.open.swap_remove(place).verb;
         let end = FinalReport::of(&report);
-        let words = end.map_or_else(String::new, |end| messages::ending(Verb::GoTo, &end));
+        let words = end.map_or_else(String::new, |end| messages::ending(verb, &end));
         gateway.report(number, &report, &words, now);
-    }
-
-    /// Begins to send a path; what cannot be sent is reported to the gateway.
-    fn send_path(
-        &mut self,
-        order: Order,
-        positions: &[WaypointPosition],
-        gateway: &mut Gateway,
-        now: MonotonicNs,
-    ) -> Result<(), Failure> {
-        let (issued_ns, begin_by_ns) = (order.issued.0, order.begin_by.map_or(0, |by| by.0));
-        let with_moments = |request: MovementData| MovementData {
-            issued_ns,
-            begin_by_ns,
-            preempt: u16::from(order.preempts),
-            ..request
-        };
-        let path = MovementData::path(fresh_request_id(), positions, fresh_request_id);
-        let requests: Vec<MovementData> = path.map(with_moments).collect();
-        let ids = requests.iter().map(|request| request.request_id);
-        let mut exchange = Exchange::new(ids, Until::Final, WAYPOINT_LIMIT);
-        let sent = match requests.first() {
-            Some(first) => send(&self.ipc, &mut self.movement, first)?,
-            None => return Ok(()),
-        };
-        match sent {
-            Ok(()) => {
-                exchange.sent(now);
-                self.paths.push(Path {
-                    number: order.number,
-                    exchange,
-                    requests,
-                });
-            }
-            Err(error) => gateway.not_sent(order.number, &self.unsent(Verb::GoTo, &error), now),
-        }
-        Ok(())
     }
 
     /// Why an order was not sent.
@@ -298,14 +244,6 @@ impl Ports {
         }
     }
 
-    fn reports(&mut self) -> Vec<RequestReport> {
-        let mut reports = Vec::new();
-        drain(&mut self.movement, &mut reports);
-        drain(&mut self.control, &mut reports);
-        drain(&mut self.parameters, &mut reports);
-        reports
-    }
-
     /// Sends an order; one that cannot be sent is reported to the gateway.
     pub fn send(
         &mut self,
@@ -314,113 +252,110 @@ impl Ports {
         now: MonotonicNs,
     ) -> Result<(), Failure> {
         let (issued_ns, begin_by_ns) = (order.issued.0, order.begin_by.map_or(0, |by| by.0));
-        let (verb, request_id, sent) = match wanted(order.kind) {
-            Wanted::Path => {
-                let path = gateway.path(order.number).to_vec();
-                return self.send_path(order, &path, gateway, now);
+        let (verb, wanted) = wanted(&order, gateway);
+        let mut path = Vec::new();
+        let (request_id, sent) = match wanted {
+            Wanted::Movement(requests) => {
+                let requests = requests.into_iter().map(|request| MovementData {
+                    issued_ns,
+                    begin_by_ns,
+                    preempt: u16::from(order.preempts),
+                    ..request
+                });
+                path = requests.collect();
+                let Some(first) = path.first() else {
+                    return Ok(());
+                };
+                let sent = send(&self.ipc, &mut self.movement, first)?;
+                (first.request_id, sent)
             }
-            Wanted::Parameter(verb, request) => {
+            Wanted::Control(request) => {
+                let request = ModuleControl {
+                    issued_ns,
+                    begin_by_ns,
+                    ..request
+                };
+                let sent = send(&self.ipc, &mut self.control, &request)?;
+                (request.request_id, sent)
+            }
+            Wanted::Parameter(request) => {
                 let request = ParameterRequest {
                     issued_ns,
                     begin_by_ns,
                     ..request
                 };
                 let sent = send(&self.ipc, &mut self.parameters, &request)?;
-                (verb, request.request_id, sent)
+                (request.request_id, sent)
             }
-            Wanted::ReloadFence => {
-                let id = fresh_request_id();
-                let request = ModuleControl {
-                    issued_ns,
-                    begin_by_ns,
-                    ..ModuleControl::new(id, ControlCommand::ReloadFence)
-                };
-                let sent = send(&self.ipc, &mut self.control, &request)?;
-                (Verb::ReloadFence, id, sent)
-            }
-            Wanted::Robot(wanted) => match wanted.request(0) {
-                OrderRequest::Movement(request) => {
-                    let preempt = u16::from(order.preempts);
-                    let request = MovementData {
-                        issued_ns,
-                        begin_by_ns,
-                        preempt,
-                        ..request
-                    };
-                    let sent = send(&self.ipc, &mut self.movement, &request)?;
-                    (wanted.verb(), request.request_id, sent)
-                }
-                OrderRequest::Control(request) => {
-                    let request = ModuleControl {
-                        issued_ns,
-                        begin_by_ns,
-                        ..request
-                    };
-                    let sent = send(&self.ipc, &mut self.control, &request)?;
-                    (wanted.verb(), request.request_id, sent)
-                }
-            },
         };
-        match sent {
-            Ok(()) => self.open.push(SentRequest {
-                request_id,
-                number: order.number,
-                verb,
-            }),
-            Err(error) => gateway.not_sent(order.number, &self.unsent(verb, &error), now),
+        if let Err(error) = sent {
+            gateway.not_sent(order.number, &self.unsent(verb, &error), now);
+            return Ok(());
         }
+        let further = path.iter().skip(1).map(|request| request.request_id);
+        let limit = match order.kind {
+            OrderKind::Path => WAYPOINT_LIMIT,
+            _ => ORDER_LIMIT,
+        };
+        let ids = std::iter::once(request_id).chain(further);
+        let mut exchange = Exchange::new(ids, Until::Final, limit);
+        exchange.sent(now);
+        self.open.push(FollowedOrder {
+            number: order.number,
+            verb,
+            exchange,
+            path,
+        });
         Ok(())
     }
 }
 
-/// What an order is in the words of `ril`.
+/// The requests of an order, by the service that takes them.
 enum Wanted {
-    Robot(RobotOrder),
-    Parameter(Verb, ParameterRequest),
-    /// Fly the path of the order.
-    Path,
-    /// Read the geofence again.
-    ReloadFence,
+    /// Several are a path.
+    Movement(Vec<MovementData>),
+    Control(ModuleControl),
+    Parameter(ParameterRequest),
 }
 
-fn wanted(kind: OrderKind) -> Wanted {
+/// What an order is in the words of `ril`, and its requests.
+fn wanted(order: &Order, gateway: &Gateway) -> (Verb, Wanted) {
     let write = |port, value| {
         let request = ParameterRequest::write(fresh_request_id(), port, value);
-        Wanted::Parameter(Verb::SetParameter, request)
+        (Verb::SetParameter, Wanted::Parameter(request))
     };
-    Wanted::Robot(match kind {
+    let robot_order = match order.kind {
         OrderKind::Start => RobotOrder::Start,
         OrderKind::Stop => RobotOrder::Stop,
         OrderKind::TakeOff(height_m) => RobotOrder::TakeOff(height_m),
         OrderKind::Hold => RobotOrder::Hold,
         OrderKind::Land => RobotOrder::Land,
         OrderKind::GoTo(position) => RobotOrder::GoTo(position),
-        OrderKind::Path => return Wanted::Path,
-        OrderKind::ReloadFence => return Wanted::ReloadFence,
+        OrderKind::Path => {
+            let positions = gateway.path(order.number);
+            let path = MovementData::path(fresh_request_id(), positions, fresh_request_id);
+            return (Verb::GoTo, Wanted::Movement(path.collect()));
+        }
+        OrderKind::ReloadFence => {
+            let request = ModuleControl::new(fresh_request_id(), ControlCommand::ReloadFence);
+            return (Verb::ReloadFence, Wanted::Control(request));
+        }
         OrderKind::Speed(speed_mps) => return write(port::CRUISE_SPEED_MPS, speed_mps),
         OrderKind::WritePort(port, value) => return write(port, value),
         OrderKind::ReadPort(port) => {
             let request = ParameterRequest::read(fresh_request_id(), port);
-            return Wanted::Parameter(Verb::GetParameter, request);
+            return (Verb::GetParameter, Wanted::Parameter(request));
         }
-    })
+    };
+    let wanted = match robot_order.request(0) {
+        OrderRequest::Movement(request) => Wanted::Movement(vec![request]),
+        OrderRequest::Control(request) => Wanted::Control(request),
+    };
+    (robot_order.verb(), wanted)
 }
 
 fn drain<R: Request>(client: &mut Option<Client<R>>, reports: &mut Vec<RequestReport>) {
     if let Some(client) = client {
         client.drain(|report| reports.push(*report));
     }
-}
-
-/// Sends one request over a client that is opened with the first one.
-fn send<R: Request>(
-    ipc: &Ipc,
-    client: &mut Option<Client<R>>,
-    request: &R,
-) -> Result<Result<(), SendError>, Failure> {
-    let client = match client {
-        Some(client) => client,
-        None => client.insert(ipc.client().or_fail(ExitCode::Internal)?),
-    };
-    Ok(client.send(request).map(|_| ()))
 }

@@ -16,9 +16,8 @@ use runtime::config::resulting::Resulting;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::fence;
-use super::own_topic::OwnTopic;
 use super::ports::Ports;
-use super::shell::MavlinkShell;
+use super::shell::{MavlinkShell, OwnTopic};
 use super::state::{
     MAX_TIMESTAMP_BYTES, StateError, StateFile, timestamp_of, warn_of_timestamp, write_timestamp,
 };

@@ -1,4 +1,5 @@
-//! [`MavlinkShell`]: the gateway's loop: its socket, the robot's ports and the deadlines in the one wait of every process.
+//! [`MavlinkShell`]: the gateway's loop: its socket, the robot's ports and the deadlines in the one wait of every process. [`OwnTopic`]:
+//! what it publishes of itself.
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind};
@@ -6,13 +7,13 @@ use std::net::UdpSocket;
 use std::os::fd::AsFd;
 use std::time::Duration;
 
-use ipc_types::{MonotonicNs, SchedulingRole, WaitError, Wake};
+use ipc_types::payload::{MavlinkStation, MavlinkStations};
+use ipc_types::{Ipc, MonotonicNs, Publisher, SchedulingRole, Source, WaitError, Wake};
 use mavlink_gateway::{Datagram, Event, Gateway, Task};
 use module_kit::process::{Process, Sources};
-use runtime::exit::Failure;
+use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::fence;
-use super::own_topic::OwnTopic;
 use super::ports::Ports;
 use super::state::{StateFile, warn_of_timestamp, write_timestamp};
 use crate::fence_file::FenceChange;
@@ -226,4 +227,75 @@ impl Process for MavlinkShell {
             .flatten()
             .min()
     }
+}
+
+/// How often it is published though nothing has changed. Counts alone are no change, so that a flood is none.
+const OWN_PERIOD: Duration = Duration::from_millis(900);
+
+/// What the gateway publishes of itself, for `ril mavlink status` and `ril doctor`.
+pub(super) struct OwnTopic {
+    port: Publisher<MavlinkStations>,
+    last: MavlinkStations,
+    next: MonotonicNs,
+    /// Datagrams that a full socket did not take.
+    pub dropped: u64,
+}
+
+impl OwnTopic {
+    /// # Errors
+    ///
+    /// Another gateway of this robot runs, or shared memory cannot be used.
+    pub fn open(ipc: &Ipc) -> Result<OwnTopic, Failure> {
+        Ok(OwnTopic {
+            port: ipc.publisher().or_fail(ExitCode::Internal)?,
+            last: MavlinkStations::default(),
+            next: MonotonicNs(0),
+            dropped: 0,
+        })
+    }
+
+    /// What to wait for.
+    pub fn source(&mut self) -> &mut dyn Source {
+        &mut self.port
+    }
+
+    /// When it is published at the latest.
+    pub fn deadline(&self) -> MonotonicNs {
+        self.next
+    }
+
+    /// Publishes it when it has changed, or is due.
+    pub fn tend(&mut self, gateway: &Gateway, now: MonotonicNs) {
+        self.port.tend();
+        let mut sample = self.last;
+        gateway.describe(&mut sample, now);
+        sample.datagrams_dropped = self.dropped;
+        if now < self.next && seen_at_once(&sample) == seen_at_once(&self.last) {
+            return;
+        }
+        self.last = sample;
+        self.next = now + OWN_PERIOD;
+        if let Err(error) = self.port.publish(|place| *place = sample) {
+            tracing::debug!(%error, "the stations cannot be published");
+        }
+    }
+}
+
+/// What is published at once when it changes.
+fn seen_at_once(sample: &MavlinkStations) -> (u32, Vec<[u64; 7]>) {
+    let station = |one: &MavlinkStation| {
+        [
+            one.since_ns,
+            one.commands,
+            one.system.into(),
+            one.component.into(),
+            one.may_command.into(),
+            one.is_lost.into(),
+            one.has_movement.into(),
+        ]
+    };
+    (
+        sample.vehicle,
+        sample.stations().iter().map(station).collect(),
+    )
 }

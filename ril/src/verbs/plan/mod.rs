@@ -3,7 +3,6 @@
 //! The crate `plans` reads and checks them. Here is what it is given: the file, the configurations, and what the robot says of
 //! itself (`gather`); how the results are shown (`report`); and how a plan is flown, step by step (`fly`).
 
-mod fence;
 mod fly;
 mod gather;
 

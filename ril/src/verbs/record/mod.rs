@@ -23,7 +23,7 @@ use std::path::Path;
 
 use ipc_types::{Domain, Ipc, RobotId, files};
 use module_kit::process;
-use recording::{Recorder, Settings, Totals};
+use recording::{Recorder, Settings};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::logging::LogLines;
 use runtime::notify::Notifier;
@@ -39,7 +39,6 @@ use self::report::Reporter;
 use self::shell::{RecorderShell, anchor};
 use self::sinks::Sinks;
 use self::topics::RecordedTopics;
-use crate::render::words::count;
 use crate::session::configuration;
 
 /// `ril record`
@@ -92,7 +91,7 @@ pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     );
     let supervisor = Notifier::from_env();
     process::run(&mut shell, &termination, &supervisor).or_fail(ExitCode::Internal)?;
-    end(&shell)
+    shell.conclude()
 }
 
 /// Refuses a folder that this user may not write: that does not get better by waiting, as a full disk does.
@@ -115,68 +114,5 @@ fn refuse_unwritable(folder: &Path) -> Result<(), Failure> {
             Err(Failure::usage(text).with_next_step("name another folder with --output"))
         }
         _ => Ok(()),
-    }
-}
-
-/// Says what became of the recording.
-fn end(shell: &RecorderShell) -> Result<(), Failure> {
-    let totals = shell.totals();
-    shell.reporter().end(&totals, shell.counts());
-    if !shell.is_ended() {
-        return Err(Failure::internal(
-            "the disk did not answer at the end: the last file is perhaps cut off",
-        )
-        .with_next_step(
-            "`ril log check FILE` says what the file has, `ril log recover FILE` makes it whole",
-        ));
-    }
-    match not_taken(&totals) {
-        None => Ok(()),
-        Some(text) => Err(Failure::new(ExitCode::NotInOrder, text).with_next_step(
-            "make room, or take a faster disk; `ril log check FILE` says what a file has",
-        )),
-    }
-}
-
-/// What the disk did not take; `None` if it took everything, whatever else was in the way.
-fn not_taken(totals: &Totals) -> Option<String> {
-    // Of a file that failed, it is not known whether the disk has what was written and not yet forced onto it.
-    let unsynced = totals.written - totals.synced;
-    let missing = totals.added - totals.written;
-    let (dropped, lost) = (count(missing, "message"), count(unsynced, "message"));
-    (missing > 0 || unsynced > 0).then(|| {
-        format!("the disk did not take everything: {dropped} dropped, {lost} perhaps lost")
-    })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_recording_fails_only_by_messages_that_the_disk_did_not_take() {
-        for ((added, written, synced), expected) in [
-            ((0, 0, 0), None),
-            ((90, 90, 90), None),
-            (
-                (90, 88, 88),
-                Some("2 messages dropped, 0 messages perhaps lost"),
-            ),
-            (
-                (90, 90, 89),
-                Some("0 messages dropped, 1 message perhaps lost"),
-            ),
-        ] {
-            let totals = Totals {
-                added,
-                written,
-                synced,
-                files: 7,
-                ..Totals::default()
-            };
-            let text = not_taken(&totals);
-            let said = text.as_deref().and_then(|text| text.split_once(": "));
-            assert_eq!(said.map(|(_, what)| what), expected);
-        }
     }
 }

@@ -6,6 +6,7 @@ use std::time::Duration;
 use ipc_types::{MonotonicNs, SchedulingRole, WaitError, Wake};
 use module_kit::process::{Process, Sources};
 use recording::{Anchor, FileAction, Recorder, Totals};
+use runtime::exit::{ExitCode, Failure};
 use status::log::store::{FileStore, Store};
 
 use super::disk::{ActionResult, Disk, DiskGone, Note};
@@ -13,7 +14,8 @@ use super::facts::FactsOfRobot;
 use super::gather::Gather;
 use super::report::Reporter;
 use super::sinks::Sinks;
-use super::topics::{RecordedTopics, TopicCounts, Wakes};
+use super::topics::{RecordedTopics, Wakes};
+use crate::render::words::count;
 
 /// How long the end of the process waits for the disk. Most of what a disk does takes less; what takes longer may hang for ever,
 /// and a process that cannot be ended is worse than an unknown number of messages.
@@ -80,24 +82,28 @@ impl RecorderShell {
         }
     }
 
-    /// Whether the disk has answered to the end.
-    pub fn is_ended(&self) -> bool {
-        self.recorder.is_ended()
-    }
-
-    /// The recorder's counts.
-    pub fn totals(&self) -> Totals {
-        self.recorder.totals()
-    }
-
-    /// What came of each topic, and what did not.
-    pub fn counts(&self) -> impl Iterator<Item = TopicCounts> {
-        self.topics.counts()
-    }
-
-    /// What is printed.
-    pub fn reporter(&self) -> &Reporter {
-        &self.reporter
+    /// Says what became of the recording.
+    ///
+    /// # Errors
+    ///
+    /// Code 8 when the disk did not take every message, 1 when it did not answer at the end.
+    pub fn conclude(&self) -> Result<(), Failure> {
+        let totals = self.recorder.totals();
+        self.reporter.end(&totals, self.topics.counts());
+        if !self.recorder.is_ended() {
+            return Err(Failure::internal(
+                "the disk did not answer at the end: the last file is perhaps cut off",
+            )
+            .with_next_step(
+                "`ril log check FILE` says what the file has, `ril log recover FILE` makes it whole",
+            ));
+        }
+        match not_taken(&totals) {
+            None => Ok(()),
+            Some(text) => Err(Failure::new(ExitCode::NotInOrder, text).with_next_step(
+                "make room, or take a faster disk; `ril log check FILE` says what a file has",
+            )),
+        }
     }
 
     fn take_samples(&mut self, now: MonotonicNs) {
@@ -228,5 +234,48 @@ impl Process for RecorderShell {
             return false;
         };
         self.recorder.is_ended() || now >= end
+    }
+}
+
+/// What the disk did not take; `None` if it took everything, whatever else was in the way.
+fn not_taken(totals: &Totals) -> Option<String> {
+    // Of a file that failed, it is not known whether the disk has what was written and not yet forced onto it.
+    let unsynced = totals.written - totals.synced;
+    let missing = totals.added - totals.written;
+    let (dropped, lost) = (count(missing, "message"), count(unsynced, "message"));
+    (missing > 0 || unsynced > 0).then(|| {
+        format!("the disk did not take everything: {dropped} dropped, {lost} perhaps lost")
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recording_fails_only_by_messages_that_the_disk_did_not_take() {
+        for ((added, written, synced), expected) in [
+            ((0, 0, 0), None),
+            ((90, 90, 90), None),
+            (
+                (90, 88, 88),
+                Some("2 messages dropped, 0 messages perhaps lost"),
+            ),
+            (
+                (90, 90, 89),
+                Some("0 messages dropped, 1 message perhaps lost"),
+            ),
+        ] {
+            let totals = Totals {
+                added,
+                written,
+                synced,
+                files: 7,
+                ..Totals::default()
+            };
+            let text = not_taken(&totals);
+            let said = text.as_deref().and_then(|text| text.split_once(": "));
+            assert_eq!(said.map(|(_, what)| what), expected);
+        }
     }
 }

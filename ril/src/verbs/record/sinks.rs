@@ -4,9 +4,10 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use ipc_types::payload::{
-    BridgeOutline, DspTelemetry, HeroTelemetry, ModuleState, RelayStations, SharedStruct,
+    BridgeJournal, BridgeOutline, DspTelemetry, HeroTelemetry, ModuleState, RelayStations,
+    SharedStruct, StatusJournal,
 };
-use ipc_types::{MonotonicNs, RobotId};
+use ipc_types::{MonotonicNs, RobotId, Topic as _};
 use module_kit::journal::LogLine;
 use recording::{Anchor, Recorder};
 use ros_messages::{StandardMessage, UnixOffset, ViewerMessage};
@@ -15,6 +16,34 @@ use runtime::logging::LogLines;
 use super::journal::JournalTopics;
 use super::log::{LogTopic, RecorderTopic, offset_of};
 use super::paths::Paths;
+
+/// A topic that more is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum SinkTopic {
+    Dsp,
+    Hero,
+    State,
+    BridgeJournal,
+    StatusJournal,
+    Stations,
+    Outline,
+}
+
+impl SinkTopic {
+    /// The topic `key` whose samples have this type; `None` if nothing is made of it.
+    pub fn of(type_name: &str, key: &str) -> Option<SinkTopic> {
+        Some(match (type_name, key) {
+            (DspTelemetry::TYPE_NAME, DspTelemetry::KEY) => SinkTopic::Dsp,
+            (HeroTelemetry::TYPE_NAME, HeroTelemetry::KEY) => SinkTopic::Hero,
+            (ModuleState::TYPE_NAME, ModuleState::KEY) => SinkTopic::State,
+            (BridgeJournal::TYPE_NAME, BridgeJournal::KEY) => SinkTopic::BridgeJournal,
+            (StatusJournal::TYPE_NAME, StatusJournal::KEY) => SinkTopic::StatusJournal,
+            (RelayStations::TYPE_NAME, RelayStations::KEY) => SinkTopic::Stations,
+            (BridgeOutline::TYPE_NAME, BridgeOutline::KEY) => SinkTopic::Outline,
+            _ => return None,
+        })
+    }
+}
 
 /// Takes the samples of the topics that more is made of.
 pub(super) struct Sinks {
@@ -52,26 +81,51 @@ impl Sinks {
         }
     }
 
-    /// A sample of raw telemetry.
-    pub fn dsp(&mut self, sample: &[u8]) {
-        if let (Some(flights), Some(sample)) = (&mut self.flights, DspTelemetry::from_bytes(sample))
-        {
-            flights.take(sample.is_flying(), sample.received());
-        }
-    }
-
-    /// A sample of the robot's telemetry.
-    pub fn hero(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
-        if let Some(sample) = HeroTelemetry::from_bytes(sample) {
-            self.viewers.take(recorder, &sample, now);
-            self.paths.telemetry(recorder, &sample, now);
-        }
-    }
-
-    /// A piece of what the bridge holds.
-    pub fn outline(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
-        if let Some(piece) = BridgeOutline::from_bytes(sample) {
-            self.paths.outline(recorder, &piece, now);
+    /// Makes of a sample what is to be made of it.
+    pub fn take(
+        &mut self,
+        topic: SinkTopic,
+        recorder: &mut Recorder,
+        sample: &[u8],
+        now: MonotonicNs,
+    ) {
+        match topic {
+            SinkTopic::Dsp => {
+                if let Some(flights) = &mut self.flights
+                    && let Some(sample) = DspTelemetry::from_bytes(sample)
+                {
+                    flights.take(sample.is_flying(), sample.received());
+                }
+            }
+            SinkTopic::Hero => {
+                if let Some(sample) = HeroTelemetry::from_bytes(sample) {
+                    self.viewers.take(recorder, &sample, now);
+                    self.paths.telemetry(recorder, &sample, now);
+                }
+            }
+            SinkTopic::State => {
+                if let Some(state) = ModuleState::from_bytes(sample) {
+                    self.log.state(recorder, &state, now);
+                }
+            }
+            SinkTopic::Outline => {
+                if let Some(piece) = BridgeOutline::from_bytes(sample) {
+                    self.paths.outline(recorder, &piece, now);
+                }
+            }
+            SinkTopic::Stations => {
+                if let Some(stations) = RelayStations::from_bytes(sample) {
+                    self.journal.stations(&stations);
+                }
+            }
+            SinkTopic::BridgeJournal => {
+                let configuration = self.journal.take(recorder, &mut self.log, sample, now);
+                self.runs_with("bridge", configuration);
+            }
+            SinkTopic::StatusJournal => {
+                let configuration = self.log.status(recorder, sample, now);
+                self.runs_with("status", configuration);
+            }
         }
     }
 
@@ -103,26 +157,6 @@ impl Sinks {
         self.paths.end(recorder, now);
     }
 
-    /// A state of the bridge.
-    pub fn state(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
-        if let Some(state) = ModuleState::from_bytes(sample) {
-            self.log.state(recorder, &state, now);
-        }
-    }
-
-    /// The stations that the relay knows.
-    pub fn stations(&mut self, sample: &[u8]) {
-        if let Some(stations) = RelayStations::from_bytes(sample) {
-            self.journal.stations(&stations);
-        }
-    }
-
-    /// A piece of status's journal.
-    pub fn status_journal(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
-        let configuration = self.log.status(recorder, sample, now);
-        self.runs_with("status", configuration);
-    }
-
     /// What the processes run with, by their journals: files by name.
     pub fn running(&self) -> &BTreeMap<String, Vec<u8>> {
         &self.running
@@ -149,12 +183,6 @@ impl Sinks {
             let line = LogLine::new(&line, lines.take_lost());
             self.log.process(recorder, times, "record", &line);
         }
-    }
-
-    /// A piece of the bridge's journal.
-    pub fn journal(&mut self, recorder: &mut Recorder, sample: &[u8], now: MonotonicNs) {
-        let configuration = self.journal.take(recorder, &mut self.log, sample, now);
-        self.runs_with("bridge", configuration);
     }
 }
 

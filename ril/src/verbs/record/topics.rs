@@ -5,21 +5,16 @@ use std::time::Duration;
 
 use ipc_types::discovery::Discovery;
 use ipc_types::dynamic::ServiceFacts;
-use ipc_types::payload::{
-    BridgeJournal, BridgeOutline, DspTelemetry, HeroTelemetry, ModuleState, RelayStations,
-    SharedStruct, StatusJournal,
-};
+use ipc_types::payload::{BridgeJournal, StatusJournal};
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::service::Pattern;
-use ipc_types::{
-    DynamicSubscriber, Ipc, JournalPiece, Losses, MonotonicNs, PortSet, Schema, Topic as _,
-};
+use ipc_types::{DynamicSubscriber, Ipc, JournalPiece, Losses, MonotonicNs, PortSet, Schema};
 use recording::{Channel, ChannelId, Event, EventKind, Recorder};
 use ros_messages::{OFFERED_QOS_PROFILES, Qos};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::publisher::{LossEvents, Piece, ProcessWatch, Tail};
-use super::sinks::Sinks;
+use super::sinks::{SinkTopic, Sinks};
 use crate::recorded::topic_of;
 use crate::render::stamps::StampReader;
 
@@ -65,7 +60,8 @@ struct Intake {
     id: Option<ChannelId>,
     stamps: StampReader,
     loss_events: LossEvents,
-    content: Conversion,
+    /// What else is made of the samples.
+    sink: Option<SinkTopic>,
     /// Of a journal: what its publisher leaves when it is killed.
     tail: Option<Tail>,
     /// A snapshot of a journal came.
@@ -88,19 +84,6 @@ pub(super) enum Wakes {
     Unneeded,
     /// The recorder may sleep until a sample comes.
     Needed,
-}
-
-/// What else is made of the samples.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Conversion {
-    Dsp,
-    Hero,
-    State,
-    BridgeJournal,
-    StatusJournal,
-    Stations,
-    Outline,
-    Other,
 }
 
 /// What became of a topic.
@@ -231,8 +214,8 @@ impl RecordedTopics {
     pub fn ask_for_snapshots(&mut self) {
         for topic in &mut self.topics {
             if matches!(
-                topic.intake.content,
-                Conversion::BridgeJournal | Conversion::StatusJournal
+                topic.intake.sink,
+                Some(SinkTopic::BridgeJournal | SinkTopic::StatusJournal)
             ) {
                 let key = topic.subscriber.key();
                 // It was parsed when the topic was found.
@@ -394,23 +377,14 @@ impl Intake {
                 Qos::of_key(&facts.key).offered_profiles(),
             ),
         ];
-        let content = match (schema.type_name(), facts.key.as_str()) {
-            (DspTelemetry::TYPE_NAME, "dsp_telemetry") => Conversion::Dsp,
-            (HeroTelemetry::TYPE_NAME, "hero_telemetry") => Conversion::Hero,
-            (ModuleState::TYPE_NAME, "module_state") => Conversion::State,
-            (BridgeJournal::TYPE_NAME, BridgeJournal::KEY) => Conversion::BridgeJournal,
-            (StatusJournal::TYPE_NAME, StatusJournal::KEY) => Conversion::StatusJournal,
-            (RelayStations::TYPE_NAME, RelayStations::KEY) => Conversion::Stations,
-            (BridgeOutline::TYPE_NAME, BridgeOutline::KEY) => Conversion::Outline,
-            _ => Conversion::Other,
-        };
+        let sink = SinkTopic::of(schema.type_name(), &facts.key);
         Intake {
-            tail: match content {
-                Conversion::BridgeJournal => Some(Tail::of::<BridgeJournal>(&topics.ipc)),
-                Conversion::StatusJournal => Some(Tail::of::<StatusJournal>(&topics.ipc)),
+            tail: match sink {
+                Some(SinkTopic::BridgeJournal) => Some(Tail::of::<BridgeJournal>(&topics.ipc)),
+                Some(SinkTopic::StatusJournal) => Some(Tail::of::<StatusJournal>(&topics.ipc)),
                 _ => None,
             },
-            content,
+            sink,
             stamps: StampReader::of(schema),
             loss_events: LossEvents::new(name.clone(), topics.begun),
             channel: Channel {
@@ -468,22 +442,13 @@ impl Intake {
         self.cdr.extend_from_slice(sample);
         // The lowest 32 bits are what the format has room for.
         recorder.add(now, id, at, stamps.sequence as u32, &self.cdr);
-        match self.content {
-            Conversion::Dsp => sinks.dsp(sample),
-            Conversion::Hero => sinks.hero(recorder, sample, now),
-            Conversion::State => sinks.state(recorder, sample, now),
-            Conversion::BridgeJournal => {
-                self.has_snapshot |= begins::<BridgeJournal>(sample);
-                sinks.journal(recorder, sample, now);
-            }
-            Conversion::StatusJournal => {
-                self.has_snapshot |= begins::<StatusJournal>(sample);
-                sinks.status_journal(recorder, sample, now);
-            }
-            Conversion::Stations => sinks.stations(sample),
-            Conversion::Outline => sinks.outline(recorder, sample, now),
-            Conversion::Other => {}
-        }
+        let Some(sink) = self.sink else { return };
+        self.has_snapshot |= match sink {
+            SinkTopic::BridgeJournal => begins::<BridgeJournal>(sample),
+            SinkTopic::StatusJournal => begins::<StatusJournal>(sample),
+            _ => false,
+        };
+        sinks.take(sink, recorder, sample, now);
     }
 }
 

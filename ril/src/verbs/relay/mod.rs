@@ -149,7 +149,7 @@ pub fn status(args: &RelayStatusArgs) -> Result<(), Failure> {
     match report.trouble() {
         None => Ok(()),
         Some((text, next_step)) => {
-            Err(Failure::new(report.exit_code(), text).with_next_step(next_step))
+            Err(Failure::new(ExitCode::LinkDown, text).with_next_step(next_step))
         }
     }
 }
@@ -228,14 +228,6 @@ impl RelayReport {
                 None => STALE_AFTER,
             },
         )
-    }
-
-    /// How the command ends.
-    pub fn exit_code(&self) -> ExitCode {
-        match self.is_up() {
-            true => ExitCode::Ok,
-            false => ExitCode::LinkDown,
-        }
     }
 
     /// Why the command ends with another code than 0, and what to do; `None` if it ends with 0.

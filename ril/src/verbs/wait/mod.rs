@@ -4,7 +4,6 @@
 
 pub mod condition;
 
-use std::io::{self, Write};
 use std::time::Duration;
 
 use clap::Args;
@@ -17,7 +16,7 @@ use serde::Serialize;
 
 use self::condition::{Condition, Newest, Standing};
 use crate::options::{EXIT_CODES, duration};
-use crate::render::json_line;
+use crate::render::print_as;
 use crate::robot::absence::absent;
 use crate::session::{Latest, Session, configuration};
 
@@ -100,59 +99,30 @@ pub fn wait(args: &WaitArgs) -> Result<(), Failure> {
         let text = format!("interrupted: {}", missing(&args.conditions, &standings));
         return Err(Failure::new(ExitCode::OutcomeUnknown, text));
     }
-    let end = End {
+    let conditions = args.conditions.iter().zip(&standings);
+    let object = WaitObject {
+        schema: SCHEMA,
         robot: session.ipc.robot().get(),
-        is_met,
+        met: is_met,
         after_s: now.since(began).as_millis() as f64 / 1000.0,
-        conditions: &args.conditions,
-        standings: &standings,
+        conditions: conditions
+            .map(|(condition, standing)| ConditionObject {
+                condition: condition.to_string(),
+                met: standing.is_met,
+                value: standing.value.clone(),
+            })
+            .collect(),
     };
-    end.print(args.json)?;
-    if end.is_met {
+    let lines = object.conditions.iter().filter(|_| is_met);
+    let text = lines.map(|one| format!("{}: {}\n", one.condition, one.value));
+    print_as(args.json, &object, text.collect::<String>())?;
+    if is_met {
         return Ok(());
     }
     look_for_providers(&topics, &session)?;
     let missing = missing(&args.conditions, &standings);
     let text = format!("timed out after {}; {missing}", DurationText(args.timeout));
     Err(Failure::new(ExitCode::Timeout, text))
-}
-
-/// How it ended.
-struct End<'a> {
-    robot: u32,
-    is_met: bool,
-    after_s: f64,
-    conditions: &'a [Condition],
-    standings: &'a [Standing],
-}
-
-impl End<'_> {
-    fn print(&self, as_json: bool) -> Result<(), Failure> {
-        let mut out = io::stdout().lock();
-        let mut conditions = self.conditions.iter().zip(self.standings);
-        if as_json {
-            let object = WaitObject {
-                schema: SCHEMA,
-                robot: self.robot,
-                met: self.is_met,
-                after_s: self.after_s,
-                conditions: conditions
-                    .map(|(condition, standing)| ConditionObject {
-                        condition: condition.to_string(),
-                        met: standing.is_met,
-                        value: standing.value.clone(),
-                    })
-                    .collect(),
-            };
-            return json_line(&mut out, &object);
-        }
-        if !self.is_met {
-            return Ok(());
-        }
-        conditions.try_for_each(|(condition, standing)| {
-            writeln!(out, "{condition}: {}", standing.value).map_err(Failure::output)
-        })
-    }
 }
 
 /// What is not as it should be, in words.

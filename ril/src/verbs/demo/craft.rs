@@ -1,19 +1,18 @@
-//! One robot of the fleet: its processes in shared memory of its own, as on a machine of its own, and what is seen of it there and
-//! at the station.
+//! One robot: its processes in shared memory of its own, as on a machine of its own, and what is seen of it there and at the station.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
-use ipc_types::{Domain, Ipc, MonotonicNs, RobotId, Subscriber, TelemetryGroup};
+use ipc_types::{Domain, Ipc, MonotonicNs, RobotId, Source, Subscriber, TelemetryGroup};
 use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::finding::Finding;
 use rustix::process::Signal;
 
-use super::super::children::{ChildProcess, Readiness, Spawner};
-use super::super::files::{FlightFiles, judge_flight};
-use super::super::flight::{BRIDGE_CONFIG, begun, status_config, waypoints_of, write_paths};
-use super::super::seen::{Flown, LossCounts};
-use runtime::finding::Finding;
+use super::children::{ChildProcess, Readiness, Spawner};
+use super::files::{FlightFiles, judge_flight};
+use super::script::{BRIDGE_CONFIG, ScriptCommand, line, status_config, waypoints_of, write_paths};
+use super::seen::{Flown, LossCounts};
 
 /// The name of the station.
 pub const STATION: &str = "demo";
@@ -23,7 +22,8 @@ pub const STATION: &str = "demo";
 pub const RELAY_CONFIG: &str =
     "[network]\nsilent_after_ms = 6000\n[commands]\nunknown_after_s = 15\n";
 
-/// The processes of a robot, in the order in which they are started: each before the one that it would miss something of.
+/// The processes of a robot, in the order in which they are started: each before the one that it would miss something of. A robot that is
+/// alone has no relay, the last one.
 pub const KINDS: [&str; 5] = ["sim", "status", "record", "bridge", "relay"];
 
 /// The order in which they end: what the bridge published last is recorded before the recorder ends.
@@ -47,15 +47,17 @@ pub struct Craft {
     /// Shared memory of its own.
     pub domain: Domain,
     folder: PathBuf,
-    /// Where its relay listens.
-    endpoint: String,
+    /// Where its relay listens; `None` if it has none and stands where the simulator puts it.
+    endpoint: Option<String>,
     /// Its processes, those of [`KINDS`] that were started.
     pub processes: Vec<ChildProcess>,
+    /// How many were started.
+    started: usize,
     ports: Option<CraftPorts>,
     /// How it flies, and what a consumer beside it sees.
     pub flown: Flown,
-    /// The operator's command for it that is under way, at the station.
-    pub order: Option<ChildProcess>,
+    /// The operator's command for it that is under way.
+    pub order: Option<(ScriptCommand, ChildProcess)>,
 }
 
 /// The consumer beside the robot.
@@ -67,9 +69,8 @@ struct CraftPorts {
 }
 
 impl Craft {
-    /// A robot with a folder in `folder`, of which nothing is started yet. `of` distinguishes it from another one with its number.
-    pub fn new(number: u32, of: &str, folder: &Path, endpoint: &str) -> Result<Craft, Failure> {
-        let folder = folder.join(format!("robot-{number}{of}"));
+    /// A robot with its files in `folder`, of which nothing is started yet. Its relay, if it has one, listens at `endpoint`.
+    pub fn new(number: u32, folder: PathBuf, endpoint: Option<&str>) -> Result<Craft, Failure> {
         fs::create_dir_all(&folder).or_fail(ExitCode::Internal)?;
         let domain = Domain::isolated();
         let robot = RobotId::new(number).expect("robots are counted from 1");
@@ -84,8 +85,9 @@ impl Craft {
             number,
             domain,
             folder,
-            endpoint: endpoint.to_owned(),
+            endpoint: endpoint.map(str::to_owned),
             processes: Vec::new(),
+            started: 0,
             ports: Some(ports),
             flown: Flown::default(),
             order: None,
@@ -93,8 +95,8 @@ impl Craft {
     }
 
     /// Where its relay listens.
-    pub fn endpoint(&self) -> &str {
-        &self.endpoint
+    pub fn endpoint(&self) -> Option<&str> {
+        self.endpoint.as_deref()
     }
 
     fn spawner<'a>(&'a self, domain: &'a Domain, readiness: &'a Readiness) -> Spawner<'a> {
@@ -118,10 +120,10 @@ impl Craft {
         let started = match kind {
             "sim" => {
                 let (latitude, longitude) = (latitude_deg(self.number), FIRST_DEG.1);
-                write(
-                    "sim",
-                    &format!("[home]\nlatitude_deg = {latitude:.6}\nlongitude_deg = {longitude}\n"),
-                )?;
+                let home = self.endpoint.as_ref().map(|_| {
+                    format!("[home]\nlatitude_deg = {latitude:.6}\nlongitude_deg = {longitude}\n")
+                });
+                write("sim", &home.unwrap_or_default())?;
                 spawner.start("sim", &["--link", &port, "--speed", &speed])
             }
             "status" => {
@@ -131,7 +133,8 @@ impl Craft {
             "bridge" => spawner.start("bridge", &["--port", &port]),
             "relay" => {
                 write("relay", RELAY_CONFIG)?;
-                let args = ["--listen", &self.endpoint, "--may-command", STATION];
+                let endpoint = self.endpoint.as_deref().unwrap_or_default();
+                let args = ["--listen", endpoint, "--may-command", STATION];
                 spawner.start_relay("robot", &args)
             }
             _ => {
@@ -140,25 +143,26 @@ impl Craft {
                 spawner.start_recorder()
             }
         };
-        self.processes.push(begun(kind, started)?);
+        self.processes.push(started?);
+        self.started += 1;
         Ok(())
     }
 
-    /// Gives a command at the station, whose shared memory this is.
+    /// Gives a command in the shared memory of the station, or, without one, in its own.
     pub fn order(
         &mut self,
-        (name, words): (&'static str, &[&str]),
-        station: &Domain,
+        command: ScriptCommand,
+        station: Option<&Domain>,
         readiness: &Readiness,
     ) -> Result<(), Failure> {
-        let given = self.spawner(station, readiness).order(name, words);
-        self.order = Some(begun("ril", given)?);
+        let spawner = self.spawner(station.unwrap_or(&self.domain), readiness);
+        self.order = Some((command, spawner.order(command.0, command.1)?));
         Ok(())
     }
 
     /// Whether the command has ended; takes down how.
     pub fn has_order_ended(&mut self) -> bool {
-        let Some(order) = self.order.as_mut() else {
+        let Some((command, order)) = self.order.as_mut() else {
             return true;
         };
         if !order.has_ended() {
@@ -166,7 +170,7 @@ impl Craft {
         }
         let (code, said) = (order.end(), order.last_words());
         let end = said.lines().last().unwrap_or("it ended without a word");
-        self.flown.order_ended(order.name(), code, end);
+        self.flown.order_ended(&line(*command), code, end);
         self.order = None;
         true
     }
@@ -206,6 +210,20 @@ impl Craft {
         Ok(())
     }
 
+    /// What wakes the one wait for it: samples, and the ends of processes and of the command.
+    pub fn sources(&mut self) -> (Vec<&mut dyn Source>, impl Iterator<Item = &ChildProcess>) {
+        let ports = self.ports.iter_mut();
+        let ports = ports.flat_map(|ports| -> [&mut dyn Source; 3] {
+            [&mut ports.dsp, &mut ports.hero, &mut ports.state]
+        });
+        (
+            ports.collect(),
+            self.processes
+                .iter()
+                .chain(self.order.iter().map(|(_, order)| order)),
+        )
+    }
+
     /// Its relay.
     pub fn relay(&self) -> Option<&ChildProcess> {
         self.processes
@@ -243,11 +261,15 @@ impl Craft {
         Ok(self.domain.residue().len())
     }
 
-    /// Judges its flight as that of a demonstration of one robot; it has ended.
-    pub fn judge(&self, residue: usize) -> Vec<Finding> {
+    /// Judges its flight; it has ended.
+    pub fn judge(&self, files: &FlightFiles, residue: usize) -> Vec<Finding> {
         let robot = RobotId::new(self.number).expect("robots are counted from 1");
-        let files = FlightFiles::find(&self.folder);
-        judge_flight(&self.flown, robot, &files, KINDS.len(), residue)
+        judge_flight(&self.flown, robot, files, self.started, residue)
+    }
+
+    /// The files that its flight has left.
+    pub fn files(&self) -> FlightFiles {
+        FlightFiles::find(&self.folder)
     }
 }
 
