@@ -133,7 +133,9 @@ fn lose_the_station(link_loss: &str, then: impl FnOnce(&Rig)) {
     let relay = rig.robot_relay.as_mut().expect("it runs");
     relay.wait_for_text("the movement is ended");
     then(&rig);
-    // Another instance of the station commands again.
+    // Another instance of the station commands again. A standstill of the machine does not take the link down before the order.
+    let silent = "[network]\nsilent_after_ms = 60000\n";
+    rig.station.write("relay.toml", silent);
     rig.start_station_relay();
     await_link(&rig.station, 1);
     if link_loss == "hold" {
