@@ -152,7 +152,10 @@ fn an_acknowledgement_behind_a_backlog_is_found_before_its_time_is_over() {
     let mut dsp = CableEnd::open();
     dsp.plug_in(&rig, "dsp-1");
     // Longer than a stall of the machine between the command and the standstill.
-    rig.write("bridge.toml", "[link]\nack_timeout_ms = 2000\n");
+    rig.write(
+        "bridge.toml",
+        "[link]\nack_timeout_ms = 2000\npc_timeout_ms = 30000\n",
+    );
     let bridge = rig.bridge(1);
     let mut decoder = Decoder::new();
     let first = next_command(&mut dsp, &mut decoder);
