@@ -11,7 +11,7 @@ use rustix::event::{PollFd, PollFlags, poll};
 use rustix::process::{Pid, Signal, kill_process};
 
 /// Enough that several signals come while the handlers are installed.
-const ROUNDS: u64 = 1000;
+const ROUNDS: u64 = 3000;
 
 /// Longest time from the child's word to its signal, ns.
 const SPAN_NS: u64 = 60_000;
