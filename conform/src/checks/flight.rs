@@ -324,7 +324,7 @@ async fn ends_with_flow_control(bench: &Bench) -> Judged<bool> {
 fn must_last(lasted: bool, movement: &str) -> Judged {
     match lasted {
         true => Ok(()),
-        false => not_judged(&format!("{movement} was over before all was sent")),
+        false => not_judged(format!("{movement} was over before all was sent")),
     }
 }
 
