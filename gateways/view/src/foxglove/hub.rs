@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use ipc_types::MonotonicNs;
 use serde_json::Value;
 
-use super::assets;
 use super::channels::{
     Channel, Channels, ENCODING, OfferedService, ParameterSubscriptions, Sample, Services, refused,
 };
@@ -20,6 +19,21 @@ use crate::websocket::{Close, WebSocketMessage};
 
 /// What clients show as the server's name.
 const NAME: &str = "HERO RIL";
+
+/// Files that clients can fetch: parts of the program, by their names. No path of the file system is ever read.
+const ASSETS: [(&str, &[u8]); 1] = [(
+    "package://hero_ril/helicopter.urdf",
+    include_bytes!("helicopter.urdf"),
+)];
+
+/// The file of this name, or why there is none.
+fn asset(uri: &str) -> Result<&'static [u8], &'static str> {
+    let mut assets = ASSETS.iter();
+    let found = assets.find(|(name, _)| *name == uri);
+    found
+        .map(|(_, bytes)| *bytes)
+        .ok_or("there is no such file")
+}
 
 /// See the module's documentation.
 #[derive(Debug)]
@@ -170,7 +184,7 @@ impl Hub {
             }
             Incoming::Advertise => client.notice(Notice::NoPublishing),
             Incoming::FetchAsset { uri, request_id } => {
-                let response = asset_response(request_id, assets::find(&uri));
+                let response = asset_response(request_id, asset(&uri));
                 client.answer(ClientFrame::Binary(response));
             }
             _ if !self.has_parameters => {}
