@@ -332,7 +332,7 @@ impl Server {
         }
         match entry.speaks.take() {
             Some(Speaks::Page) => self.pages.leave(id.viewer(), now, &mut self.events),
-            Some(Speaks::Foxglove) => self.foxglove.leave(id.viewer(), &mut self.events),
+            Some(Speaks::Foxglove) => self.foxglove.leave(id.viewer()),
             None => {}
         }
     }

@@ -101,20 +101,19 @@ impl Hub {
     }
 
     /// A client is gone.
-    pub fn leave(&mut self, viewer: ViewerId, events: &mut Events) {
+    pub fn leave(&mut self, viewer: ViewerId) {
         self.playback.leave(viewer);
         if let Some(client) = self.clients.remove(&viewer) {
             for channel in client.followed() {
-                self.say_lost(channel, events);
+                self.forget_if_lost(channel);
             }
         }
     }
 
     /// What a channel without subscribers had is old when the next one comes.
-    fn say_lost(&mut self, channel: ChannelId, events: &mut Events) {
+    fn forget_if_lost(&mut self, channel: ChannelId) {
         if !self.is_subscribed(channel) {
             self.channels.forget(channel);
-            events.push_back(Event::Unsubscribed(channel));
         }
     }
 
@@ -179,7 +178,7 @@ impl Hub {
                     .filter_map(|id| client.unsubscribe(id))
                     .collect();
                 for channel in lost {
-                    self.say_lost(channel, events);
+                    self.forget_if_lost(channel);
                 }
             }
             Incoming::Advertise => client.notice(Notice::NoPublishing),
