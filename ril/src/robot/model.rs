@@ -409,6 +409,15 @@ impl WatchedRobot {
         self.feeds[process as usize].at(now)
     }
 
+    /// What the helicopter does, in words. Old words stay: who shows them shows their age beside them.
+    pub(crate) fn doing(&self, now: MonotonicNs) -> String {
+        match (self.process(Process::Bridge, now), &self.state) {
+            (Freshness::Absent, None) => "no bridge runs".to_owned(),
+            (_, None) => "waiting for the bridge's state".to_owned(),
+            (_, Some(state)) => pilot::phase(state, self.pilot.flying),
+        }
+    }
+
     /// For how long the link has been as it is, and whether that is known; else it has been so at least as long.
     pub(crate) fn link_age(&self, now: MonotonicNs) -> Option<(Duration, bool)> {
         let since = MonotonicNs(self.state.as_ref()?.link.state_since_ns);
