@@ -40,7 +40,7 @@ pub struct Course {
 }
 
 /// What a log says of a flight. What its columns do not have is `None`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
     schema: &'static str,
     /// The file.
@@ -151,27 +151,9 @@ impl Summarizer {
                 schema: SCHEMA,
                 file,
                 robot,
-                start_utc: None,
-                end_utc: None,
                 utc_source: source.name(),
-                rows: 0,
-                duration_s: 0.0,
-                flight_s: 0.0,
-                take_offs: 0,
-                distance_m: None,
-                max_altitude_m: None,
-                max_height_m: None,
-                max_speed_mps: None,
-                battery_v: None,
-                fuel_percent: None,
-                lost_samples: 0,
-                bridge_restarts: 0,
-                gaps: 0,
-                longest_gap_s: 0.0,
                 dsp_errors: has_errors.then_some(0),
-                damaged_lines: 0,
-                first_damage: None,
-                unfinished_bytes: 0,
+                ..Summary::default()
             },
             times: UtcTimes::new(source),
             last: None,
@@ -188,8 +170,8 @@ impl Summarizer {
         summary.rows += 1;
         // Without a fix the GPS says zero for everything.
         let has_fix = !dsp.valid(TelemetryGroup::GpsQuality) || dsp.gps_quality != 0;
-        if has_fix && dsp.valid(TelemetryGroup::GpsVelocity) {
-            let speed_mps = dsp.gps_velocity.horizontal_speed_mps;
+        let speed_mps = dsp.gps_velocity.horizontal_speed_mps;
+        if has_fix && dsp.valid(TelemetryGroup::GpsVelocity) && speed_mps.is_finite() {
             greatest(&mut summary.max_speed_mps, speed_mps);
         }
         if dsp.valid(TelemetryGroup::Supply) {
