@@ -6,7 +6,8 @@ use ipc_types::MonotonicNs;
 use serde_json::Value;
 
 use super::channels::{
-    Channel, Channels, ENCODING, OfferedService, ParameterSubscriptions, Sample, Services, refused,
+    Channel, ENCODING, MAX_CHANNELS, MAX_SERVICES, OfferedService, Offers, ParameterSubscriptions,
+    Sample, refused,
 };
 use super::client::{ClientFrame, FoxgloveClient, Notice};
 use super::message::{Binary, Incoming, Outgoing, Parameter, asset_response, read_binary};
@@ -43,8 +44,10 @@ pub(crate) struct Hub {
     has_commands: bool,
     has_parameters: bool,
     clients: BTreeMap<ViewerId, FoxgloveClient>,
-    channels: Channels,
-    services: Services,
+    channels: Offers<Channel>,
+    /// The newest sample of each channel that has had one since it has subscribers, for those that come later.
+    latest: BTreeMap<ChannelId, Sample>,
+    services: Offers<OfferedService>,
     parameters: ParameterSubscriptions,
     playback: Playback,
 }
@@ -62,8 +65,9 @@ impl Hub {
             has_commands,
             has_parameters,
             clients: BTreeMap::new(),
-            channels: Channels::default(),
-            services: Services::default(),
+            channels: Offers::new(MAX_CHANNELS),
+            latest: BTreeMap::new(),
+            services: Offers::new(MAX_SERVICES),
             parameters: ParameterSubscriptions::default(),
         }
     }
@@ -113,7 +117,7 @@ impl Hub {
     /// What a channel without subscribers had is old when the next one comes.
     fn forget_if_lost(&mut self, channel: ChannelId) {
         if !self.is_subscribed(channel) {
-            self.channels.forget(channel);
+            self.latest.remove(&channel);
         }
     }
 
@@ -222,9 +226,10 @@ impl Hub {
     ) {
         let channel = ChannelId(subscription.channel_id);
         let was_subscribed = self.is_subscribed(channel);
+        let latest = self.latest.get(&channel);
         let client = self.clients.get_mut(&viewer);
-        let is_new =
-            client.is_some_and(|client| client.subscribe(subscription, &self.channels, now));
+        let is_new = client
+            .is_some_and(|client| client.subscribe(subscription, &self.channels, latest, now));
         if is_new && !was_subscribed {
             events.push_back(Event::Subscribed(channel));
         }
@@ -334,17 +339,19 @@ impl Hub {
 
     /// Offers a channel; `None` if there are too many.
     pub fn offer(&mut self, channel: Channel) -> Option<ChannelId> {
-        self.channels.offer(channel)
+        self.channels.offer(channel).map(ChannelId)
     }
 
     /// Offers a channel no more.
     pub fn withdraw(&mut self, channel: ChannelId) {
-        self.channels.withdraw(channel);
+        self.channels.withdraw(channel.0);
+        self.latest.remove(&channel);
     }
 
     /// Sends a sample to all that have subscribed to its channel.
     pub fn sample(&mut self, sample: &Sample, now: MonotonicNs) {
-        if self.channels.keep(sample) {
+        if self.channels.get(sample.channel.0).is_some() {
+            self.latest.insert(sample.channel, sample.clone());
             for client in self.clients.values_mut() {
                 client.sample(sample, now);
             }
