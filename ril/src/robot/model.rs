@@ -72,7 +72,7 @@ pub struct Home {
 
 /// What a bridge holds.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Held {
+pub struct HeldOutline {
     /// As it says it.
     pub outline: Outline,
     /// The same as it is drawn.
@@ -108,7 +108,7 @@ pub struct WatchedRobot {
     feeds: [Feed; Process::ALL.len()],
     telemetry_feed: Feed,
     /// What the live bridge holds; `None` if it has not said it.
-    pub(crate) held: Option<Held>,
+    pub(crate) held: Option<HeldOutline>,
     /// The state of the link, and when it was first seen.
     link_seen: Option<(u32, MonotonicNs)>,
     /// What the newest telemetry says.
@@ -185,7 +185,7 @@ impl WatchedRobot {
 
     /// The live bridge said what it holds.
     pub fn held(&mut self, outline: &Outline) {
-        self.held = Some(Held {
+        self.held = Some(HeldOutline {
             outline: outline.clone(),
             chart: Chart::from(outline),
         });

@@ -1,6 +1,6 @@
 //! What a log says of a flight: [`Summarizer`] takes the samples one after the other and keeps none of them.
 //!
-//! [`Step`]: what lies between two samples, for the summary and for the report.
+//! [`SampleStep`]: what lies between two samples, for the summary and for the report.
 
 use std::fmt;
 
@@ -100,7 +100,7 @@ impl Summary {
 
 /// What lies between two samples that follow each other in a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
+pub struct SampleStep {
     /// Time from the one to the other, s; 0 if the clock went back, because the robot's host was restarted.
     pub elapsed_s: f64,
     /// Samples that the bridge published between them, by their numbers.
@@ -111,13 +111,13 @@ pub struct Step {
     pub new_errors: u32,
 }
 
-impl Step {
+impl SampleStep {
     /// From `before` to `dsp`.
-    pub fn between(before: &DspTelemetry, dsp: &DspTelemetry) -> Step {
+    pub fn between(before: &DspTelemetry, dsp: &DspTelemetry) -> SampleStep {
         let steps = dsp.sequence.checked_sub(before.sequence);
         let steps = steps.filter(|steps| *steps > 0 && before.epoch_ns == dsp.epoch_ns);
         let errors = dsp.dsp_errors.checked_sub(before.dsp_errors);
-        Step {
+        SampleStep {
             elapsed_s: dsp.received_ns.saturating_sub(before.received_ns) as f64 / 1e9,
             lost: steps.map_or(0, |steps| steps - 1),
             is_restart: steps.is_none(),
@@ -218,7 +218,7 @@ impl Summarizer {
             summary.take_offs = u32::from(dsp.is_flying());
             return;
         };
-        let step = Step::between(last, dsp);
+        let step = SampleStep::between(last, dsp);
         summary.duration_s += step.elapsed_s;
         if last.is_flying() {
             summary.flight_s += step.elapsed_s;
