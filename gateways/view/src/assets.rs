@@ -1,5 +1,6 @@
 //! The page's files, which are parts of the program: no file is read at run time.
 
+use data_encoding::HEXLOWER;
 use sha2::{Digest, Sha256};
 
 /// A file of the page.
@@ -103,8 +104,7 @@ impl Assets {
 
 /// The first 64 bits, which suffice to distinguish the files of one program.
 fn short(hash: &[u8]) -> String {
-    let bytes = hash.iter().take(8);
-    bytes.map(|byte| format!("{byte:02x}")).collect()
+    HEXLOWER.encode(&hash[..8])
 }
 
 #[cfg(test)]

@@ -18,15 +18,6 @@ pub enum Event {
         /// The robot's number.
         robot: u32,
     },
-    /// A page that looked at `robot` does so no more.
-    Left {
-        /// The page.
-        viewer: ViewerId,
-        /// The robot's number.
-        robot: u32,
-        /// Whether it commanded the robot.
-        commanded: bool,
-    },
     /// An order that the rules about pages allow. It is to be answered with [`OrderReport`](crate::page::OrderReport)s, of which one is
     /// the last.
     Order {
@@ -76,8 +67,6 @@ pub enum Event {
     },
     /// A channel has its first subscriber.
     Subscribed(ChannelId),
-    /// A channel has lost its last subscriber.
-    Unsubscribed(ChannelId),
     /// A Foxglove client calls a service. It is to be answered with [`Server::respond`](crate::Server::respond).
     ServiceCall {
         /// What the answer is for.

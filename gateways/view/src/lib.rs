@@ -21,7 +21,6 @@ pub mod page;
 mod pages;
 pub mod report;
 mod server;
-mod speaks;
 mod viewer;
 mod websocket;
 

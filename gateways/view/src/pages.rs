@@ -87,13 +87,6 @@ impl Pages {
         };
         page.has_joined = false;
         if let Some(robot) = page.robot.take() {
-            let commanded =
-                self.leases.get(&robot).and_then(|lease| lease.holder()) == Some(viewer);
-            events.push_back(Event::Left {
-                viewer,
-                robot,
-                commanded,
-            });
             self.act(robot, Act::Gone(viewer), now, events);
         }
     }

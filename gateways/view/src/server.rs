@@ -12,16 +12,16 @@ use crate::connection::{Connection, Ending, Input};
 use crate::event::{
     Call, ChannelId, ConnectionId, Event, Events, Instance, Peer, Settings, ViewerId,
 };
+use crate::foxglove;
 use crate::foxglove::channels::{Channel, OfferedService, Sample};
 use crate::foxglove::client::ClientFrame;
 use crate::foxglove::hub::Hub;
 use crate::http::answer::Response;
 use crate::http::refusal::Refusal;
-use crate::http::request::{HttpRequest, Method};
+use crate::http::request::{HttpRequest, Method, Upgrade};
 use crate::http::tile::{FileRequest, Tile, Wanted};
 use crate::page::{self, Outgoing};
 use crate::pages::Pages;
-use crate::speaks::{Speaks, protocol};
 use crate::viewer::{Greeting, from};
 use crate::websocket::{Close, WebSocketMessage};
 
@@ -35,6 +35,23 @@ pub const MAX_HTTP: usize = 128;
 
 /// Where the report of the recording is.
 const REPORT_PATH: &str = "/report";
+
+/// What a viewer speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Speaks {
+    Page,
+    Foxglove,
+}
+
+/// The subprotocol that is spoken with this client; `None` if it offers none that there is.
+fn protocol(upgrade: &Upgrade) -> Option<(&'static str, Speaks)> {
+    let is_offered = |name: &&str| upgrade.protocols.iter().any(|offered| offered == name);
+    if is_offered(&page::PROTOCOL) {
+        return Some((page::PROTOCOL, Speaks::Page));
+    }
+    let foxglove = foxglove::PROTOCOLS.into_iter().find(is_offered)?;
+    Some((foxglove, Speaks::Foxglove))
+}
 
 #[derive(Debug)]
 struct ConnectionEntry {
@@ -315,7 +332,7 @@ impl Server {
         }
         match entry.speaks.take() {
             Some(Speaks::Page) => self.pages.leave(id.viewer(), now, &mut self.events),
-            Some(Speaks::Foxglove) => self.foxglove.leave(id.viewer(), &mut self.events),
+            Some(Speaks::Foxglove) => self.foxglove.leave(id.viewer()),
             None => {}
         }
     }

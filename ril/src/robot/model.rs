@@ -72,7 +72,7 @@ pub struct Home {
 
 /// What a bridge holds.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Held {
+pub struct HeldOutline {
     /// As it says it.
     pub outline: Outline,
     /// The same as it is drawn.
@@ -108,7 +108,7 @@ pub struct WatchedRobot {
     feeds: [Feed; Process::ALL.len()],
     telemetry_feed: Feed,
     /// What the live bridge holds; `None` if it has not said it.
-    pub(crate) held: Option<Held>,
+    pub(crate) held: Option<HeldOutline>,
     /// The state of the link, and when it was first seen.
     link_seen: Option<(u32, MonotonicNs)>,
     /// What the newest telemetry says.
@@ -185,7 +185,7 @@ impl WatchedRobot {
 
     /// The live bridge said what it holds.
     pub fn held(&mut self, outline: &Outline) {
-        self.held = Some(Held {
+        self.held = Some(HeldOutline {
             outline: outline.clone(),
             chart: Chart::from(outline),
         });
@@ -407,6 +407,15 @@ impl WatchedRobot {
     /// How `process` is.
     pub(crate) fn process(&self, process: Process, now: MonotonicNs) -> Freshness {
         self.feeds[process as usize].at(now)
+    }
+
+    /// What the helicopter does, in words. Old words stay: who shows them shows their age beside them.
+    pub(crate) fn doing(&self, now: MonotonicNs) -> String {
+        match (self.process(Process::Bridge, now), &self.state) {
+            (Freshness::Absent, None) => "no bridge runs".to_owned(),
+            (_, None) => "waiting for the bridge's state".to_owned(),
+            (_, Some(state)) => pilot::phase(state, self.pilot.flying),
+        }
     }
 
     /// For how long the link has been as it is, and whether that is known; else it has been so at least as long.

@@ -4,7 +4,7 @@
 
 use std::fmt;
 
-use ipc_types::code::{Functionality, PilotSwitch};
+use ipc_types::code::{Functionality, MovementKind, PilotSwitch};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 use status::calibration::Calibration;
@@ -211,6 +211,16 @@ fn at_rest(flying: Option<bool>) -> &'static str {
         Some(false) => "on the ground",
         None => "at rest",
     }
+}
+
+/// How far the path is flown, or which order came last; `None` if there was none.
+pub fn movement(state: &ModuleState) -> Option<String> {
+    Some(match (state.movement.kind()?, next_waypoint(state)) {
+        (MovementKind::GoToWaypoint, Some((_, total))) => {
+            format!("{} of {total} reached", state.movement.waypoints_reached)
+        }
+        (kind, _) => format!("last order: {kind}"),
+    })
 }
 
 /// The waypoint that the helicopter flies to, counted from 1, and how many the path has; `None` if that cannot be.

@@ -8,6 +8,7 @@ use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
+use data_encoding::HEXLOWER;
 use runtime::durable;
 use runtime::exit::{ExitCode, Failure};
 use sha2::{Digest, Sha256};
@@ -51,7 +52,7 @@ impl TokenKey {
     /// The token of this name.
     pub fn token(&self, name: &str) -> String {
         let hash = Sha256::digest(format!("{}{name}", self.0));
-        hex(&hash[..TOKEN_BYTES])
+        HEXLOWER.encode(&hash[..TOKEN_BYTES])
     }
 }
 
@@ -103,7 +104,7 @@ pub(crate) fn fault(path: &Path) -> Option<String> {
 
 /// 128 random bits as 32 hexadecimal digits.
 pub(crate) fn random_hex() -> io::Result<String> {
-    random::<TOKEN_BYTES>().map(|bytes| hex(&bytes))
+    random::<TOKEN_BYTES>().map(|bytes| HEXLOWER.encode(&bytes))
 }
 
 fn random<const N: usize>() -> io::Result<[u8; N]> {
@@ -111,10 +112,6 @@ fn random<const N: usize>() -> io::Result<[u8; N]> {
     let mut file = fs::File::open("/dev/urandom")?;
     io::Read::read_exact(&mut file, &mut bytes)?;
     Ok(bytes)
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Makes the file at once with its key, so that another process that makes it too reads the same one.
@@ -131,7 +128,7 @@ fn make(path: &Path) -> io::Result<()> {
         .truncate(true)
         .mode(0o600)
         .open(&made)?;
-    writeln!(file, "{}", hex(&random::<KEY_BYTES>()?))?;
+    writeln!(file, "{}", HEXLOWER.encode(&random::<KEY_BYTES>()?))?;
     file.sync_all()?;
     let linked = fs::hard_link(&made, path);
     fs::remove_file(&made)?;

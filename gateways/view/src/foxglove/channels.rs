@@ -1,12 +1,12 @@
-//! [`Channels`]: what can be subscribed to, under numbers that stay the same as long as topic and layout do.
+//! [`Offers`]: the channels and services that are offered, under numbers that stay the same as long as they do; [`KnownOffers`]: what a client
+//! knows of them.
 //!
 //! Clients keep what they made of a schema by the number of its channel, so a number never means another one.
 //!
-//! [`Services`]: what Foxglove clients can call, under numbers that stay the same as long as the service does.
 //! [`ParameterSubscriptions`]: the values that clients are shown. They are kept here because Lichtblick asks for all every 15 s, and a DSP's
 //! are read one after the other over its serial line.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use serde_json::Value;
@@ -42,85 +42,107 @@ pub(crate) struct Sample {
     pub is_line: bool,
 }
 
-/// A channel that is offered now.
-#[derive(Debug)]
-pub(crate) struct Offered {
-    pub channel: Channel,
-    /// The newest sample, for later subscribers; `None` if there was none.
-    pub latest: Option<Sample>,
-}
-
 /// See the module's documentation.
-#[derive(Debug, Default)]
-pub(crate) struct Channels {
-    ids: BTreeMap<Channel, ChannelId>,
-    offered: BTreeMap<ChannelId, Offered>,
+#[derive(Debug)]
+pub(crate) struct Offers<T> {
+    /// The numbers of all that was ever offered, at most `most`. What is more is not offered.
+    ids: BTreeMap<T, u32>,
+    most: usize,
+    offered: BTreeMap<u32, T>,
     /// Grows when what is offered changes.
     version: u64,
 }
 
-impl Channels {
-    /// Offers a channel; `None` if there are too many. One that is offered already stays as it is.
-    pub fn offer(&mut self, channel: Channel) -> Option<ChannelId> {
-        let next = ChannelId(u32::try_from(self.ids.len()).ok()? + 1);
-        let id = match self.ids.get(&channel) {
+impl<T: Clone + Ord> Offers<T> {
+    /// Nothing is offered, and at most `most` different ones ever will be.
+    pub fn new(most: usize) -> Offers<T> {
+        Offers {
+            ids: BTreeMap::new(),
+            most,
+            offered: BTreeMap::new(),
+            version: 0,
+        }
+    }
+
+    /// Offers one, and gives its number; `None` if there are too many. One that is offered already stays as it is.
+    pub fn offer(&mut self, one: T) -> Option<u32> {
+        let next = u32::try_from(self.ids.len()).ok()? + 1;
+        let id = match self.ids.get(&one) {
             Some(id) => *id,
-            None if self.ids.len() >= MAX_CHANNELS => return None,
+            None if self.ids.len() >= self.most => return None,
             None => next,
         };
         if !self.offered.contains_key(&id) {
-            self.ids.insert(channel.clone(), id);
-            self.offered.insert(
-                id,
-                Offered {
-                    channel,
-                    latest: None,
-                },
-            );
+            self.ids.insert(one.clone(), id);
+            self.offered.insert(id, one);
             self.version += 1;
         }
         Some(id)
     }
 
-    /// Offers a channel no more.
-    pub fn withdraw(&mut self, id: ChannelId) {
+    /// Offers one no more.
+    pub fn withdraw(&mut self, id: u32) {
         if self.offered.remove(&id).is_some() {
             self.version += 1;
         }
     }
 
-    /// Keeps the newest sample. False if the channel is not offered.
-    pub fn keep(&mut self, sample: &Sample) -> bool {
-        let offered = self.offered.get_mut(&sample.channel);
-        let is_offered = offered.is_some();
-        if let Some(offered) = offered {
-            offered.latest = Some(sample.clone());
-        }
-        is_offered
-    }
-
-    /// Keeps no sample of a channel any more.
-    pub fn forget(&mut self, id: ChannelId) {
-        if let Some(offered) = self.offered.get_mut(&id) {
-            offered.latest = None;
+    /// Offers these and no others.
+    pub fn set(&mut self, all: &[T]) {
+        let gone = self.iter().filter(|(_, one)| !all.contains(one));
+        let gone: Vec<u32> = gone.map(|(id, _)| id).collect();
+        gone.into_iter().for_each(|id| self.withdraw(id));
+        for one in all {
+            self.offer(one.clone());
         }
     }
 
-    /// A channel that is offered.
-    pub fn get(&self, id: ChannelId) -> Option<&Offered> {
+    /// One that is offered.
+    pub fn get(&self, id: u32) -> Option<&T> {
         self.offered.get(&id)
     }
 
     /// All that are offered.
-    pub fn iter(&self) -> impl Iterator<Item = (ChannelId, &Channel)> {
-        self.offered
-            .iter()
-            .map(|(id, offered)| (*id, &offered.channel))
+    pub fn iter(&self) -> impl Iterator<Item = (u32, &T)> {
+        self.offered.iter().map(|(id, one)| (*id, one))
+    }
+}
+
+/// See the module's documentation.
+#[derive(Debug, Default)]
+pub(crate) struct KnownOffers {
+    ids: BTreeSet<u32>,
+    /// The version of the offers of which all is known; `None` before the first.
+    version: Option<u64>,
+}
+
+impl KnownOffers {
+    /// Whether all is known.
+    pub fn is_current<T>(&self, offers: &Offers<T>) -> bool {
+        self.version == Some(offers.version)
     }
 
-    /// Another one when what is offered has changed.
-    pub fn version(&self) -> u64 {
-        self.version
+    /// Takes those that are offered no more.
+    pub fn take_gone<T: Clone + Ord>(&mut self, offers: &Offers<T>) -> Vec<u32> {
+        let gone = self.ids.iter().copied();
+        let gone: Vec<u32> = gone.filter(|id| offers.get(*id).is_none()).collect();
+        self.ids.retain(|id| !gone.contains(id));
+        gone
+    }
+
+    /// Takes those that are new, `most` at a time.
+    pub fn take_new<'a, T: Clone + Ord>(
+        &mut self,
+        offers: &'a Offers<T>,
+        most: usize,
+    ) -> Vec<(u32, &'a T)> {
+        let new = offers.iter().filter(|(id, _)| !self.ids.contains(id));
+        let new: Vec<_> = new.take(most).collect();
+        if new.len() < most {
+            self.version = Some(offers.version);
+        }
+        self.ids.extend(new.iter().map(|(id, _)| *id));
+        new
     }
 }
 
@@ -183,7 +205,7 @@ pub(crate) const ENCODING: &str = "json";
 const SCHEMA_ENCODING: &str = "jsonschema";
 
 /// Most services that were ever offered: 16 of 32 robots. Further ones are not offered.
-const MAX_SERVICES: usize = 512;
+pub(crate) const MAX_SERVICES: usize = 512;
 
 /// A service: its request and its answer are JSON.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -196,48 +218,6 @@ pub struct OfferedService {
     pub request: Arc<str>,
     /// JSON Schema of the answer.
     pub response: Arc<str>,
-}
-
-/// See the module's documentation.
-#[derive(Debug, Default)]
-pub(crate) struct Services {
-    ids: BTreeMap<OfferedService, u32>,
-    offered: BTreeMap<u32, OfferedService>,
-    /// Grows when what is offered changes.
-    version: u64,
-}
-
-impl Services {
-    /// Offers these and no others.
-    pub fn set(&mut self, services: &[OfferedService]) {
-        let mut offered = BTreeMap::new();
-        for service in services {
-            let next = self.ids.len() as u32 + 1;
-            if self.ids.len() < MAX_SERVICES || self.ids.contains_key(service) {
-                let id = *self.ids.entry(service.clone()).or_insert(next);
-                offered.insert(id, service.clone());
-            }
-        }
-        if offered != self.offered {
-            self.offered = offered;
-            self.version += 1;
-        }
-    }
-
-    /// One that is offered.
-    pub fn get(&self, id: u32) -> Option<&OfferedService> {
-        self.offered.get(&id)
-    }
-
-    /// The numbers of all that are offered.
-    pub fn ids(&self) -> impl Iterator<Item = u32> {
-        self.offered.keys().copied()
-    }
-
-    /// Another one when what is offered has changed.
-    pub fn version(&self) -> u64 {
-        self.version
-    }
 }
 
 impl OfferedService {
@@ -281,28 +261,45 @@ mod tests {
 
     #[test]
     fn a_number_returns_only_with_the_same_topic_and_layout() {
-        let mut channels = Channels::default();
+        let mut channels = Offers::new(MAX_CHANNELS);
         let first = channels.offer(channel("/a", "uint8 x")).unwrap();
-        let version = channels.version();
+        let version = channels.version;
         assert_eq!(channels.offer(channel("/a", "uint8 x")), Some(first));
-        assert_eq!(channels.version(), version);
+        assert_eq!(channels.version, version);
         channels.withdraw(first);
         let other = channels.offer(channel("/a", "uint16 x")).unwrap();
         assert_ne!(other, first);
         assert_eq!(channels.offer(channel("/a", "uint8 x")), Some(first));
-        assert_ne!(channels.version(), version);
-        channels.withdraw(ChannelId(99));
+        assert_ne!(channels.version, version);
+        channels.withdraw(99);
         assert_eq!(channels.iter().count(), 2);
     }
 
     #[test]
     fn there_is_a_bound_of_all_that_ever_were() {
-        let mut channels = Channels::default();
+        let mut channels = Offers::new(MAX_CHANNELS);
         for index in 0..MAX_CHANNELS {
             let id = channels.offer(channel(&index.to_string(), "")).unwrap();
             channels.withdraw(id);
         }
         assert_eq!(channels.offer(channel("more", "")), None);
         assert!(channels.offer(channel("0", "")).is_some());
+    }
+
+    #[test]
+    fn a_client_learns_what_is_gone_and_what_is_new() {
+        let mut services = Offers::new(3);
+        let mut known = KnownOffers::default();
+        services.set(&["a", "b"]);
+        assert_eq!(known.take_new(&services, 1), [(1, &"a")]);
+        assert!(!known.is_current(&services));
+        assert_eq!(known.take_new(&services, 9), [(2, &"b")]);
+        assert!(known.is_current(&services));
+        services.set(&["b", "c", "d"]);
+        assert!(!known.is_current(&services));
+        assert_eq!(known.take_gone(&services), [1]);
+        assert_eq!(known.take_new(&services, 9), [(3, &"c")], "room for three");
+        services.set(&["b", "c"]);
+        assert!(known.is_current(&services), "nothing has changed");
     }
 }

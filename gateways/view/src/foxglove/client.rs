@@ -4,7 +4,9 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use ipc_types::MonotonicNs;
 
-use super::channels::{Channels, ENCODING, ParameterSubscriptions, Sample, Services};
+use super::channels::{
+    Channel, ENCODING, KnownOffers, OfferedService, Offers, ParameterSubscriptions, Sample,
+};
 use super::message::{self, ChannelInfo, Outgoing, Subscription};
 use super::samples::Samples;
 use crate::authority::access::Permit;
@@ -83,12 +85,9 @@ pub(crate) struct FoxgloveClient {
     pub wants_parameters: bool,
     answers: VecDeque<ClientFrame>,
     answer_bytes: usize,
-    /// Channels that it knows, of this version of them.
-    channels: BTreeSet<ChannelId>,
-    channels_version: Option<u64>,
+    channels: KnownOffers,
     has_advertised: bool,
-    services: BTreeSet<u32>,
-    services_version: Option<u64>,
+    services: KnownOffers,
     by_subscription: BTreeMap<u32, ChannelId>,
     by_channel: BTreeMap<ChannelId, u32>,
     samples: Samples,
@@ -112,11 +111,9 @@ impl FoxgloveClient {
             wants_parameters: false,
             answers: VecDeque::new(),
             answer_bytes: 0,
-            channels: BTreeSet::new(),
-            channels_version: None,
+            channels: KnownOffers::default(),
             has_advertised: false,
-            services: BTreeSet::new(),
-            services_version: None,
+            services: KnownOffers::default(),
             by_subscription: BTreeMap::new(),
             by_channel: BTreeMap::new(),
             samples: Samples::default(),
@@ -154,22 +151,23 @@ impl FoxgloveClient {
         }
     }
 
-    /// Subscribes. True if it is new.
+    /// Subscribes to a channel, of which `latest` is the newest sample. True if it is new.
     pub fn subscribe(
         &mut self,
         subscription: Subscription,
-        channels: &Channels,
+        channels: &Offers<Channel>,
+        latest: Option<&Sample>,
         now: MonotonicNs,
     ) -> bool {
         let channel = ChannelId(subscription.channel_id);
         let is_taken = self.by_subscription.contains_key(&subscription.id)
             || self.by_channel.contains_key(&channel);
-        let Some(offered) = channels.get(channel).filter(|_| !is_taken) else {
+        if is_taken || channels.get(channel.0).is_none() {
             return false;
-        };
+        }
         self.by_subscription.insert(subscription.id, channel);
         self.by_channel.insert(channel, subscription.id);
-        if let Some(latest) = &offered.latest {
+        if let Some(latest) = latest {
             self.samples.push(latest.clone(), now);
         }
         true
@@ -286,8 +284,8 @@ impl FoxgloveClient {
     /// What is sent next: answers, what there is, the time, samples.
     pub fn next(
         &mut self,
-        channels: &Channels,
-        services: &Services,
+        channels: &Offers<Channel>,
+        services: &Offers<OfferedService>,
         parameters: &ParameterSubscriptions,
     ) -> Option<ClientFrame> {
         if let Some(frame) = self.answers.pop_front() {
@@ -323,43 +321,27 @@ impl FoxgloveClient {
     }
 
     /// The next channels to advertise, some at a time, so that a slow client makes no list wait in memory.
-    fn tell_channels(&mut self, channels: &Channels) -> Option<String> {
-        if self.channels_version == Some(channels.version()) {
+    fn tell_channels(&mut self, channels: &Offers<Channel>) -> Option<String> {
+        if self.channels.is_current(channels) {
             return None;
         }
-        let gone: Vec<_> = self
-            .channels
-            .iter()
-            .copied()
-            .filter(|id| channels.get(*id).is_none())
-            .collect();
+        let gone = self.channels.take_gone(channels);
         if !gone.is_empty() {
             for id in &gone {
-                self.channels.remove(id);
-                if let Some(subscription) = self.by_channel.get(id).copied() {
+                if let Some(subscription) = self.by_channel.get(&ChannelId(*id)).copied() {
                     self.unsubscribe(subscription);
                 }
             }
-            let channel_ids = gone.iter().map(|id| id.0).collect();
-            return Some(Outgoing::Unadvertise { channel_ids }.text());
+            return Some(Outgoing::Unadvertise { channel_ids: gone }.text());
         }
-        let is_new = |id: &ChannelId| !self.channels.contains(id);
-        let new: Vec<_> = channels
-            .iter()
-            .filter(|(id, _)| is_new(id))
-            .take(ADVERTISED_AT_ONCE)
-            .collect();
-        if new.len() < ADVERTISED_AT_ONCE {
-            self.channels_version = Some(channels.version());
-        }
+        let new = self.channels.take_new(channels, ADVERTISED_AT_ONCE);
         // A client gets one such message at least, also when there is nothing.
         if new.is_empty() && self.has_advertised {
             return None;
         }
         self.has_advertised = true;
-        self.channels.extend(new.iter().map(|(id, _)| *id));
         let channels = new.into_iter().map(|(id, channel)| ChannelInfo {
-            id: id.0,
+            id,
             topic: &channel.topic,
             encoding: &channel.encoding,
             schema_name: &channel.schema_name,
@@ -374,23 +356,16 @@ impl FoxgloveClient {
         )
     }
 
-    fn tell_services(&mut self, services: &Services) -> Option<String> {
-        if !self.may_order() || self.services_version == Some(services.version()) {
+    fn tell_services(&mut self, services: &Offers<OfferedService>) -> Option<String> {
+        if !self.may_order() || self.services.is_current(services) {
             return None;
         }
-        let offered: BTreeSet<u32> = services.ids().collect();
-        let gone: Vec<u32> = self.services.difference(&offered).copied().collect();
+        let gone = self.services.take_gone(services);
         if !gone.is_empty() {
-            self.services.retain(|id| offered.contains(id));
             return Some(Outgoing::UnadvertiseServices { service_ids: gone }.text());
         }
-        self.services_version = Some(services.version());
-        let new: Vec<u32> = offered.difference(&self.services).copied().collect();
-        self.services = offered;
-        let infos = new
-            .iter()
-            .filter_map(|id| services.get(*id).map(|service| service.info(*id)));
-        let services: Vec<_> = infos.collect();
+        let new = self.services.take_new(services, usize::MAX).into_iter();
+        let services: Vec<_> = new.map(|(id, service)| service.info(id)).collect();
         (!services.is_empty()).then(|| Outgoing::AdvertiseServices { services }.text())
     }
 }

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use ipc_types::MonotonicNs;
 use serde_json::Value;
 
-use super::assets;
 use super::channels::{
-    Channel, Channels, ENCODING, OfferedService, ParameterSubscriptions, Sample, Services, refused,
+    Channel, ENCODING, MAX_CHANNELS, MAX_SERVICES, OfferedService, Offers, ParameterSubscriptions,
+    Sample, refused,
 };
 use super::client::{ClientFrame, FoxgloveClient, Notice};
 use super::message::{Binary, Incoming, Outgoing, Parameter, asset_response, read_binary};
@@ -21,6 +21,21 @@ use crate::websocket::{Close, WebSocketMessage};
 /// What clients show as the server's name.
 const NAME: &str = "HERO RIL";
 
+/// Files that clients can fetch: parts of the program, by their names. No path of the file system is ever read.
+const ASSETS: [(&str, &[u8]); 1] = [(
+    "package://hero_ril/helicopter.urdf",
+    include_bytes!("helicopter.urdf"),
+)];
+
+/// The file of this name, or why there is none.
+fn asset(uri: &str) -> Result<&'static [u8], &'static str> {
+    let mut assets = ASSETS.iter();
+    let found = assets.find(|(name, _)| *name == uri);
+    found
+        .map(|(_, bytes)| *bytes)
+        .ok_or("there is no such file")
+}
+
 /// See the module's documentation.
 #[derive(Debug)]
 pub(crate) struct Hub {
@@ -29,8 +44,10 @@ pub(crate) struct Hub {
     has_commands: bool,
     has_parameters: bool,
     clients: BTreeMap<ViewerId, FoxgloveClient>,
-    channels: Channels,
-    services: Services,
+    channels: Offers<Channel>,
+    /// The newest sample of each channel that has had one since it has subscribers, for those that come later.
+    latest: BTreeMap<ChannelId, Sample>,
+    services: Offers<OfferedService>,
     parameters: ParameterSubscriptions,
     playback: Playback,
 }
@@ -48,8 +65,9 @@ impl Hub {
             has_commands,
             has_parameters,
             clients: BTreeMap::new(),
-            channels: Channels::default(),
-            services: Services::default(),
+            channels: Offers::new(MAX_CHANNELS),
+            latest: BTreeMap::new(),
+            services: Offers::new(MAX_SERVICES),
             parameters: ParameterSubscriptions::default(),
         }
     }
@@ -87,20 +105,19 @@ impl Hub {
     }
 
     /// A client is gone.
-    pub fn leave(&mut self, viewer: ViewerId, events: &mut Events) {
+    pub fn leave(&mut self, viewer: ViewerId) {
         self.playback.leave(viewer);
         if let Some(client) = self.clients.remove(&viewer) {
             for channel in client.followed() {
-                self.say_lost(channel, events);
+                self.forget_if_lost(channel);
             }
         }
     }
 
     /// What a channel without subscribers had is old when the next one comes.
-    fn say_lost(&mut self, channel: ChannelId, events: &mut Events) {
+    fn forget_if_lost(&mut self, channel: ChannelId) {
         if !self.is_subscribed(channel) {
-            self.channels.forget(channel);
-            events.push_back(Event::Unsubscribed(channel));
+            self.latest.remove(&channel);
         }
     }
 
@@ -165,12 +182,12 @@ impl Hub {
                     .filter_map(|id| client.unsubscribe(id))
                     .collect();
                 for channel in lost {
-                    self.say_lost(channel, events);
+                    self.forget_if_lost(channel);
                 }
             }
             Incoming::Advertise => client.notice(Notice::NoPublishing),
             Incoming::FetchAsset { uri, request_id } => {
-                let response = asset_response(request_id, assets::find(&uri));
+                let response = asset_response(request_id, asset(&uri));
                 client.answer(ClientFrame::Binary(response));
             }
             _ if !self.has_parameters => {}
@@ -209,9 +226,10 @@ impl Hub {
     ) {
         let channel = ChannelId(subscription.channel_id);
         let was_subscribed = self.is_subscribed(channel);
+        let latest = self.latest.get(&channel);
         let client = self.clients.get_mut(&viewer);
-        let is_new =
-            client.is_some_and(|client| client.subscribe(subscription, &self.channels, now));
+        let is_new = client
+            .is_some_and(|client| client.subscribe(subscription, &self.channels, latest, now));
         if is_new && !was_subscribed {
             events.push_back(Event::Subscribed(channel));
         }
@@ -321,17 +339,19 @@ impl Hub {
 
     /// Offers a channel; `None` if there are too many.
     pub fn offer(&mut self, channel: Channel) -> Option<ChannelId> {
-        self.channels.offer(channel)
+        self.channels.offer(channel).map(ChannelId)
     }
 
     /// Offers a channel no more.
     pub fn withdraw(&mut self, channel: ChannelId) {
-        self.channels.withdraw(channel);
+        self.channels.withdraw(channel.0);
+        self.latest.remove(&channel);
     }
 
     /// Sends a sample to all that have subscribed to its channel.
     pub fn sample(&mut self, sample: &Sample, now: MonotonicNs) {
-        if self.channels.keep(sample) {
+        if self.channels.get(sample.channel.0).is_some() {
+            self.latest.insert(sample.channel, sample.clone());
             for client in self.clients.values_mut() {
                 client.sample(sample, now);
             }

@@ -3,7 +3,6 @@
 //! Two names of it are spoken, [`PROTOCOLS`], and mean the same bytes here. The published text is `docs/spec.md` in the history of
 //! the repository `foxglove/ws-protocol`.
 
-mod assets;
 pub(crate) mod channels;
 pub(crate) mod client;
 pub(crate) mod hub;

@@ -132,19 +132,6 @@ impl Envelope {
         self.buckets.is_empty()
     }
 
-    /// The least and the greatest value; nothing without one.
-    pub fn range(&self) -> Option<(f64, f64)> {
-        let least = self.buckets.iter().map(|bucket| bucket.least.value);
-        let greatest = self.buckets.iter().map(|bucket| bucket.greatest.value);
-        let range = (least.reduce(f64::min)?, greatest.reduce(f64::max)?);
-        Some(range)
-    }
-
-    /// The first and the last value; nothing without one.
-    pub fn ends(&self) -> Option<(Point, Point)> {
-        Some((self.buckets.first()?.first, self.buckets.last()?.last))
-    }
-
     /// The lines that a plot of `span_s` in `columns` columns shows: at most four points a column, and another line after each gap.
     pub fn lines(&self, span_s: f64, columns: usize) -> Vec<Vec<Point>> {
         let mut lines: Vec<Vec<Point>> = Vec::new();
@@ -239,6 +226,15 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    impl Envelope {
+        /// The least and the greatest value; `None` without one.
+        fn range(&self) -> Option<(f64, f64)> {
+            let least = self.buckets.iter().map(|bucket| bucket.least.value);
+            let greatest = self.buckets.iter().map(|bucket| bucket.greatest.value);
+            Some((least.reduce(f64::min)?, greatest.reduce(f64::max)?))
+        }
+    }
 
     fn of(points: impl IntoIterator<Item = (f64, f64)>) -> Envelope {
         let mut envelope = Envelope::new(1.0);

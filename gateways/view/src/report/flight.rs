@@ -6,7 +6,7 @@ use super::envelope::{Bins, Envelope};
 use crate::page::{Area, Weight};
 
 /// A recorded flight. What the recording does not have is empty, and the report says so.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FlightReport {
     /// Heading of the report.
     pub title: String,
@@ -48,21 +48,8 @@ impl FlightReport {
     pub fn new(title: impl Into<String>, duration_s: f64) -> FlightReport {
         FlightReport {
             title: title.into(),
-            lead: Vec::new(),
-            summary: Vec::new(),
-            facts: Vec::new(),
             duration_s,
-            start_unix_ns: None,
-            phases: Vec::new(),
-            lanes: Vec::new(),
-            requests: Vec::new(),
-            events: Vec::new(),
-            events_left_out: 0,
-            gaps: Vec::new(),
-            plots: Vec::new(),
-            map: Map::default(),
-            metadata: Vec::new(),
-            remarks: Vec::new(),
+            ..FlightReport::default()
         }
     }
 

@@ -175,6 +175,8 @@ pub(super) const OF_SAMPLES: LogGroups = LogGroups {
 /// A file of a log that is open.
 pub(super) struct LogFile {
     path: PathBuf,
+    /// How it is written.
+    pub format: LogFormat,
     /// What is in it.
     pub recording: Box<dyn Recording>,
 }
@@ -188,12 +190,14 @@ impl LogFile {
     pub fn open(path: &Path, groups: LogGroups) -> Result<LogFile, Failure> {
         let mut input = BufReader::new(open(path)?);
         let beginning = input.fill_buf().or_fail_usage(path)?;
-        let recording: Box<dyn Recording> = match LogFormat::of(path, beginning) {
+        let format = LogFormat::of(path, beginning);
+        let recording: Box<dyn Recording> = match format {
             LogFormat::Tsv => Box::new(LogReader::new(input)),
             LogFormat::Mcap => Box::new(McapReader::open(path, groups).or_fail_usage(path)?),
         };
         Ok(LogFile {
             path: path.to_owned(),
+            format,
             recording,
         })
     }

@@ -1,6 +1,6 @@
 //! What a log says of a flight: [`Summarizer`] takes the samples one after the other and keeps none of them.
 //!
-//! [`Step`]: what lies between two samples, for the summary and for the report.
+//! [`SampleStep`]: what lies between two samples, for the summary and for the report.
 
 use std::fmt;
 
@@ -40,7 +40,7 @@ pub struct Course {
 }
 
 /// What a log says of a flight. What its columns do not have is `None`.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
     schema: &'static str,
     /// The file.
@@ -100,7 +100,7 @@ impl Summary {
 
 /// What lies between two samples that follow each other in a log.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Step {
+pub struct SampleStep {
     /// Time from the one to the other, s; 0 if the clock went back, because the robot's host was restarted.
     pub elapsed_s: f64,
     /// Samples that the bridge published between them, by their numbers.
@@ -111,13 +111,13 @@ pub struct Step {
     pub new_errors: u32,
 }
 
-impl Step {
+impl SampleStep {
     /// From `before` to `dsp`.
-    pub fn between(before: &DspTelemetry, dsp: &DspTelemetry) -> Step {
+    pub fn between(before: &DspTelemetry, dsp: &DspTelemetry) -> SampleStep {
         let steps = dsp.sequence.checked_sub(before.sequence);
         let steps = steps.filter(|steps| *steps > 0 && before.epoch_ns == dsp.epoch_ns);
         let errors = dsp.dsp_errors.checked_sub(before.dsp_errors);
-        Step {
+        SampleStep {
             elapsed_s: dsp.received_ns.saturating_sub(before.received_ns) as f64 / 1e9,
             lost: steps.map_or(0, |steps| steps - 1),
             is_restart: steps.is_none(),
@@ -151,27 +151,9 @@ impl Summarizer {
                 schema: SCHEMA,
                 file,
                 robot,
-                start_utc: None,
-                end_utc: None,
                 utc_source: source.name(),
-                rows: 0,
-                duration_s: 0.0,
-                flight_s: 0.0,
-                take_offs: 0,
-                distance_m: None,
-                max_altitude_m: None,
-                max_height_m: None,
-                max_speed_mps: None,
-                battery_v: None,
-                fuel_percent: None,
-                lost_samples: 0,
-                bridge_restarts: 0,
-                gaps: 0,
-                longest_gap_s: 0.0,
                 dsp_errors: has_errors.then_some(0),
-                damaged_lines: 0,
-                first_damage: None,
-                unfinished_bytes: 0,
+                ..Summary::default()
             },
             times: UtcTimes::new(source),
             last: None,
@@ -188,8 +170,8 @@ impl Summarizer {
         summary.rows += 1;
         // Without a fix the GPS says zero for everything.
         let has_fix = !dsp.valid(TelemetryGroup::GpsQuality) || dsp.gps_quality != 0;
-        if has_fix && dsp.valid(TelemetryGroup::GpsVelocity) {
-            let speed_mps = dsp.gps_velocity.horizontal_speed_mps;
+        let speed_mps = dsp.gps_velocity.horizontal_speed_mps;
+        if has_fix && dsp.valid(TelemetryGroup::GpsVelocity) && speed_mps.is_finite() {
             greatest(&mut summary.max_speed_mps, speed_mps);
         }
         if dsp.valid(TelemetryGroup::Supply) {
@@ -236,7 +218,7 @@ impl Summarizer {
             summary.take_offs = u32::from(dsp.is_flying());
             return;
         };
-        let step = Step::between(last, dsp);
+        let step = SampleStep::between(last, dsp);
         summary.duration_s += step.elapsed_s;
         if last.is_flying() {
             summary.flight_s += step.elapsed_s;

@@ -9,7 +9,7 @@ use runtime::exit::Failure;
 use super::speaker::SpokenRobot;
 use crate::request::ports::{RobotPorts, Wakers};
 use crate::robot::chart::fence_of;
-use crate::robot::model::{Held, Process, WatchedRobot};
+use crate::robot::model::{HeldOutline, Process, WatchedRobot};
 use crate::session::alive;
 
 /// Most robots that are shown: as many as a relay carries. Those that come later are not joined, which is logged.
@@ -36,7 +36,7 @@ impl ShownRobot {
     }
 
     fn take_fence(&mut self) {
-        let Some(Held { outline: held, .. }) = &self.robot.held else {
+        let Some(HeldOutline { outline: held, .. }) = &self.robot.held else {
             return;
         };
         if self.fence.as_ref().map(|(number, _)| *number) != Some(held.number) {

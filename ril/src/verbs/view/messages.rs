@@ -3,7 +3,7 @@
 //! A value that is not known is null, never 0. Texts are those of the terminal.
 
 use ipc_types::MonotonicNs;
-use ipc_types::code::{LinkState, MovementKind, PilotSwitch};
+use ipc_types::code::{LinkState, PilotSwitch};
 use ipc_types::payload::ModuleState;
 use runtime::finding::{Finding, Severity};
 use view::page;
@@ -71,7 +71,7 @@ pub(super) fn summary(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotSumm
     page::RobotSummary {
         robot: robot.id.get(),
         severity: worst.map_or(page::Severity::Ok, |alarm| severity(alarm.finding.severity)),
-        text: worst.map_or_else(|| phase(robot, now), |alarm| alarm.finding.text.clone()),
+        text: worst.map_or_else(|| robot.doing(now), |alarm| alarm.finding.text.clone()),
         flying: fresh_flying(robot, now),
         battery_v: known(robot.pilot.battery_v, decimals::LIST_VOLTS),
         link: freshness(robot.process(Process::Bridge, now)),
@@ -92,7 +92,7 @@ pub(super) fn robot(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotStatus
     let activity = functionality.map(|one| pilot::activity(one, flying).to_owned());
     page::RobotStatus {
         robot: robot.id.get(),
-        phase: phase(robot, now),
+        phase: robot.doing(now),
         activity: activity.unwrap_or_default(),
         module: state.map_or("unknown".to_owned(), module),
         blocked: state.is_some_and(ModuleState::is_blocked),
@@ -136,15 +136,6 @@ pub(super) fn lasting_list(mut robots: page::Robots) -> page::Robots {
         robot.battery_v = None;
     }
     robots
-}
-
-/// What the helicopter does, in words. Old words stay: the page shows their age beside them.
-fn phase(robot: &WatchedRobot, now: MonotonicNs) -> String {
-    match (robot.process(Process::Bridge, now), &robot.state) {
-        (Freshness::Absent, None) => "no bridge runs".to_owned(),
-        (_, None) => "waiting for the bridge's state".to_owned(),
-        (_, Some(state)) => pilot::phase(state, robot.pilot.flying),
-    }
 }
 
 fn module(state: &ModuleState) -> String {
@@ -197,16 +188,12 @@ fn alarm(alarm: &Alarm, now: MonotonicNs) -> page::Alarm {
 
 fn movement(robot: &WatchedRobot, state: &ModuleState) -> Option<page::Movement> {
     let movement = &state.movement;
-    let kind = movement.kind()?;
+    let text = pilot::movement(state)?;
     let distance_m = movement.distance_to_go().map(f64::from);
     let distance_m = distance_m.filter(|distance| distance.is_finite());
     let speed_mps = robot.pilot.ground_speed_mps;
     let speed_mps = speed_mps.filter(|speed| *speed >= LEAST_SPEED_MPS);
     let (total, reached) = (movement.waypoints_total, movement.waypoints_reached);
-    let text = match kind {
-        MovementKind::GoToWaypoint => format!("{reached} of {total} reached"),
-        kind => format!("last order: {kind}"),
-    };
     Some(page::Movement {
         text,
         waypoints_total: total,

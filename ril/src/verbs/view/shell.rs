@@ -339,8 +339,6 @@ impl ViewShell {
                 Event::SetParameter { name, value, from } => {
                     self.foxglove.set(&name, &value, &from, &mut self.server);
                 }
-                // What else there may be needs nothing, or belongs to what is not offered.
-                _ => {}
             }
         }
         wanted

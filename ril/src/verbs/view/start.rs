@@ -1,26 +1,38 @@
-//! `ril view`: finds the view of this user that runs on the port, or starts one in the background, and opens its page.
+//! `ril view`: finds the view of this user that runs on the port, or starts one in the background, and opens its page, or prints where that
+//! is. `ril view FILE` shows a recording until it is interrupted: it is a server of its own, beside one of live robots.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs::File;
-use std::io::{Read, Write};
+use std::io::{self, Read, Write};
 use std::num::NonZeroU32;
 use std::os::linux::net::SocketAddrExt;
 use std::os::unix::net::{SocketAddr, UnixDatagram};
+use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use ipc_types::{Domain, MonotonicNs, RobotId, fresh_request_id};
+use ipc_types::{Domain, MonotonicNs, RobotId, allow_many_files, fresh_request_id};
+use module_kit::process;
 use runtime::exit::{ExitCode, Failure, OrFail};
-use runtime::signal::WITH_PARENT;
+use runtime::notify::Notifier;
+use runtime::signal::{Termination, WITH_PARENT};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
+use serde::Serialize;
 
-use super::invitation;
+use super::files::Report;
+use super::fleet::Fleet;
 use super::options::{ServerArgs, ViewArgs};
-use super::{opener, server, show_file};
+use super::replay::Playback;
+use super::shell::ViewShell;
+use super::sockets::Sockets;
+use super::{invitation, server};
+use crate::render::json_line;
 use crate::session::print_configuration;
-use crate::view_setup::run_file::{self, RunEntry};
+use crate::view_setup::config::ViewConfig;
+use crate::view_setup::run_file::{self, RunEntry, RunFile};
+use crate::view_setup::token_key::random_hex;
 
 /// How long the server has to be ready, and to end. It takes a tenth of a second.
 const TIMEOUT: Duration = Duration::from_secs(10);
@@ -42,7 +54,7 @@ pub fn view(args: &ViewArgs, report: fn(&Path) -> Result<String, Failure>) -> Re
     }
     runtime::logging::init(args.server.settings.verbosity())?;
     if let Some(file) = &args.file {
-        return show_file::view(args, file, report);
+        return view_file(args, file, report);
     }
     let config = server::load(&args.server)?.value;
     if let Some(name) = &args.invite {
@@ -72,7 +84,7 @@ pub fn view(args: &ViewArgs, report: fn(&Path) -> Result<String, Failure>) -> Re
         }
         None => start(port, &args.server)?,
     };
-    opener::show(&running, args)
+    show(&running, args)
 }
 
 /// Panels for one robot, by default robot 1.
@@ -87,7 +99,7 @@ fn print_layout(robots: &[NonZeroU32]) -> Result<(), Failure> {
         }
     };
     let layout = ros_messages::layout(robot);
-    std::io::stdout()
+    io::stdout()
         .lock()
         .write_all(layout.as_bytes())
         .map_err(Failure::output)
@@ -216,4 +228,143 @@ fn not_started(code: Option<i32>, log: &Path) -> Failure {
         code.unwrap_or(ExitCode::Internal),
         format!("`ril run view` did not start: {said}"),
     )
+}
+
+/// Ports that are tried behind the wanted one, which the view of live robots may have.
+const MORE_PORTS: u16 = 20;
+
+/// Shows `file`; `report` makes a page of it.
+///
+/// # Errors
+///
+/// Code 1 when no port is free, 2 when the file cannot be read or is no recording, 78 when the configuration is wrong.
+fn view_file(
+    args: &ViewArgs,
+    file: &Path,
+    report: fn(&Path) -> Result<String, Failure>,
+) -> Result<(), Failure> {
+    let config = server::load(&args.server)?.value;
+    let termination = Termination::install().or_fail(ExitCode::Internal)?;
+    let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
+    allow_many_files();
+    let (mut playback, info) = Playback::open(file)?;
+    for event in info
+        .events
+        .iter()
+        .filter(|event| event.text.starts_with("recording: "))
+    {
+        tracing::warn!(at_s = event.at_s, "{}", event.text);
+    }
+    let (mut run_file, sockets, port) = listen(&config, args.server.port.is_some())?;
+    let token = random_hex().or_fail(ExitCode::Internal)?;
+    let running = RunEntry {
+        pid: std::process::id(),
+        port,
+        domain: domain.root().to_owned(),
+        recording: Some(std::path::absolute(file).unwrap_or_else(|_| file.to_owned())),
+        token: token.clone(),
+    };
+    run_file.write(&running).or_fail(ExitCode::Internal)?;
+    let path = file.to_owned();
+    let replay = (info, Box::new(move || report(&path)) as Report);
+    let (mut server, files) = server::server(&config, token, Some(replay))?;
+    playback.offer(&mut server);
+    let mut shell = ViewShell::new(sockets, server, Fleet::none(domain), files, &config);
+    shell.play(playback);
+    tracing::info!(address = running.address(), "ready");
+    show(&running, args)?;
+    io::stdout().flush().map_err(Failure::output)?;
+    process::run(&mut shell, &termination, &Notifier::from_env()).or_fail(ExitCode::Internal)
+}
+
+/// The wanted port; if none was named on the command line, one behind it where that is in use.
+fn listen(config: &ViewConfig, is_named: bool) -> Result<(RunFile, Sockets, u16), Failure> {
+    let more = if is_named { 0 } else { MORE_PORTS };
+    let ports = config.port..=config.port.saturating_add(more);
+    let try_one = |port| {
+        let run_file = RunFile::take(port)?;
+        let sockets = server::listen(&ViewConfig {
+            port,
+            ..config.clone()
+        })?;
+        Ok((run_file, sockets, port))
+    };
+    let mut first = None;
+    for port in ports {
+        match try_one(port) {
+            Ok(found) => return Ok(found),
+            Err(failure) => _ = first.get_or_insert(failure),
+        }
+    }
+    Err(first.unwrap_or_else(|| Failure::internal("there is no port")))
+}
+
+/// A view that runs, for programs.
+#[derive(Serialize)]
+struct ViewObject {
+    schema: &'static str,
+    pid: u32,
+    port: u16,
+    address: String,
+    address_with_token: String,
+}
+
+impl ViewObject {
+    fn of(running: &RunEntry) -> ViewObject {
+        ViewObject {
+            schema: "ril.View.v1",
+            pid: running.pid,
+            port: running.port,
+            address: running.address(),
+            address_with_token: running.address_with_token(),
+        }
+    }
+}
+
+/// Opens the page of a view, or prints where it is, as the command line wants it.
+///
+/// # Errors
+///
+/// Code 8 when no browser can be started.
+fn show(running: &RunEntry, args: &ViewArgs) -> Result<(), Failure> {
+    let mut out = io::stdout().lock();
+    if args.json {
+        return json_line(&mut out, &ViewObject::of(running));
+    }
+    if args.no_browser {
+        return writeln!(out, "{}", running.address_with_token()).map_err(Failure::output);
+    }
+    writeln!(out, "the view is at {}", running.address()).map_err(Failure::output)?;
+    let file = run_file::write_opener(running)?;
+    if open(&file) {
+        return Ok(());
+    }
+    let text = "no browser could be started: neither $BROWSER nor xdg-open";
+    Err(Failure::new(ExitCode::NotInOrder, text)
+        .with_next_step("`ril view --no-browser` prints the address for a browser of your choice"))
+}
+
+/// Opens a file in the browser that the user prefers. The browser goes on by itself.
+fn open(file: &Path) -> bool {
+    let preferred = std::env::var_os("BROWSER").unwrap_or_default();
+    let preferred = preferred.to_str().unwrap_or_default().split(':');
+    let programs = preferred
+        .filter(|program| !program.is_empty())
+        .chain(["xdg-open"]);
+    programs.into_iter().any(|program| {
+        let mut words = program.split_whitespace();
+        let Some(program) = words.next() else {
+            return false;
+        };
+        let page: &OsStr = file.as_os_str();
+        let opened = Command::new(program)
+            .args(words.filter(|word| *word != "%s"))
+            .arg(page)
+            .process_group(0)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn();
+        opened.is_ok()
+    })
 }

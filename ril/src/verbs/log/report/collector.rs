@@ -16,7 +16,7 @@ use crate::render::messages::details;
 use crate::robot::chart::Chart;
 use crate::robot::geo::{Place, Spaced, Track, distance_m};
 use crate::robot::pilot::PilotView;
-use crate::verbs::log::summary::{GAP_S, MAX_STEP_M, Step};
+use crate::verbs::log::summary::{GAP_S, MAX_STEP_M, SampleStep};
 
 /// Most points of the track: more than a map has columns.
 const TRACK_POINTS: usize = 4000;
@@ -138,7 +138,7 @@ impl Collector {
         let view = with_fix(PilotView::from(dsp));
         self.flying.get_or_insert(dsp.is_flying());
         if let Some(before) = self.before {
-            let step = Step::between(&before.dsp, dsp);
+            let step = SampleStep::between(&before.dsp, dsp);
             self.note_gaps(&before, at_s, step);
             self.dsp(&before, at_s, step, dsp, &view);
         }
@@ -197,7 +197,7 @@ impl Collector {
     }
 
     /// Losses, gaps and restarts.
-    fn note_gaps(&mut self, before: &Before, at_s: f64, step: Step) {
+    fn note_gaps(&mut self, before: &Before, at_s: f64, step: SampleStep) {
         let place = before.view.place;
         let interval_s = at_s - before.at_s;
         self.curves.interval(at_s, interval_s * 1000.0);
@@ -241,7 +241,7 @@ impl Collector {
         &mut self,
         before: &Before,
         at_s: f64,
-        step: Step,
+        step: SampleStep,
         dsp: &DspTelemetry,
         view: &PilotView,
     ) {

@@ -11,7 +11,7 @@ mod tests;
 mod words;
 
 use std::fs::{self, File, Permissions};
-use std::io::{self, Read as _, Write};
+use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,7 @@ use view::report::FlightReport;
 use view::report::flight::Table;
 
 use self::collector::Collector;
-use super::files::{LogEnd, LogFile, MAX_NAMED, OF_SAMPLES, chosen_file};
+use super::files::{LogEnd, LogFile, MAX_NAMED, OF_SAMPLES, OrFailUsage as _, chosen_file};
 use super::options::LogReportArgs;
 use super::recording::{LogEntry, LogFormat};
 use super::row::UtcSource;
@@ -34,9 +34,6 @@ use crate::session::configuration;
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.LogReport.v1";
-
-/// How much of a file says of which format it is, bytes.
-const BEGINNING_BYTES: u64 = 16;
 
 /// What was written, for programs.
 #[derive(Serialize)]
@@ -120,22 +117,12 @@ struct OpenRecording {
 }
 
 impl OpenRecording {
-    /// The record at `path`; `None` if that is a log of status. No message is read.
-    fn open(path: &Path) -> Result<Option<OpenRecording>, Failure> {
-        let unreadable = |error: io::Error| Failure::usage(format!("{}: {error}", path.display()));
-        let mut file = super::files::open(path)?;
-        let mut beginning = Vec::new();
-        (&mut file)
-            .take(BEGINNING_BYTES)
-            .read_to_end(&mut beginning)
-            .map_err(unreadable)?;
-        if LogFormat::of(path, &beginning) != LogFormat::Mcap {
-            return Ok(None);
-        }
-        let file = RecordFile::open(path).map_err(unreadable)?;
+    /// The record at `path`. No message is read.
+    fn open(path: &Path) -> Result<OpenRecording, Failure> {
+        let file = RecordFile::open(path).or_fail_usage(path)?;
         // A damaged summary is no reason for no report: the samples are read without it.
         let summary = summary_of(&file).unwrap_or_default();
-        Ok(Some(OpenRecording { file, summary }))
+        Ok(OpenRecording { file, summary })
     }
 
     /// The fence that the bridge had, by the configuration in the record.
@@ -153,7 +140,10 @@ impl OpenRecording {
 
 /// Reads the log to its end, or as far as it can be read. `finds_fence`: the fence is that of the record, if it has one.
 fn read(mut file: LogFile, mut chart: Chart, finds_fence: bool) -> Result<Read, Failure> {
-    let record = OpenRecording::open(file.path())?;
+    let record = match file.format {
+        LogFormat::Mcap => Some(OpenRecording::open(file.path())?),
+        LogFormat::Tsv => None,
+    };
     if let Some(fence) = record.as_ref().and_then(OpenRecording::fence)
         && finds_fence
     {

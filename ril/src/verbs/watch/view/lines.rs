@@ -11,25 +11,18 @@ use crate::robot::changes::Weight;
 use crate::robot::clock::Clocks;
 use crate::robot::freshness::Freshness;
 use crate::robot::model::{Process, WatchedRobot};
-use crate::robot::pilot;
 use crate::verbs::watch::app::App;
 
 /// What the robot does, in words; and the style of these.
 pub(super) fn doing(robot: &WatchedRobot, clock: Clocks) -> (String, Style) {
-    let flying = robot.pilot.flying;
-    let phase = robot
-        .state
-        .as_ref()
-        .map(|state| pilot::phase(state, flying));
-    let phase = phase.unwrap_or_else(|| "unknown".to_owned());
+    let doing = robot.doing(clock.now);
     let freshness = robot.process(Process::Bridge, clock.now);
     let age = freshness.age().unwrap_or_default();
     match freshness {
-        Freshness::Fresh => (phase, TITLE),
-        Freshness::Waiting => ("waiting for the bridge's state".to_owned(), WARNING),
-        Freshness::Absent => ("no bridge runs".to_owned(), WARNING),
-        Freshness::Stale(_) => (format!("STALE, {age}: {phase}"), ALARM),
-        Freshness::Gone(_) => (format!("GONE, {age}: {phase}"), ALARM),
+        Freshness::Fresh => (doing, TITLE),
+        Freshness::Waiting | Freshness::Absent => (doing, WARNING),
+        Freshness::Stale(_) => (format!("STALE, {age}: {doing}"), ALARM),
+        Freshness::Gone(_) => (format!("GONE, {age}: {doing}"), ALARM),
     }
 }
 

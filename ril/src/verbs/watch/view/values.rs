@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use ipc_types::code::{LinkState, MovementKind, PilotSwitch};
+use ipc_types::code::{LinkState, PilotSwitch};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
@@ -196,15 +196,11 @@ fn path(robot: &WatchedRobot) -> String {
     let Some(state) = robot.state.as_ref() else {
         return "-".to_owned();
     };
-    let movement = &state.movement;
-    let mut text = match (movement.kind(), pilot::next_waypoint(state)) {
-        (Some(MovementKind::GoToWaypoint), Some((_, total))) => {
-            format!("{} of {total} reached", movement.waypoints_reached)
-        }
-        (Some(kind), _) => format!("last order: {kind}"),
-        (None, _) => return "-".to_owned(),
+    let Some(mut text) = pilot::movement(state) else {
+        return "-".to_owned();
     };
-    let distance_m = movement
+    let distance_m = state
+        .movement
         .distance_to_go()
         .filter(|distance| distance.is_finite());
     if let Some(distance_m) = distance_m {

@@ -1,15 +1,21 @@
-//! What the server says to a page.
+//! The messages of `hero.view.v1`, between the server and its page: one JSON object in a text frame, whose `type` says what it is. First
+//! what the server says, then what a page says, then the words: fields that have one of a few values.
+//!
+//! `docs/view-protocol.md` describes them. Field names carry units. What is not known is `None`, which is null in JSON, and never 0; a
+//! number that is not finite is null, too.
 
 use serde::{Deserialize, Serialize};
 
-use super::words::{
-    ChartSource, Freshness, Holder, OrderKind, OrderStage, Role, Severity, Switch, Weight,
-};
+/// The name of the WebSocket subprotocol, and of these messages.
+pub const PROTOCOL: &str = "hero.view.v1";
+
+/// A page that has heard nothing for so long covers itself.
+pub const STALE_AFTER_MS: u64 = 1500;
 
 /// `hello`: the first message, which says what server this is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hello {
-    /// [`PROTOCOL`](super::PROTOCOL).
+    /// [`PROTOCOL`].
     pub protocol: String,
     /// Hash of the page's files: a page of another build loads itself again.
     pub build: String,
@@ -25,7 +31,7 @@ pub struct Hello {
     pub report: bool,
     /// The zooms of which there are tiles under the map; `None` without any.
     pub tiles: Option<TileRange>,
-    /// [`STALE_AFTER_MS`](super::STALE_AFTER_MS).
+    /// [`STALE_AFTER_MS`].
     pub stale_after_ms: u64,
 }
 
@@ -328,7 +334,7 @@ pub struct Event {
     pub text: String,
 }
 
-/// `check`: the answer to a [`CheckRequest`](super::CheckRequest).
+/// `check`: the answer to a [`CheckRequest`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CheckResult {
     /// The number that the page chose.
@@ -434,4 +440,247 @@ impl Outgoing<'_> {
         // Serde fails for maps whose keys are no texts; these messages have none.
         serde_json::to_string(self).unwrap_or_default()
     }
+}
+
+/// `order`: what a page orders.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OrderRequest {
+    /// A number that the page chose at random: the same one is executed once.
+    pub order: String,
+    /// The robot's number.
+    pub robot: u32,
+    /// What is ordered.
+    pub kind: OrderKind,
+    /// The newest `now` that was drawn when the pilot ordered.
+    pub seen: u64,
+    /// Latitude and longitude, degrees; `None` if the order needs none.
+    pub position: Option<[f64; 2]>,
+    /// `None` if the order needs none.
+    pub altitude_m: Option<f64>,
+    /// The word that confirms; `None` if none was asked for.
+    pub confirm: Option<String>,
+}
+
+/// `check`: what a page asks before it orders.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CheckRequest {
+    /// A number that the page chose; the answer has it.
+    pub order: String,
+    /// The robot's number.
+    pub robot: u32,
+    /// What would be ordered.
+    pub kind: CheckKind,
+    /// Latitude and longitude, degrees; `None` if the order needs none.
+    pub position: Option<[f64; 2]>,
+    /// `None` if the order needs none.
+    pub altitude_m: Option<f64>,
+}
+
+/// `replay`: what a page wants of a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReplayRequest {
+    /// What to do.
+    pub action: ReplayAction,
+    /// Where to go to, for [`ReplayAction::Seek`].
+    pub position_s: Option<f64>,
+    /// How fast, for [`ReplayAction::Speed`].
+    pub speed: Option<f64>,
+}
+
+/// A message from a page.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "type", rename_all = "kebab-case")]
+pub(crate) enum Incoming {
+    Open {
+        token: Option<String>,
+        robot: Option<u32>,
+        rate_hz: f64,
+    },
+    Seen {
+        n: u64,
+    },
+    Order(OrderRequest),
+    Check(CheckRequest),
+    Lease {
+        robot: u32,
+        action: LeaseAction,
+    },
+    Replay(ReplayRequest),
+    Hidden {
+        hidden: bool,
+    },
+    Ping {
+        id: String,
+    },
+}
+
+/// How bad a state is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Severity {
+    /// No finding.
+    Ok,
+    /// Good to know.
+    Note,
+    /// To be watched.
+    Warning,
+    /// To be acted on.
+    Alarm,
+}
+
+/// How much an event matters, to a page, on a terminal and in a report.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Weight {
+    /// Something went on as it should.
+    Note,
+    /// An order, or what became of it.
+    Order,
+    /// Something to look at.
+    Warning,
+    /// Something to act on.
+    Alarm,
+}
+
+/// Whether values are of the present.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Freshness {
+    /// Of the present.
+    Fresh,
+    /// Old: nothing newer has come.
+    Stale,
+    /// What made them has ended.
+    Gone,
+    /// None has ever come.
+    Never,
+}
+
+/// The switch of the pilot's remote control.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Switch {
+    /// The autopilot flies.
+    Auto,
+    /// The pilot flies.
+    Manual,
+}
+
+/// What can be ordered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OrderKind {
+    /// Hover where it is.
+    Hold,
+    /// Land where it is.
+    Land,
+    /// Fly to a place.
+    Goto,
+    /// Take off.
+    Takeoff,
+    /// Let the module take orders.
+    Start,
+    /// Let the module take no orders.
+    Stop,
+}
+
+impl OrderKind {
+    /// Whether any page with the right to order may give it at any time, because it only makes a flight calmer.
+    pub fn is_everyones(self) -> bool {
+        matches!(self, OrderKind::Hold | OrderKind::Land)
+    }
+}
+
+/// How far an order has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OrderStage {
+    /// It did not leave the server, and will not later.
+    NotSent,
+    /// It is on its way to the bridge.
+    Sent,
+    /// The bridge has it.
+    Accepted,
+    /// The helicopter does it.
+    InProgress,
+    /// It is done.
+    Done,
+    /// The bridge did not take it.
+    Refused,
+    /// It was given up.
+    Aborted,
+    /// A newer order has taken its place.
+    Replaced,
+    /// What became of it is not known.
+    Unknown,
+}
+
+/// What can be checked before it is ordered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum CheckKind {
+    /// A flight to a place.
+    Goto,
+    /// A take-off.
+    Takeoff,
+}
+
+/// Where fence and path of a chart are from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ChartSource {
+    /// The bridge publishes what it holds.
+    Bridge,
+    /// A file beside the server, which the bridge has not confirmed.
+    File,
+}
+
+/// What a page may do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Role {
+    /// Look.
+    Watch,
+    /// Look and order.
+    Command,
+}
+
+/// Which page commands a robot, seen from one page.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Holder {
+    /// This page.
+    You,
+    /// Another page.
+    Other,
+    /// No page.
+    None,
+}
+
+/// What a page wants of the lease.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LeaseAction {
+    /// To have it; the page that has it is asked.
+    Take,
+    /// Not to have it any more.
+    Release,
+    /// To give it to the page that asks.
+    Give,
+    /// Not to give it to the page that asks.
+    Keep,
+}
+
+/// What can be done with a recording.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ReplayAction {
+    /// Go on.
+    Play,
+    /// Stand still.
+    Pause,
+    /// Go to a place.
+    Seek,
+    /// Change the speed.
+    Speed,
 }
