@@ -693,29 +693,66 @@ fn executes(block: &Block) {
     }
 }
 
-/// A test for each page, so that they run beside each other.
-macro_rules! pages {
-    ($($test:ident: $page:literal;)+) => {$(
-        #[test]
-        fn $test() {
-            if $page != "docs/network.md" || has_relay($page) {
-                Reader::new($page).reads();
-            }
-        }
-    )+};
+// A test for each page, so that they run beside each other.
+
+#[test]
+fn the_examples_of_the_readme_run() {
+    Reader::new("README.md").reads();
 }
 
-pages! {
-    the_examples_of_the_readme_run: "README.md";
-    the_examples_of_the_page_about_installing_are_right: "docs/install.md";
-    the_examples_of_the_page_about_json_run: "docs/json.md";
-    the_examples_of_the_page_about_mavlink_are_right: "docs/mavlink.md";
-    the_examples_of_the_page_about_modules_run: "docs/modules.md";
-    the_examples_of_the_page_about_networks_run: "docs/network.md";
-    the_examples_of_the_page_about_operations_run: "docs/operations.md";
-    the_examples_of_the_page_about_plans_run: "docs/plans.md";
-    the_examples_of_the_reference_run: "docs/reference.md";
-    the_examples_of_the_page_about_firmware_are_right: "docs/firmware.md";
-    the_examples_of_the_page_about_safety_are_right: "docs/safety.md";
-    the_examples_of_the_page_about_views_run: "docs/view.md";
+#[test]
+fn the_examples_of_the_page_about_installing_are_right() {
+    Reader::new("docs/install.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_json_run() {
+    Reader::new("docs/json.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_mavlink_are_right() {
+    Reader::new("docs/mavlink.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_modules_run() {
+    Reader::new("docs/modules.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_networks_run() {
+    if has_relay("docs/network.md") {
+        Reader::new("docs/network.md").reads();
+    }
+}
+
+#[test]
+fn the_examples_of_the_page_about_operations_run() {
+    Reader::new("docs/operations.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_plans_run() {
+    Reader::new("docs/plans.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_reference_run() {
+    Reader::new("docs/reference.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_firmware_are_right() {
+    Reader::new("docs/firmware.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_safety_are_right() {
+    Reader::new("docs/safety.md").reads();
+}
+
+#[test]
+fn the_examples_of_the_page_about_views_run() {
+    Reader::new("docs/view.md").reads();
 }
