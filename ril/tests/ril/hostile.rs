@@ -179,7 +179,7 @@ fn status_and_the_commands_survive_a_publisher_of_garbage() {
         bridge.publish(&sample);
         let state: ModuleState = garbage.payload();
         bridge.publish_state(&state);
-        if number % 100 == 0 {
+        if number % 250 == 0 {
             // A time that is none is old: code 4, unless the numbers say by chance that the link is down.
             let finished = state_of(&rig, "status --json --timeout 3s");
             assert_eq!(json(&finished.stdout[0])["schema"], "ril.State.v3");

@@ -168,7 +168,7 @@ fn bridges_of_two_domains_never_share_a_simulator() {
 
     let mut second = theirs.start(&format!("bridge -v --port {}", port.display()));
     second.wait_for_text(&format!("is in use by `ril` (process {})", first.id()));
-    for _ in 0..5 {
+    for _ in 0..2 {
         second.wait_for_text("still not open");
     }
     let after = watch.until("telemetry goes on", |state| {
