@@ -56,21 +56,26 @@ const OF_SAMPLES: [&str; 4] = [
     "every sample is in the record",
 ];
 
+/// Whether a machine that stalls can be the reason why these checks failed. It also loses bytes of frames, where nobody reads a
+/// pseudo-terminal in time, but only together with samples.
+fn are_of_a_stall(failed: &[&str]) -> bool {
+    let loses_samples = failed.contains(&OF_SAMPLES[0]);
+    let is_of_a_stall =
+        |check| OF_SAMPLES.contains(check) || (loses_samples && *check == "line without faults");
+    failed.iter().all(is_of_a_stall)
+}
+
 /// Whether a demonstration that has flown passed, by its plain lines; nothing but the count of samples may be wrong with it.
 #[track_caller]
 fn has_passed(finished: &Finished) -> bool {
     let lines = || finished.stdout.iter();
-    let mut failed = lines().filter_map(|line| line.strip_prefix("FAIL "));
-    let is_of_samples = |line: &str| {
-        OF_SAMPLES
-            .iter()
-            .any(|check| line.trim_start().starts_with(check))
-    };
-    assert!(failed.all(is_of_samples), "{finished:#?}");
-    assert!(
-        lines().filter(|line| line.starts_with("ok ")).count() >= 10 - OF_SAMPLES.len(),
-        "{finished:#?}"
-    );
+    let failed = lines().filter_map(|line| line.strip_prefix("FAIL "));
+    let failed: Vec<&str> = failed
+        .map(|line| line.trim_start().split("  ").next().unwrap())
+        .collect();
+    assert!(are_of_a_stall(&failed), "{finished:#?}");
+    let passed = lines().filter(|line| line.starts_with("ok ")).count();
+    assert!(passed + failed.len() >= 10, "{finished:#?}");
     let has_passed = lines().any(|line| line == "all checks passed");
     let code = if has_passed { 0 } else { 1 };
     assert_eq!(finished.code(), Some(code), "{finished:#?}");
@@ -107,10 +112,7 @@ fn it_flies_and_every_check_passes() {
     let failed: Vec<&str> = failed
         .map(|check| check["name"].as_str().unwrap())
         .collect();
-    assert!(
-        failed.iter().all(|check| OF_SAMPLES.contains(check)),
-        "{checks:#?}"
-    );
+    assert!(are_of_a_stall(&failed), "{checks:#?}");
     assert_eq!(report["passed"], failed.is_empty());
     let code = i32::from(!failed.is_empty());
     assert_eq!(finished.code(), Some(code), "{finished:#?}");
@@ -238,10 +240,9 @@ fn a_fleet_flies_through_outages_deaths_and_a_replacement() {
     let all = of_robots.chain(report["checks"].as_array().unwrap());
     let failed: Vec<_> = all
         .filter(|check| check["passed"] != true)
-        .map(|check| text(&check["name"]))
+        .map(|check| check["name"].as_str().unwrap())
         .collect();
-    let is_of_samples = |check: &String| OF_SAMPLES.contains(&check.as_str());
-    assert!(failed.iter().all(is_of_samples), "{report:#}");
+    assert!(are_of_a_stall(&failed), "{report:#}");
     assert_eq!(report["passed"], failed.is_empty());
     for kind in ["bridge", "record", "relay", "sim", "station", "status"] {
         let mut costs = report["costs"].as_array().unwrap().iter();
