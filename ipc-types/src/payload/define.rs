@@ -171,7 +171,7 @@ unsafe impl<T: FieldType, const N: usize> FieldType for [T; N] {
 /// What comes out is a `repr(C)` struct that is `Copy`, `Default` (all zeros), `Debug`, `PartialEq` and `Serialize`, and
 /// that implements [`SharedStruct`]. Its [`Layout`] is a constant, from which come the schema in ROS 2's message format
 /// ([`schema::text`](crate::schema::text)), its hash ([`Schema::layout_hash`](crate::Schema::layout_hash)), and the types for C
-/// and Python ([`export`](super::export)). Doc comments go along: write ranges and meaning into them. A unit goes into the
+/// and Python ([`generate`](crate::schema::generate)). Doc comments go along: write ranges and meaning into them. A unit goes into the
 /// field's name, as the table of `docs/ipc.md` section 6 has it, or in brackets at the end of the comment.
 ///
 /// A number that stands for something else can be read as that: `pub mode: u32 => mode: Mode` makes a method
