@@ -106,17 +106,17 @@ pub(crate) mod sealed {
     }
 
     impl Bound {
-        /// An event tells of all that there can be.
+        /// Whatever may be there has an event.
         pub const LONG: Bound = Bound {
             by_doorbell: LONGEST_SLEEP,
             by_descriptor: LONGEST_SLEEP,
         };
-        /// The doorbell alone tells of all that there can be.
+        /// Whatever may be there has an event of the doorbell; of the descriptor it may have none.
         pub const LONG_BY_DOORBELL: Bound = Bound {
             by_doorbell: LONGEST_SLEEP,
             by_descriptor: SAFETY_BOUND,
         };
-        /// There may be something of which no event tells.
+        /// There may be something without any event.
         pub const SHORT: Bound = Bound {
             by_doorbell: SAFETY_BOUND,
             by_descriptor: SAFETY_BOUND,

@@ -130,8 +130,8 @@ impl Link {
         self.expect_status(now);
     }
 
-    /// Whether a status has the groups that were asked for, or others that are taken instead. One that comes with others again and again makes the link ask for
-    /// the DSP's mask; when that is ours all the same, the groups are taken as they come.
+    /// Whether a status has the groups that were asked for, or others that are taken instead. After several statuses with others the
+    /// link asks for the DSP's mask; if that is ours all the same, the groups are taken as they come.
     pub(super) fn takes_mask(&mut self, now: MonotonicNs, status: &Status) -> bool {
         let ours = self.config.status.mask();
         let groups = status.mask();
@@ -192,7 +192,7 @@ impl Link {
         }
     }
 
-    /// The groups of the status that comes now, if it comes in another mask again and again.
+    /// The groups of the status that comes, if several in a row have the same mask, which is not the one asked for.
     fn odd_groups(&self, now: MonotonicNs) -> Option<StatusMask> {
         let State::Up(session) = self.state else {
             return None;

@@ -32,7 +32,7 @@ fn print(line: &str) -> Result<()> {
 /// Says that this process, a child, can be measured.
 ///
 /// # Errors
-/// Nobody listens.
+/// There is no listener.
 pub fn report_ready() -> Result<()> {
     print(READY)
 }
@@ -40,7 +40,7 @@ pub fn report_ready() -> Result<()> {
 /// Says what this process, a child, has found.
 ///
 /// # Errors
-/// The folder cannot be written, or nobody listens.
+/// The folder cannot be written, or there is no listener.
 pub fn report(result: &impl Serialize) -> Result<()> {
     let file = format!("{}.json", std::process::id());
     fs::write(&file, serde_json::to_vec(result)?)?;

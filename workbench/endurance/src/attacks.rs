@@ -155,7 +155,7 @@ pub fn run_again(options: &str, args: &[String]) -> io::Result<Option<ExitStatus
 
 /// The beginning of a command line that makes a namespace, `None` when the kernel forbids it; the reason is printed.
 fn starter(flags: &str) -> Option<String> {
-    // Who is not root becomes root of a user namespace first.
+    // A user who is not root becomes root of a user namespace first.
     let user = match rustix::process::geteuid().is_root() {
         true => "",
         false => "-r ",

@@ -1,4 +1,4 @@
-//! [`Hostile`]: programs that send what no partner sends, as fast as they are told.
+//! [`Hostile`]: programs that send what no partner sends, at the rate that the measurement sets.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

@@ -57,7 +57,7 @@ struct Ground {
 pub fn run(site: &Site) {
     let mut chain = site.start_chain(1);
     let mut ground = Ground::start(site);
-    // Who is there, and whether the first one wants ATTITUDE as often as it can have it.
+    // Which stations are there, and whether the first one asks for ATTITUDE at the highest rate.
     for (name, stations, is_each_sample) in [
         ("none", 0, false),
         ("1", 1, false),
