@@ -548,8 +548,6 @@ impl<'a> Fleet<'a> {
         if let (None, [craft]) = (&self.station, self.crafts.as_slice()) {
             self.screen.draw(&craft.flown.seen)?;
         }
-        // First of all: a signal to the process group may have ended a process that had no group of its own yet.
-        goes_on(self.termination)?;
         let of_robots = self.crafts.iter_mut().flat_map(|craft| {
             let number = craft.number;
             let processes = craft.processes.iter_mut();
@@ -560,7 +558,10 @@ impl<'a> Fleet<'a> {
         let mut ended = of_robots
             .chain(station)
             .filter_map(|(number, process)| process.has_ended().then_some((number, process)));
-        let Some((number, process)) = ended.next() else {
+        let ended = ended.next();
+        // Asked after that: a signal to the process group may have ended a process that had no group of its own yet.
+        goes_on(self.termination)?;
+        let Some((number, process)) = ended else {
             return Ok(());
         };
         let (name, code) = (process.name(), process.end());
