@@ -187,6 +187,7 @@ fn circle([latitude, longitude]: [f64; 2], radius_m: f64) -> Vec<Place> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::fixture::area;
     use crate::robot::geo::distance_m;
 
     #[test]
@@ -221,13 +222,6 @@ mod tests {
             longitude_deg: -6.05,
             altitude_m: 20.0,
         }];
-        let area = |name: &str, is_inclusion, shape| OutlineArea {
-            name: name.to_owned(),
-            is_inclusion,
-            floor_m: None,
-            ceiling_m: None,
-            shape,
-        };
         let polygon = vec![[37.0, -6.0], [37.1, -6.0], [37.1, -6.1]];
         let (centre, radius_m) = ([37.0, -6.0], 5.0);
         let held = Outline {

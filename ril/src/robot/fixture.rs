@@ -104,15 +104,19 @@ pub fn fly(robot: &mut WatchedRobot) {
     }
 }
 
-/// What a bridge holds: a fence of a rectangle with a mast in it, and the path of the flight.
-pub fn outline() -> Outline {
-    let area = |name: &str, is_inclusion, shape| OutlineArea {
+/// An area of every height.
+pub fn area(name: &str, is_inclusion: bool, shape: OutlineShape) -> OutlineArea {
+    OutlineArea {
         name: name.to_owned(),
         is_inclusion,
         floor_m: None,
         ceiling_m: None,
         shape,
-    };
+    }
+}
+
+/// What a bridge holds: a fence of a rectangle with a mast in it, and the path of the flight.
+pub fn outline() -> Outline {
     let field = vec![
         [37.4109, -6.0012],
         [37.4115, -6.0012],
