@@ -6,6 +6,7 @@
 //! * [`duration`]: times as people write them, such as `1m30s`;
 //! * [`exit`]: exit codes, and how an error is printed once;
 //! * [`finding`]: one thing that a check found, with what to do about it;
+//! * [`helper`]: a thread that does for a loop what may take long;
 //! * [`logging`]: diagnostics on standard error;
 //! * [`manual`]: pages of the manual from the definition of the command line;
 //! * [`notify`]: readiness and watchdog for a supervisor;
@@ -71,6 +72,7 @@ pub mod durable;
 pub mod duration;
 pub mod exit;
 pub mod finding;
+pub mod helper;
 pub mod logging;
 pub mod manual;
 pub mod notify;

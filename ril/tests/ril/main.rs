@@ -34,5 +34,6 @@ mod terminal;
 mod topics;
 mod usage;
 mod view;
+mod waits;
 mod watch;
 mod watching;
