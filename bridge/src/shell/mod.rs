@@ -180,10 +180,11 @@ impl Process for Shell {
         }
         self.bridge.apply(now, Input::Advance, &mut self.services);
         self.services.end_batch();
-        while let Some(reload) = self.fence.next(now)? {
+        let is_done = wake.has(Waker::Thread);
+        while let Some(reload) = self.fence.next(now, is_done)? {
             self.bridge.apply(now, reload, &mut self.services);
         }
-        if self.port.step(now)? {
+        if self.port.step(now, is_done)? {
             self.port_opened(now);
         }
         self.write();

@@ -129,13 +129,13 @@ impl PortSlot {
         }
     }
 
-    /// Takes what the thread has done, and lets it try again if it is time to. Says whether the port was opened.
+    /// Takes what the thread has done, if it has done something, and lets it try again if it is time to. Says whether the port was opened.
     ///
     /// # Errors
     /// The port is something that can never be one, or the thread is gone.
-    pub fn step(&mut self, now: MonotonicNs) -> Result<bool, ShellError> {
+    pub fn step(&mut self, now: MonotonicNs, is_done: bool) -> Result<bool, ShellError> {
         let mut is_opened = false;
-        while let Some(result) = self.thread.take()? {
+        while is_done && let Some(result) = self.thread.take()? {
             is_opened |= self.ended(now, result)?;
         }
         self.try_open(now);
@@ -199,8 +199,9 @@ impl PortSlot {
 
     /// The bridge ends: the port gets its settings back.
     pub fn finish(mut self) {
+        let was_open = self.open.is_some();
         self.give_back();
-        if !self.thread.finish(CLOSES_WITHIN) {
+        if !self.thread.finish(CLOSES_WITHIN) && was_open {
             tracing::warn!(port = %self.config.port.display(), "the port does not answer, and may not have its settings back");
         }
     }
@@ -270,7 +271,7 @@ mod tests {
 
     /// Makes the attempt that is due at `now`, and waits for what comes of it.
     fn attempt(slot: &mut PortSlot, now: MonotonicNs) -> bool {
-        assert!(!slot.step(now).unwrap());
+        assert!(!slot.step(now, true).unwrap());
         let result = slot.thread.wait(LONG).expect("an attempt");
         slot.ended(now, result).unwrap()
     }
@@ -325,17 +326,17 @@ mod tests {
         ];
         for (spent, pause) in table {
             // It is under way, for longer than any pause: nothing is due, nothing waits for it.
-            assert!(!slot.step(now).unwrap());
+            assert!(!slot.step(now, true).unwrap());
             assert_eq!(slot.next_try(), None);
             now = now + LONG;
-            assert!(!slot.step(now).unwrap());
+            assert!(!slot.step(now, true).unwrap());
             takes.send(spent).unwrap();
             let result = slot.thread.wait(LONG).unwrap();
             assert!(!slot.ended(now, result).unwrap());
             assert_eq!(slot.next_try(), Some(now + pause), "{spent:?}");
             now = now + pause;
         }
-        assert!(!slot.step(now).unwrap());
+        assert!(!slot.step(now, true).unwrap());
         slot.finish();
     }
 

@@ -105,13 +105,17 @@ impl FenceReader {
         }
     }
 
-    /// The next request that has its answer by now.
+    /// The next request that has its answer by now; `is_done` if the thread has read.
     ///
     /// # Errors
     /// The thread is gone.
-    pub fn next(&mut self, now: MonotonicNs) -> Result<Option<Input<'static>>, HelperGone> {
+    pub fn next(
+        &mut self,
+        now: MonotonicNs,
+        is_done: bool,
+    ) -> Result<Option<Input<'static>>, HelperGone> {
         let mut read = None;
-        while let Some((number, fence)) = self.thread.take()? {
+        while is_done && let Some((number, fence)) = self.thread.take()? {
             // What comes after its request was answered is not used.
             if self.waiting.front().is_some_and(|it| it.number == number) {
                 read = Some(fence.map_err(|error| {
@@ -184,7 +188,7 @@ mod tests {
     /// Waits until the thread has read.
     fn next(reader: &mut FenceReader, now: MonotonicNs) -> (u64, Result<(), Reason>) {
         loop {
-            match reader.next(now).unwrap() {
+            match reader.next(now, true).unwrap() {
                 Some(input) => return seen(input),
                 None => thread::yield_now(),
             }
@@ -202,7 +206,10 @@ mod tests {
             ask(&mut reader, 9, now),
             Some((9, Err(Reason::TooManyRequests)))
         );
-        assert!(reader.next(now).unwrap().is_none(), "nothing was read");
+        assert!(
+            reader.next(now, true).unwrap().is_none(),
+            "nothing was read"
+        );
         for id in 1..=8 {
             let (read, expected) = match id % 2 {
                 0 => (Err("a mistake".to_owned()), Err(Reason::InvalidFence)),
@@ -225,8 +232,8 @@ mod tests {
         );
         assert_eq!(reader.deadline(), Some(due));
         let unread = |id| Some((id, Err(Reason::FenceUnread)));
-        assert_eq!(reader.next(due).unwrap().map(seen), unread(1));
-        assert!(reader.next(due).unwrap().is_none());
+        assert_eq!(reader.next(due, true).unwrap().map(seen), unread(1));
+        assert!(reader.next(due, true).unwrap().is_none());
         // The first reading comes to its end after its request was answered; the second begins after that.
         feed.send(Err("late".to_owned())).unwrap();
         feed.send(Ok(Fence::default())).unwrap();

@@ -26,7 +26,7 @@ pub enum About {
     Wake,
     /// A futex on which a process sleeps that others can wake: the doorbell.
     Doorbell,
-    /// A futex on which a thread waits for another one of its process.
+    /// A futex, or a file's lock, on which a thread waits for another one.
     Lock,
     /// A pipe, such as standard error.
     Pipe,
@@ -34,12 +34,14 @@ pub enum About {
     File,
 }
 
-/// Why calls of this kind cannot wait.
+/// Calls that cannot wait.
 pub struct Row {
     /// The processes whose loop may make them; empty for all.
     of: &'static [&'static str],
     about: About,
     calls: &'static str,
+    /// Why they cannot wait: for the reader of the list.
+    #[allow(dead_code)]
     why: &'static str,
 }
 
@@ -48,18 +50,16 @@ const ALL: &[&str] = &[];
 /// What a loop may call. There is nothing on it of a file of a disk, of standard output and standard error, and of a lock.
 #[rustfmt::skip]
 pub const LIST: &[Row] = &[
-    Row { of: ALL, about: About::Nothing, calls: "ppoll", why: "the one wait itself; and the line alone for at most 10 ms, while a backlog comes" },
     Row { of: ALL, about: About::Socket, calls: "ppoll", why: "the one wait" },
-    Row { of: ALL, about: About::Event, calls: "ppoll", why: "the one wait" },
-    Row { of: ALL, about: About::Line, calls: "ppoll", why: "the line alone, for at most 10 ms, while a backlog comes" },
+    Row { of: &["bridge"], about: About::Line, calls: "ppoll", why: "the line alone, after a standstill: for at most 10 ms, while a backlog comes" },
     Row { of: &["status"], about: About::Doorbell, calls: "futex", why: "the one wait of a process that has publishers and subscribers alone" },
     Row { of: ALL, about: About::Wake, calls: "futex", why: "wakes others and goes on" },
     Row { of: ALL, about: About::Nothing, calls: "brk mmap munmap mremap madvise mprotect", why: "memory of the process: the kernel gives it or does not" },
     Row { of: ALL, about: About::Nothing, calls: "clock_gettime getpid gettid getsid geteuid getrandom sched_yield umask rt_sigreturn rt_sigprocmask restart_syscall", why: "an answer from the kernel's memory" },
     Row { of: ALL, about: About::Nothing, calls: "kill pidfd_open", why: "signal 0: asks whether a process lives" },
     Row { of: ALL, about: About::Nothing, calls: "eventfd2 socket", why: "a new descriptor" },
-    Row { of: ALL, about: About::SharedMemory, calls: "openat access statx newfstatat fstat lstat fcntl fchmod ftruncate fallocate mmap close unlink unlinkat rename renameat mkdir mkdirat rmdir readlink getdents64 read pread64 write pwrite64 lseek fsync", why: "tmpfs: memory alone; who opens asks not to wait for a pipe (O_NONBLOCK), and forcing does nothing there" },
-    Row { of: ALL, about: About::SharedMemory, calls: "flock", why: "always with LOCK_NB" },
+    Row { of: ALL, about: About::SharedMemory, calls: "openat access statx newfstatat fstat lstat fcntl fchmod ftruncate fallocate mmap close unlink unlinkat rename renameat mkdir mkdirat rmdir readlink getdents64 read pread64 write pwrite64 lseek fsync", why: "tmpfs: memory alone, where forcing does nothing; files of this user that members of the domain have made" },
+    Row { of: ALL, about: About::SharedMemory, calls: "flock", why: "with LOCK_NB" },
     Row { of: ALL, about: About::Proc, calls: "openat statx newfstatat read close fcntl readlink", why: "the kernel's own memory, of this process and of one that sent a request" },
     Row { of: ALL, about: About::Event, calls: "read write close fcntl timerfd_settime epoll_pwait epoll_ctl ioctl", why: "made with the flag not to wait; an epoll is asked with a limit of 0, the one wait is elsewhere" },
     Row { of: ALL, about: About::Socket, calls: "sendto recvfrom sendmsg recvmsg read write accept4 getsockopt setsockopt getsockname getpeername shutdown bind connect listen close fcntl", why: "asked not to wait: what finds no room fails at once" },
@@ -67,16 +67,6 @@ pub const LIST: &[Row] = &[
     Row { of: &["bridge", "sim"], about: About::Line, calls: "read write", why: "opened with O_NONBLOCK: what finds no room or no byte fails at once" },
     Row { of: &["bridge", "sim"], about: About::Line, calls: "ioctl", why: "empties a queue of the kernel (TCFLSH)" },
 ];
-
-/// The rows of the list that are never used say that they are too many.
-pub fn unused(seen: &BTreeSet<(String, About)>) -> Vec<&'static str> {
-    let is_used = |row: &&Row| {
-        let mut calls = row.calls.split(' ');
-        calls.any(|call| seen.contains(&(call.to_owned(), row.about)))
-    };
-    let unused = LIST.iter().filter(|row| !is_used(row));
-    unused.map(|row| row.why).collect()
-}
 
 fn is_listed(process: &str, call: &str, about: About) -> bool {
     LIST.iter().any(|row| {
@@ -117,6 +107,10 @@ impl Trace {
                 continue;
             };
             trace.note_socket(call, rest);
+            // The end of a call that is there already.
+            if call.starts_with('<') {
+                continue;
+            }
             let about = trace.about(call, rest);
             // What a process does once it says that it is ready, and before it sleeps for the first time, is its start.
             let is_wait = call == "ppoll" || about == About::Doorbell;
@@ -145,7 +139,12 @@ impl Trace {
                     .insert(end.split('>').next().unwrap_or_default().to_owned());
             }
         }
-        if call == "fcntl" && rest.contains("F_SETFL") && rest.contains("O_NONBLOCK") {
+        let is_set = match call {
+            "fcntl" => rest.contains("F_SETFL") && rest.contains("O_NONBLOCK"),
+            "ioctl" => rest.contains("FIONBIO, [1]"),
+            _ => false,
+        };
+        if is_set {
             self.unwaiting.extend(first_path(rest).map(str::to_owned));
         }
     }
@@ -158,7 +157,15 @@ impl Trace {
                 _ => About::Doorbell,
             };
         }
-        let Some(path) = first_path(rest) else {
+        if call == "flock" && !rest.contains("LOCK_NB") {
+            return About::Lock;
+        }
+        let path = match call {
+            // What is named is what they make.
+            "eventfd2" | "pidfd_open" | "socket" | "restart_syscall" => None,
+            _ => first_path(rest),
+        };
+        let Some(path) = path else {
             return About::Nothing;
         };
         let does_not_wait = || self.unwaiting.contains(path) || rest.contains("MSG_DONTWAIT");
@@ -168,7 +175,6 @@ impl Trace {
             _ if Path::new(path).starts_with("/dev/pts") || path == "/dev/ptmx" => About::Line,
             _ if path.starts_with("anon_inode:") => About::Event,
             _ if path.starts_with("pipe:") => About::Pipe,
-            _ if call == "socket" => About::Nothing,
             _ if call == "ppoll" && path.starts_with("socket:") => About::Socket,
             _ if path.starts_with("socket:") && does_not_wait() => About::Socket,
             _ if path.starts_with("socket:") => About::WaitingSocket,

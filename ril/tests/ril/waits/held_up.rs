@@ -75,10 +75,7 @@ struct Orders<'a> {
 
 impl Orders<'_> {
     /// Sends an order. How long until its first report, and which that is.
-    fn give<R: Request<View = R>>(
-        &mut self,
-        order: impl FnOnce(u64) -> R,
-    ) -> (Duration, RequestReport) {
+    fn give<R: Request>(&mut self, order: impl FnOnce(u64) -> R) -> (Duration, RequestReport) {
         self.last += 1;
         let mut client: Client<R> = self.domain.join("operator").client().expect("a client");
         let sent = MonotonicNs::now();

@@ -5,7 +5,7 @@
 mod calls;
 mod held_up;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -135,12 +135,10 @@ fn a_loop_in_flight_calls_nothing_that_waits() {
     drop(page);
     rig.run("land", 0);
 
-    let mut seen = BTreeSet::new();
     let mut others = BTreeMap::new();
     // A process ends before what it listens to.
     for (name, trace) in traced.into_iter().rev().map(Traced::end) {
         assert!(trace.seen.len() > 3, "{name}: {:?}", trace.seen);
-        seen.extend(trace.seen);
         others.extend(
             trace
                 .others
@@ -155,6 +153,4 @@ fn a_loop_in_flight_calls_nothing_that_waits() {
         });
     let rows: String = rows.collect();
     assert!(rows.is_empty(), "not on the list:\n{rows}");
-    let unused = calls::unused(&seen);
-    assert!(unused.is_empty(), "nothing calls it: {unused:?}");
 }
