@@ -10,7 +10,7 @@ use std::time::Duration;
 pub enum About {
     /// Nothing outside of the process and the kernel's own memory.
     Nothing,
-    /// `/dev/shm`: segments, locks and sockets' names of the domain.
+    /// `/dev/shm`: segments, locks and sockets' names of the domain; and `/dev`, which is in memory as well.
     SharedMemory,
     /// Files that the kernel makes as they are read, of processes that live.
     Proc,
@@ -55,15 +55,15 @@ pub const LIST: &[Row] = &[
     Row { of: &["status"], about: About::Doorbell, calls: "futex", why: "the one wait of a process that has publishers and subscribers alone" },
     Row { of: ALL, about: About::Wake, calls: "futex", why: "wakes others and goes on" },
     Row { of: ALL, about: About::Nothing, calls: "brk mmap munmap mremap madvise mprotect", why: "memory of the process: the kernel gives it or does not" },
-    Row { of: ALL, about: About::Nothing, calls: "clock_gettime getpid gettid getsid geteuid getrandom sched_yield umask rt_sigreturn rt_sigprocmask restart_syscall", why: "an answer from the kernel's memory" },
+    Row { of: ALL, about: About::Nothing, calls: "clock_gettime getpid gettid getsid getuid geteuid getrandom sched_yield umask rt_sigreturn rt_sigprocmask restart_syscall", why: "an answer from the kernel's memory" },
     Row { of: ALL, about: About::Nothing, calls: "kill pidfd_open", why: "signal 0: asks whether a process lives" },
     Row { of: ALL, about: About::Nothing, calls: "eventfd2 socket", why: "a new descriptor" },
-    Row { of: ALL, about: About::SharedMemory, calls: "openat access statx newfstatat fstat lstat fcntl fchmod ftruncate fallocate mmap close unlink unlinkat rename renameat mkdir mkdirat rmdir readlink getdents64 read pread64 write pwrite64 lseek fsync", why: "tmpfs: memory alone, where forcing does nothing; files of this user that members of the domain have made" },
+    Row { of: ALL, about: About::SharedMemory, calls: "openat access statx newfstatat fstat lstat statfs fcntl fchmod ftruncate fallocate mmap close unlink unlinkat rename renameat mkdir mkdirat rmdir readlink getdents64 read pread64 write pwrite64 lseek fsync", why: "tmpfs: memory alone, where forcing does nothing; files of this user that members of the domain have made" },
     Row { of: ALL, about: About::SharedMemory, calls: "flock", why: "with LOCK_NB" },
     Row { of: ALL, about: About::Proc, calls: "openat statx newfstatat read close fcntl readlink", why: "the kernel's own memory, of this process and of one that sent a request" },
     Row { of: ALL, about: About::Event, calls: "read write close fcntl timerfd_settime epoll_pwait epoll_ctl ioctl", why: "made with the flag not to wait; an epoll is asked with a limit of 0, the one wait is elsewhere" },
-    Row { of: ALL, about: About::Socket, calls: "sendto recvfrom sendmsg recvmsg read write accept4 getsockopt setsockopt getsockname getpeername shutdown bind connect listen close fcntl", why: "asked not to wait: what finds no room fails at once" },
-    Row { of: ALL, about: About::WaitingSocket, calls: "fcntl setsockopt getsockopt bind close connect", why: "datagrams of the same machine: joining and leaving is a matter of the kernel's memory" },
+    Row { of: ALL, about: About::Socket, calls: "sendto recvfrom sendmsg recvmsg read write accept4 getsockopt setsockopt getsockname getpeername shutdown bind connect listen close fcntl ioctl", why: "asked not to wait: what finds no room fails at once" },
+    Row { of: ALL, about: About::WaitingSocket, calls: "fcntl ioctl setsockopt getsockopt bind close connect", why: "datagrams of the same machine: joining and leaving is a matter of the kernel's memory" },
     Row { of: &["bridge", "sim"], about: About::Line, calls: "read write", why: "opened with O_NONBLOCK: what finds no room or no byte fails at once" },
     Row { of: &["bridge", "sim"], about: About::Line, calls: "ioctl", why: "empties a queue of the kernel (TCFLSH)" },
 ];
@@ -170,7 +170,7 @@ impl Trace {
         };
         let does_not_wait = || self.unwaiting.contains(path) || rest.contains("MSG_DONTWAIT");
         match path {
-            _ if Path::new(path).starts_with("/dev/shm") => About::SharedMemory,
+            _ if Path::new(path).starts_with("/dev/shm") || path == "/dev" => About::SharedMemory,
             _ if Path::new(path).starts_with("/proc") => About::Proc,
             _ if Path::new(path).starts_with("/dev/pts") || path == "/dev/ptmx" => About::Line,
             _ if path.starts_with("anon_inode:") => About::Event,
