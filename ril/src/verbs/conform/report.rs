@@ -145,8 +145,7 @@ pub fn say_plan(
             checks.len() - done.len()
         );
     }
-    // Standard error may be closed.
-    let _ = io::stderr().write_all(text.as_bytes());
+    standard_error().print(text);
 }
 
 /// Writes the dialogue of each broken sentence; gives the files.

@@ -147,10 +147,8 @@ fn reset(resetter: &Resetter, termination: &Termination) -> Result<bool, Failure
         }
         Resetter::ByHand => {
             // Standard error may be closed; Enter counts all the same.
-            let _ = write!(
-                io::stderr(),
-                "Reset the DSP now, and press Enter at once (n: do not): "
-            );
+            let question = "Reset the DSP now, and press Enter at once (n: do not): ";
+            standard_error().print(question);
             let (stdin, signals) = (io::stdin(), termination.as_fd());
             let descriptor = stdin.as_fd();
             let mut sources = [
