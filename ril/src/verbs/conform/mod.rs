@@ -21,6 +21,7 @@ use conform::table::chosen;
 use conform::wire::Setup;
 use dsp_protocol::{DecodeError, Profile, Sequence};
 use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::output::standard_error;
 use runtime::signal::Termination;
 
 use self::report::{list, print_report, say_plan, write_vectors};

@@ -8,6 +8,7 @@ use conform::check::{Check, How};
 use conform::report::{CheckReport, Ended, Report, Side, Verdict, hex};
 use dsp_protocol::{DspErrorCode, Profile};
 use runtime::exit::Failure;
+use runtime::output::standard_error;
 use serde::Serialize;
 
 use crate::render::json_line;

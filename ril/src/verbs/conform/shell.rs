@@ -1,6 +1,6 @@
 //! The serial port around a run: one wait for bytes, for room, for a signal and for the next deadline.
 
-use std::io::{self, BufRead, Write};
+use std::io::{self, BufRead};
 use std::os::fd::AsFd;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -9,6 +9,7 @@ use bridge::shell::serial::SerialPort;
 use conform::report::{Report, Verdict};
 use conform::run::{Conformance, Player, Settings};
 use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::output::standard_error;
 use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;

@@ -16,6 +16,7 @@ use ipc_types::{Domain, MonotonicNs, RobotId, allow_many_files, fresh_request_id
 use module_kit::process;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
+use runtime::output::standard_output;
 use runtime::signal::{Termination, WITH_PARENT};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
