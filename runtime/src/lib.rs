@@ -10,6 +10,7 @@
 //! * [`logging`]: diagnostics on standard error;
 //! * [`manual`]: pages of the manual from the definition of the command line;
 //! * [`notify`]: readiness and watchdog for a supervisor;
+//! * [`output`]: standard error and standard output that nobody waits for;
 //! * [`session`]: the session that a process belongs to;
 //! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on; limits on file sizes as errors;
 //! * [`usage`]: what a process uses of processors, memory and files;
@@ -76,6 +77,7 @@ pub mod helper;
 pub mod logging;
 pub mod manual;
 pub mod notify;
+pub mod output;
 pub mod session;
 pub mod signal;
 pub mod usage;

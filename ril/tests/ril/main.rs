@@ -32,6 +32,7 @@ mod robots;
 mod stock_readers;
 mod terminal;
 mod topics;
+mod unread;
 mod usage;
 mod view;
 mod waits;

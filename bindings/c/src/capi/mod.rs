@@ -70,6 +70,7 @@ fn remember(text: &str) {
 
 /// Runs what a function does, and turns what comes of it into a code.
 fn guard(act: impl FnOnce() -> Result<c_int, Error>) -> c_int {
+    output::bound_panics();
     match catch_unwind(AssertUnwindSafe(act)) {
         Ok(Ok(code)) => code,
         Ok(Err(error)) => {

@@ -81,7 +81,7 @@ impl View {
     }
 }
 
-fn order(number: &str, kind: &str) -> Value {
+pub fn order(number: &str, kind: &str) -> Value {
     json!({"type": "order", "order": number, "robot": 1, "kind": kind, "seen": 0, "position": null,
         "altitude_m": null, "confirm": null})
 }
