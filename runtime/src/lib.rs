@@ -2,6 +2,7 @@
 //!
 //! * [`args`]: the options that every process takes: robot, configuration, verbosity;
 //! * [`config`]: TOML files whose mistakes are refused with file, line and reason;
+//! * [`datagrams`]: a UDP socket that says when each datagram came;
 //! * [`durable`]: files that a kill and a power cut leave whole;
 //! * [`duration`]: times as people write them, such as `1m30s`;
 //! * [`exit`]: exit codes, and how an error is printed once;
@@ -69,6 +70,7 @@
 
 pub mod args;
 pub mod config;
+pub mod datagrams;
 pub mod durable;
 pub mod duration;
 pub mod exit;
