@@ -141,7 +141,9 @@ fn ask(client: &mut Client<MovementData>, request: &MovementData) -> Duration {
     while end.is_none() {
         client.wait(WAIT_LIMIT).unwrap();
         client.drain(|report| {
-            let stage = report.stage().filter(|_| report.request_id == request.request_id);
+            let stage = report
+                .stage()
+                .filter(|_| report.request_id == request.request_id);
             match stage {
                 Some(Stage::Accepted) => accepted = Some(begin.elapsed()),
                 Some(stage) if stage.is_final() => end = Some(stage),
