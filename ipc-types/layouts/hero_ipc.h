@@ -202,6 +202,7 @@ enum hero_reason {
     HERO_REASON_SUPERSEDED = 43,
     HERO_REASON_MODULE_GONE = 44,
     HERO_REASON_NOT_IN_CONTROL = 45,
+    HERO_REASON_FENCE_UNREAD = 46,
 };
 
 enum hero_imi_error {

@@ -211,6 +211,7 @@ class Reason(enum.IntEnum):
     SUPERSEDED = 43
     MODULE_GONE = 44
     NOT_IN_CONTROL = 45
+    FENCE_UNREAD = 46
 
 
 class ImiError(enum.IntEnum):

@@ -472,6 +472,8 @@ codes! {
         ModuleGone = 44 => "module-gone",
         /// Another sender has control of the bridge.
         NotInControl = 45 => "not-in-control",
+        /// The file with the geofence was not read in time; the one in force stays.
+        FenceUnread = 46 => "fence-unread",
     }
 }
 

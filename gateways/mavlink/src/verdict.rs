@@ -58,6 +58,7 @@ fn refusal(reason: Reason) -> MavResult {
         | Reason::BridgeEnding
         | Reason::PathReplaced
         | Reason::NotInControl
+        | Reason::FenceUnread
         | Reason::RelayTooManyStations => MavResult::TemporarilyRejected,
         Reason::InvalidRequest
         | Reason::NotFinite

@@ -1,5 +1,6 @@
 //! A gateway whose time a test sets, the samples that it gets, and stations.
 
+use std::cell::Cell;
 use std::net::SocketAddr;
 use std::time::Duration;
 
@@ -31,9 +32,17 @@ impl Station {
         ([127, 0, 0, 1], self.port).into()
     }
 
+    /// The next frame of this test's stations.
     pub fn frame(self, message: &MessageWriter) -> Vec<u8> {
-        message.frame(0, self.system, 190)
+        let sequence = SEQUENCE.get();
+        SEQUENCE.set(sequence.wrapping_add(1));
+        message.frame(sequence, self.system, 190)
     }
+}
+
+thread_local! {
+    /// The number of the next frame: one count for all stations, so that some are lost for each.
+    static SEQUENCE: Cell<u8> = const { Cell::new(250) };
 }
 
 /// A message that was sent to a station.
@@ -160,7 +169,13 @@ impl World {
     }
 
     pub fn receive(&mut self, from: Station, bytes: &[u8]) {
-        self.gateway.datagram(from.address(), bytes, self.now);
+        self.receive_late(from, bytes, 0);
+    }
+
+    /// A datagram that has waited for so long to be read.
+    pub fn receive_late(&mut self, from: Station, bytes: &[u8], age_ms: u64) {
+        let came = MonotonicNs(self.now.0 - age_ms * 1_000_000);
+        self.gateway.datagram(from.address(), bytes, came, self.now);
         self.gateway.advance(self.now);
     }
 

@@ -256,6 +256,9 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::InvalidFence => {
             "the geofence in bridge.toml is not valid, so the one in force stays: the bridge's log says why"
         }
+        Reason::FenceUnread => {
+            "bridge.toml was not read in time, so the geofence in force stays: is its disk there? Then reload it again"
+        }
         Reason::RelayLinkDown => {
             "the link to the robot was down, so nothing was sent: `ril relay status` shows the link, then send it again"
         }

@@ -35,5 +35,6 @@ mod topics;
 mod unread;
 mod usage;
 mod view;
+mod waits;
 mod watch;
 mod watching;
