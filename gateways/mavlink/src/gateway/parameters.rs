@@ -181,6 +181,7 @@ impl Gateway {
             issued,
             begin_by,
             preempts: false,
+            after: 0,
         });
     }
 
