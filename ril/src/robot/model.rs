@@ -109,6 +109,8 @@ pub struct WatchedRobot {
     telemetry_feed: Feed,
     /// What the live bridge holds; `None` if it has not said it.
     pub(crate) held: Option<HeldOutline>,
+    /// When the bridge was first seen to have another movement than before; `None` if it was not.
+    pub(crate) last_movement: Option<MonotonicNs>,
     /// The state of the link, and when it was first seen.
     link_seen: Option<(u32, MonotonicNs)>,
     /// What the newest telemetry says.
@@ -153,6 +155,7 @@ impl WatchedRobot {
             }),
             telemetry_feed: Feed::without_looks(TELEMETRY_STALE_AFTER),
             held: None,
+            last_movement: None,
             link_seen: None,
             pilot: PilotView::default(),
             home: None,
@@ -177,7 +180,12 @@ impl WatchedRobot {
             self.link_seen = Some((state.link.state, now));
         }
         match self.state.take() {
-            Some(before) => self.compare(&before, state, now),
+            Some(before) => {
+                if before.movement.request_id != state.movement.request_id {
+                    self.last_movement = Some(state.published());
+                }
+                self.compare(&before, state, now);
+            }
             None => self.note_activity(None, state, now),
         }
         self.state = Some(*state);

@@ -241,7 +241,7 @@ impl Screen {
                 KeyAction::Send(index, order) => {
                     let robot = &mut self.app.robots_mut()[index];
                     // What is not sent is in the journal.
-                    let _ = self.ports[index].send(order.into(), &self.requests, robot, now)?;
+                    let _ = self.ports[index].send(order.into(), now, &self.requests, robot, now)?;
                 }
             }
         }
