@@ -253,6 +253,10 @@ pub struct Now {
     pub bridge: Age,
     /// Latitude and longitude, degrees; `None` if it is not known.
     pub position: Option<[f64; 2]>,
+    /// The last one that was known, while `position` is not.
+    pub lost_position: Option<[f64; 2]>,
+    /// How old that is.
+    pub lost_position_age_ms: Option<u64>,
     /// `None` if it is not known.
     pub altitude_m: Option<f64>,
     /// Above the place of the take-off; `None` if it is not known.

@@ -271,7 +271,7 @@ mod tests {
 
     #[test]
     fn what_has_waited_while_another_order_was_taken_is_outdated() {
-        let at = |ms| MonotonicNs(ms * 1_000_000);
+        let at = |ms: u64| MonotonicNs(ms * 1_000_000);
         for (issued_ms, taken_ms, is) in [
             (10_000, None, false),
             (10_000, Some(9_000), false),
