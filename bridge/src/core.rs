@@ -415,6 +415,7 @@ impl Bridge {
         let flight = &self.flight;
         let motion = flight.motion();
         let distance = flight.distance_to_go_m(now);
+        let home = flight.home();
         let mut state = ModuleState {
             module_id: ModuleId::HeroBridge.code(),
             status: motion.status().code(),
@@ -427,8 +428,10 @@ impl Bridge {
             refused: rejected,
             dsp_errors: self.dsp_errors,
             safety: flight.safety_state(now),
-            ground_altitude_m: flight.ground_altitude_m().unwrap_or_default(),
-            ground_valid: u32::from(flight.ground_altitude_m().is_some()),
+            home_latitude_deg: home.map_or(0.0, |home| home.latitude_deg),
+            home_longitude_deg: home.map_or(0.0, |home| home.longitude_deg),
+            ground_altitude_m: home.map_or(0.0, |home| home.altitude_m),
+            ground_valid: u32::from(home.is_some()),
             last_minute,
             outline: self.outline,
             control: flight.control().published(),

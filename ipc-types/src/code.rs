@@ -115,6 +115,11 @@ codes! {
 }
 
 impl TelemetryGroup {
+    /// The bits of the groups that a GPS with a fix has measured.
+    pub const OF_A_FIX: u16 = TelemetryGroup::Geographic.bit()
+        | TelemetryGroup::Xy.bit()
+        | TelemetryGroup::GpsVelocity.bit();
+
     /// The group's bit in `valid_groups`.
     pub const fn bit(self) -> u16 {
         1 << self.code()

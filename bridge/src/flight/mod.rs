@@ -756,9 +756,9 @@ impl Flight {
         }
     }
 
-    /// Telemetry altitude of the ground on which the helicopter stood last, m.
-    pub fn ground_altitude_m(&self) -> Option<f64> {
-        self.observation.ground_altitude_m()
+    /// Where the helicopter stands, and in the air where it took off.
+    pub fn home(&self) -> Option<Geographic> {
+        self.observation.home()
     }
 
     /// The safety rules as they stand.

@@ -22,8 +22,8 @@ pub struct Observation {
     /// Samples received before this moment do not say whether it is in the air.
     flying_since: MonotonicNs,
     position: Option<(Geographic, MonotonicNs)>,
-    /// Telemetry altitude of the ground on which it stood last, m.
-    ground_altitude_m: Option<f64>,
+    /// Where it stood last.
+    home: Option<Geographic>,
     supply: Option<(Supply, MonotonicNs)>,
 }
 
@@ -40,7 +40,7 @@ impl Observation {
         if let Some(position) = known_position(&sample.status) {
             self.position = Some((position, at));
             if !sample.status.flying {
-                self.ground_altitude_m = Some(position.altitude_m);
+                self.home = Some(position);
             }
         }
         if let Some(supply) = sample.status.supply {
@@ -76,9 +76,14 @@ impl Observation {
         self.fresh(self.position, now)
     }
 
-    /// Telemetry altitude of the ground on which the helicopter stood last, m: its take-off was there. It does not age.
+    /// Where the helicopter stands, and in the air where it took off, if it was seen there. It does not age.
+    pub fn home(&self) -> Option<Geographic> {
+        self.home
+    }
+
+    /// Telemetry altitude of home, m.
     pub fn ground_altitude_m(&self) -> Option<f64> {
-        self.ground_altitude_m
+        self.home.map(|home| home.altitude_m)
     }
 
     /// Battery, fuel and the pilot's switch, if they are known.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use dsp_protocol::Waypoint;
 use ipc_types::fresh_request_id;
-use ipc_types::payload::{ModuleState, MovementData, WaypointPosition};
+use ipc_types::payload::{MovementData, WaypointPosition};
 use runtime::exit::{ExitCode, Failure};
 
 use super::progress::ProgressLine;
@@ -16,7 +16,7 @@ use crate::render::messages::Verb;
 use crate::request::cruise::{CruiseSpeed, known_mps, speed_mps};
 use crate::request::{Conversation, Format, Until, complete};
 use crate::robot::geo::{Place, moved};
-use crate::robot::position::{Present, ground_altitude_m, newest_state, present_position};
+use crate::robot::position::{ground_altitude_m, newest_state, present_position};
 use crate::session::OrderContext;
 
 /// A climb shorter than this is none: an altitude is not measured better, m.
@@ -70,7 +70,7 @@ impl GotoArgs {
 
 /// `ril rtl`
 ///
-/// Home is where the DSP had its first GPS fix since it was switched on, unless --home names it. A path that is under way is replaced.
+/// Home is where the helicopter took off, as the bridge has seen it, unless --home names it. A path that is under way is replaced.
 #[derive(Args, Clone, Debug)]
 pub struct RtlArgs {
     /// How high to fly home at least: a telemetry altitude (40m) or a height above take-off (+30m); the helicopter climbs to it on the
@@ -148,7 +148,7 @@ pub fn rtl(args: &RtlArgs) -> Result<(), Failure> {
     let present = present_position(&asked.session, asked.timeout)?;
     let home = match args.home {
         Some(home) => home,
-        None => known_home(&present, &asked)?,
+        None => known_home(&asked)?,
     };
     let least_m = match args.altitude {
         Some(Height::Telemetry(metres)) => metres,
@@ -210,32 +210,16 @@ fn way_home(here: &Waypoint, home: Place, least_m: f64) -> Vec<WaypointPosition>
     way
 }
 
-/// The place of the DSP's first fix, if that is where the helicopter stood.
-fn known_home(present: &Present, asked: &OrderContext) -> Result<Place, Failure> {
+/// Home as the bridge says it.
+fn known_home(asked: &OrderContext) -> Result<Place, Failure> {
     let state = newest_state(&asked.session, asked.timeout)?;
-    let why = match (present.home, why_not_home(state.as_ref())) {
-        (Some(home), None) => return Ok(home),
-        (Some(_), Some(why)) => why,
-        (None, _) => "the DSP does not send the group `xy`, which says it",
-    };
-    Err(Failure::new(
-        ExitCode::Refused,
-        format!("home is not known: {why}; nothing was sent"),
-    )
-    .with_next_step("name it with --home LAT,LON; `ril hold` makes the helicopter hover"))
-}
-
-/// Why the DSP may have had its first fix in the air; `None` if it had it on the ground: a bridge that has seen the helicopter there, and
-/// no boot of the DSP, has seen the DSP that took off.
-fn why_not_home(state: Option<&ModuleState>) -> Option<&'static str> {
-    let Some(state) = state else {
-        return Some("the bridge does not say whether the DSP has booted in the air");
-    };
-    match (state.link.dsp_boots, state.ground_altitude()) {
-        (0, Some(_)) => None,
-        (0, None) => Some("the bridge began in the air, and the DSP may have booted there before"),
-        _ => Some("the DSP has booted since the bridge began, perhaps in the air"),
-    }
+    let home = state.and_then(|state| state.home());
+    let place = home.and_then(|home| Place::new(home.latitude_deg, home.longitude_deg));
+    place.ok_or_else(|| {
+        let text = "home is not known: the bridge has not seen the helicopter on the ground; nothing was sent";
+        Failure::new(ExitCode::Refused, text)
+            .with_next_step("name it with --home LAT,LON; `ril hold` makes the helicopter hover")
+    })
 }
 
 /// A path as a verb orders it.
@@ -339,31 +323,5 @@ mod tests {
             assert_eq!(shown, expected, "{least_m}");
         }
         assert!(place("37.41").is_err() && place("91,0").is_err());
-    }
-
-    #[test]
-    fn home_is_known_to_a_bridge_that_saw_the_ground_and_no_boot_since() {
-        let state = |dsp_boots, ground_valid| {
-            let mut state = ModuleState {
-                ground_valid,
-                ..ModuleState::default()
-            };
-            state.link.dsp_boots = dsp_boots;
-            state
-        };
-        for (dsp_boots, ground_valid, expected) in [
-            (0, 1, None),
-            (0, 0, Some("the bridge began in the air")),
-            (1, 1, Some("has booted since the bridge began")),
-            (1, 0, Some("has booted since the bridge began")),
-        ] {
-            let why = why_not_home(Some(&state(dsp_boots, ground_valid)));
-            let is_said = |expected| why.is_some_and(|why| why.contains(expected));
-            assert!(
-                expected.map_or(why.is_none(), is_said),
-                "{dsp_boots} {ground_valid}: {why:?}"
-            );
-        }
-        assert!(why_not_home(None).is_some());
     }
 }
