@@ -12,6 +12,7 @@ fn terminal(session: u32, process: u32) -> Sender {
     Sender {
         process: Some(process),
         session: Some(session),
+        ..Sender::default()
     }
 }
 

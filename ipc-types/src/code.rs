@@ -472,6 +472,10 @@ codes! {
         ModuleGone = 44 => "module-gone",
         /// Another sender has control of the bridge.
         NotInControl = 45 => "not-in-control",
+        /// The sender's clock is not the bridge's, so when its order was issued is not known.
+        ClockDiffers = 46 => "clock-differs",
+        /// The process that ordered the path ended, gave it up, or did not renew its lease.
+        SenderLost = 47 => "sender-lost",
     }
 }
 

@@ -421,6 +421,9 @@ impl Flight {
         if !self.known_flying(cx)? {
             return Err(Reason::NotFlying.into());
         }
+        if !segment.first && !self.assembler.continues(segment) {
+            return Err(Reason::PathWithoutHead.into());
+        }
         let position = self.known_position(cx)?;
         let distance_m = ground_distance_m(&position, &segment.waypoint);
         let most_m = self.config.movement.max_distance_m;

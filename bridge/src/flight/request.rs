@@ -16,7 +16,7 @@ use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason};
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 use serde::{Deserialize, Serialize};
 
-use super::control::Asks;
+use super::control::{Asks, SenderClock};
 use crate::config::{MovementLimits, STOP_WITHIN};
 pub use crate::outputs::RequestKey;
 use crate::safety::fence::Fence;
@@ -33,11 +33,6 @@ pub struct Issued {
 }
 
 impl Issued {
-    /// Whether it says a moment that has been. What comes from the future, or says no moment, has no place among the orders.
-    pub fn is_past(&self, now: MonotonicNs) -> bool {
-        self.at > MonotonicNs(0) && self.at <= now
-    }
-
     /// The moment of two parts of one order.
     #[must_use]
     pub fn with(&self, other: &Issued) -> Issued {
@@ -198,13 +193,12 @@ impl Request {
 /// A request as it was read, with what is asked for or why that cannot be.
 pub type Parsed<R> = (RequestHeader, Result<R, Reason>);
 
-/// Reads a control request at `now`; `fence` is the geofence of the configuration, for the request that asks to read it again.
+/// Reads a control request; `fence` is the geofence of the configuration, for the request that asks to read it again.
 pub fn parse_control(
     key: RequestKey,
     control: &ModuleControl,
     fence: Option<Result<Fence, Reason>>,
     limits: &MovementLimits,
-    now: MonotonicNs,
 ) -> Parsed<Request> {
     let command = ControlCommand::from_code(control.command);
     let within = match command {
@@ -222,7 +216,6 @@ pub fn parse_control(
         repeat: false,
         preempt: false,
     };
-    let command = command.filter(|_| issued.is_past(now));
     let command = command.ok_or(Reason::InvalidRequest);
     let request = match (fence, command) {
         (Some(fence), command) => Ok(Request::NewFence(command.and(fence))),
@@ -263,7 +256,6 @@ pub fn parse_movement(
         preempt: data.preempt != 0,
     };
     let movement = match kind {
-        _ if !issued.is_past(now) => Err(Reason::InvalidRequest),
         Some(MovementKind::TakeOff) => take_off(data.altitude_m),
         Some(MovementKind::Land) => Ok(Movement::Land),
         Some(MovementKind::Hold) => Ok(Movement::Hold),
@@ -273,12 +265,11 @@ pub fn parse_movement(
     (header, movement)
 }
 
-/// Reads a parameter request at `now`.
+/// Reads a parameter request.
 pub fn parse_parameter(
     key: RequestKey,
     request: &ParameterRequest,
     limits: &MovementLimits,
-    now: MonotonicNs,
 ) -> Parsed<Request> {
     let issued = issued(request.issued_ns, request.issued_within_ns, request.origin);
     let header = RequestHeader {
@@ -291,13 +282,41 @@ pub fn parse_parameter(
         repeat: false,
         preempt: false,
     };
-    let operation = request.operation().filter(|_| issued.is_past(now));
+    let operation = request.operation();
     let port = |operation| Request::Port {
         operation,
         port: request.port,
         value: request.value,
     };
     (header, operation.map(port).ok_or(Reason::InvalidRequest))
+}
+
+/// What becomes of a request whose sender reads `clock`. Its moments mean nothing by another clock, nor do those from the future, nor
+/// none at all: they have no place among the orders. A hold, a landing or a stop is taken all the same, as issued when it is read.
+pub fn judged_by_clock(asked: Parsed<Request>, clock: SenderClock, now: MonotonicNs) -> Parsed<Request> {
+    let (mut header, request) = asked;
+    let says_none = header.issued.at == MonotonicNs(0);
+    let differs = clock == SenderClock::Other || header.issued.at > now;
+    let is_stop = |request: &Request| {
+        let on_the_spot = matches!(request, Request::Movement(Movement::Land | Movement::Hold));
+        on_the_spot || *request == Request::Stop
+    };
+    match request {
+        Ok(request) if is_stop(&request) => {
+            if says_none || differs || clock == SenderClock::Unknown {
+                let within = match says_none {
+                    true => STOP_WITHIN,
+                    false => header.begin_by.since(header.issued.at),
+                };
+                (header.issued.at, header.issued.latest) = (now, now);
+                header.begin_by = now + within;
+            }
+            (header, Ok(request))
+        }
+        Ok(_) if says_none => (header, Err(Reason::InvalidRequest)),
+        Ok(_) if differs => (header, Err(Reason::ClockDiffers)),
+        request => (header, request),
+    }
 }
 
 fn issued(at_ns: u64, within_ns: u32, origin: u32) -> Issued {
@@ -465,7 +484,7 @@ mod tests {
                 ..ModuleControl::default()
             };
             let limits = MovementLimits::default();
-            assert_eq!(parse_control(KEY, &control, None, &limits, NOW).1, expected);
+            assert_eq!(parse_control(KEY, &control, None, &limits).1, expected);
         }
     }
 
@@ -518,8 +537,5 @@ mod tests {
     fn the_parts_of_an_order_have_its_earliest_moment() {
         let whole = order(7, 100, 50).with(&order(7, 90, 80));
         assert_eq!(whole, order(7, 90, 80));
-        assert!(whole.is_past(MonotonicNs(90)));
-        assert!(!whole.is_past(MonotonicNs(89)));
-        assert!(!order(0, 0, 0).is_past(MonotonicNs(89)));
     }
 }
