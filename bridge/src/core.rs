@@ -17,7 +17,7 @@ use module_kit::journal::{NotASnapshot, raw};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{BridgeConfig, MovementLimits, ParametersConfig};
-use crate::flight::control::{Sender, Who};
+use crate::flight::control::{Sender, SenderClock, Who};
 use crate::flight::request::{
     Parsed, Request, RequestKey, judged_by_clock, parse_control, parse_movement, parse_parameter,
 };
@@ -103,10 +103,12 @@ pub enum Input<'a> {
     Transmitted(usize),
     /// The kernel was made to discard what it had not sent: [`Bridge::take_discard_unsent`].
     DiscardUnsent,
-    /// The process with whose end a sender ends, [`Bridge::controller`], has ended.
-    ControllerGone(u32),
+    /// A process has ended: that with whose end a sender ends, [`Bridge::controller`], or that of [`Bridge::path_sender`].
+    ProcessEnded(u32),
     /// The machine was suspended for so many nanoseconds since the input before, which the host's monotonic clock does not count.
     Suspended(u64),
+    /// The sender of the path that is [leased](Bridge::lease) renewed that at this moment, host monotonic.
+    LeaseRenewed(MonotonicNs),
 }
 
 /// A geofence as its text in `bridge.toml`, or the number of the reason.
@@ -199,15 +201,21 @@ impl CoreClock {
         }
     }
 
-    /// The moments of a request by the core's clock: when it was issued, and until when it may begin. 0 stays what it is.
-    fn translate(&self, issued_ns: &mut u64, begin_by_ns: &mut u64) {
-        let suspended = match MonotonicNs(*issued_ns) < self.resumed {
+    /// A moment by the host's clock as one by the core's.
+    fn at(&self, host: MonotonicNs) -> MonotonicNs {
+        host + match host < self.resumed {
             true => self.before,
             false => self.suspended,
-        };
+        }
+    }
+
+    /// The moments of a request by the core's clock: when it was issued, and until when it may begin. 0 stays what it is.
+    fn translate(&self, issued_ns: &mut u64, begin_by_ns: &mut u64) {
+        let issued = MonotonicNs(*issued_ns);
+        let suspended = nanos(self.at(issued).since(issued));
         for moment in [issued_ns, begin_by_ns] {
             if *moment > 0 {
-                *moment = moment.saturating_add(nanos(suspended));
+                *moment = moment.saturating_add(suspended);
             }
         }
     }
@@ -334,6 +342,18 @@ impl Bridge {
         self.flight.control().lives_as()
     }
 
+    /// The process of the sender of the path under way, if the path depends on that.
+    pub fn path_sender(&self) -> Option<u32> {
+        self.flight.path_followed()?.lost.process
+    }
+
+    /// The path under way whose sender renews it, and until when, host monotonic: when that has come, look whether it was renewed before
+    /// the deadlines are handled.
+    pub fn lease(&self) -> Option<(u64, MonotonicNs)> {
+        let (path_id, until) = self.flight.lease()?;
+        Some((path_id, self.clock.host(until)))
+    }
+
     /// Takes an input at `now`, host monotonic, which is not before that of the input before.
     pub fn apply(&mut self, now: MonotonicNs, input: Input<'_>, out: &mut dyn Outputs) {
         if let Input::Suspended(ns) = input {
@@ -405,7 +425,11 @@ impl Bridge {
             Input::SenderGone(key) => self
                 .flight
                 .sender_gone(key, &mut Context { now, link, out }),
-            Input::ControllerGone(process) => self.flight.controller_gone(process),
+            Input::ProcessEnded(process) => {
+                self.flight
+                    .process_ended(process, &mut Context { now, link, out });
+            }
+            Input::LeaseRenewed(at) => self.flight.lease_renewed(self.clock.at(at).min(now)),
             Input::Advance => self.advance(now, out),
             Input::WindDown => self.flight.wind_down(&mut Context { now, link, out }),
             Input::Close => {
@@ -490,7 +514,10 @@ impl Bridge {
         out: &mut dyn Outputs,
     ) {
         self.begin(now, out);
-        let (header, request) = judged_by_clock(asked, sender.clock, now);
+        let (mut header, request) = judged_by_clock(asked, sender.clock, now);
+        if sender.clock != SenderClock::Unknown {
+            header.lost.process = sender.process;
+        }
         let origin = header.issued.origin;
         let who = Who { origin, sender };
         let link = &mut self.link;

@@ -14,4 +14,6 @@ mod orders;
 mod parameters;
 mod paths;
 mod rig;
+mod sender_lost;
+mod suspended;
 mod take_off_and_landing;

@@ -273,7 +273,7 @@ mod tests {
             sender: Sender {
                 process: Some(process),
                 session: Some(session),
-                ..Sender::default()
+                clock: SenderClock::Own,
             },
         }
     }
@@ -284,7 +284,7 @@ mod tests {
             sender: Sender {
                 process: Some(900),
                 session: Some(901),
-                ..Sender::default()
+                clock: SenderClock::Own,
             },
         }
     }

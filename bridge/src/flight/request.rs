@@ -12,7 +12,8 @@ use std::time::Duration;
 
 use dsp_protocol::{Waypoint, port};
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason};
+use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason, SenderLost};
+use ipc_types::lease::LEASES_MS;
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 use serde::{Deserialize, Serialize};
 
@@ -98,6 +99,45 @@ pub struct RequestHeader {
     pub repeat: bool,
     /// It may replace a path that is under way.
     pub preempt: bool,
+    /// What becomes of its path without its sender.
+    pub lost: WhenLost,
+}
+
+/// What becomes of a path when its sender is lost: its process ends, or it gives the path up, or does not renew its lease.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct WhenLost {
+    /// What follows.
+    pub then: SenderLost,
+    /// How often the sender renews the path; `None` if it does not.
+    pub lease: Option<Duration>,
+    /// The process of the sender, if its end can be seen.
+    pub process: Option<u32>,
+}
+
+impl WhenLost {
+    /// Nothing is lost with the sender.
+    pub const NOTHING: WhenLost = WhenLost {
+        then: SenderLost::Continue,
+        lease: None,
+        process: None,
+    };
+
+    /// As a movement says; without an action, it is the default.
+    fn read(data: &MovementData, default: SenderLost) -> Result<WhenLost, Reason> {
+        let lease = Duration::from_millis(data.lease_ms.into());
+        let then = match data.sender_lost {
+            0 => Some(default),
+            code => SenderLost::from_code(code),
+        };
+        match (then, data.lease_ms) {
+            (Some(then), ms) if ms == 0 || LEASES_MS.contains(&ms) => Ok(WhenLost {
+                then,
+                lease: (ms > 0).then_some(lease),
+                process: None,
+            }),
+            _ => Err(Reason::InvalidRequest),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -114,6 +154,7 @@ impl RequestHeader {
         begin_by: MonotonicNs(u64::MAX),
         repeat: false,
         preempt: false,
+        lost: WhenLost::NOTHING,
     };
 }
 
@@ -215,6 +256,7 @@ pub fn parse_control(
         // To start or stop a module twice is the same as once.
         repeat: false,
         preempt: false,
+        lost: WhenLost::NOTHING,
     };
     let command = command.ok_or(Reason::InvalidRequest);
     let request = match (fence, command) {
@@ -240,6 +282,11 @@ pub fn parse_movement(
 ) -> Parsed<Movement> {
     let kind = MovementKind::from_code(data.kind);
     let issued = issued(data.issued_ns, data.issued_within_ns, data.origin);
+    // Of another movement nothing depends on its sender.
+    let lost = match kind {
+        Some(MovementKind::GoToWaypoint) => WhenLost::read(data, limits.sender_lost),
+        _ => Ok(WhenLost::NOTHING),
+    };
     let (from, within) = match kind {
         Some(MovementKind::Land | MovementKind::Hold) => (issued.at, STOP_WITHIN),
         // The path's sender lives: it has waited for the answer to the waypoint before this one.
@@ -254,8 +301,10 @@ pub fn parse_movement(
         begin_by: begin_by(data.begin_by_ns, from, within),
         repeat: data.repeat != 0,
         preempt: data.preempt != 0,
+        lost: lost.unwrap_or(WhenLost::NOTHING),
     };
     let movement = match kind {
+        _ if lost.is_err() => Err(Reason::InvalidRequest),
         Some(MovementKind::TakeOff) => take_off(data.altitude_m),
         Some(MovementKind::Land) => Ok(Movement::Land),
         Some(MovementKind::Hold) => Ok(Movement::Hold),
@@ -281,6 +330,7 @@ pub fn parse_parameter(
         // To read or write a port twice is the same as once.
         repeat: false,
         preempt: false,
+        lost: WhenLost::NOTHING,
     };
     let operation = request.operation();
     let port = |operation| Request::Port {
@@ -293,7 +343,11 @@ pub fn parse_parameter(
 
 /// What becomes of a request whose sender reads `clock`. Its moments mean nothing by another clock, nor do those from the future, nor
 /// none at all: they have no place among the orders. A hold, a landing or a stop is taken all the same, as issued when it is read.
-pub fn judged_by_clock(asked: Parsed<Request>, clock: SenderClock, now: MonotonicNs) -> Parsed<Request> {
+pub fn judged_by_clock(
+    asked: Parsed<Request>,
+    clock: SenderClock,
+    now: MonotonicNs,
+) -> Parsed<Request> {
     let (mut header, request) = asked;
     let says_none = header.issued.at == MonotonicNs(0);
     let differs = clock == SenderClock::Other || header.issued.at > now;

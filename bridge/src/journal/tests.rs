@@ -163,7 +163,9 @@ fn inputs() -> Vec<Input<'static>> {
         Input::Transmit,
         Input::Transmitted(300),
         Input::DiscardUnsent,
-        Input::ControllerGone(300),
+        Input::ProcessEnded(300),
+        Input::Suspended(u64::MAX),
+        Input::LeaseRenewed(START),
     ]
 }
 
