@@ -17,7 +17,7 @@ use module_kit::journal::{NotASnapshot, raw};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{BridgeConfig, MovementLimits, ParametersConfig};
-use crate::flight::control::{Sender, SenderClock, Who};
+use crate::flight::control::Sender;
 use crate::flight::request::{
     Parsed, Request, RequestKey, judged_by_clock, parse_control, parse_movement, parse_parameter,
 };
@@ -344,7 +344,7 @@ impl Bridge {
 
     /// The process of the sender of the path under way, if the path depends on that.
     pub fn path_sender(&self) -> Option<u32> {
-        self.flight.path_followed()?.lost.process
+        self.flight.path_process()
     }
 
     /// The path under way whose sender renews it, and until when, host monotonic: when that has come, look whether it was renewed before
@@ -387,8 +387,8 @@ impl Bridge {
             } => {
                 self.clock
                     .translate(&mut request.issued_ns, &mut request.begin_by_ns);
-                let asked = parse_control(key, &request, None, &self.limits);
-                self.request(now, sender, asked, out);
+                let asked = parse_control((key, sender), &request, None, &self.limits);
+                self.request(now, asked, out);
             }
             Input::NewFence {
                 key,
@@ -398,8 +398,8 @@ impl Bridge {
             } => {
                 self.clock
                     .translate(&mut request.issued_ns, &mut request.begin_by_ns);
-                let asked = parse_control(key, &request, Some(fence), &self.limits);
-                self.request(now, sender, asked, out);
+                let asked = parse_control((key, sender), &request, Some(fence), &self.limits);
+                self.request(now, asked, out);
             }
             Input::Movement {
                 key,
@@ -408,9 +408,9 @@ impl Bridge {
             } => {
                 self.clock
                     .translate(&mut request.issued_ns, &mut request.begin_by_ns);
-                let (header, movement) = parse_movement(key, &request, &self.limits, now);
+                let (header, movement) = parse_movement((key, sender), &request, &self.limits, now);
                 let asked = (header, movement.map(Request::Movement));
-                self.request(now, sender, asked, out);
+                self.request(now, asked, out);
             }
             Input::Parameter {
                 key,
@@ -419,8 +419,8 @@ impl Bridge {
             } => {
                 self.clock
                     .translate(&mut request.issued_ns, &mut request.begin_by_ns);
-                let asked = parse_parameter(key, &request, &self.limits);
-                self.request(now, sender, asked, out);
+                let asked = parse_parameter((key, sender), &request, &self.limits);
+                self.request(now, asked, out);
             }
             Input::SenderGone(key) => self
                 .flight
@@ -506,23 +506,12 @@ impl Bridge {
         self.handle_events(now, out);
     }
 
-    fn request(
-        &mut self,
-        now: MonotonicNs,
-        sender: Sender,
-        asked: Parsed<Request>,
-        out: &mut dyn Outputs,
-    ) {
+    fn request(&mut self, now: MonotonicNs, asked: Parsed<Request>, out: &mut dyn Outputs) {
         self.begin(now, out);
-        let (mut header, request) = judged_by_clock(asked, sender.clock, now);
-        if sender.clock != SenderClock::Unknown {
-            header.lost.process = sender.process;
-        }
-        let origin = header.issued.origin;
-        let who = Who { origin, sender };
+        let (header, request) = judged_by_clock(asked, now);
         let link = &mut self.link;
         self.flight
-            .request(&header, who, request, &mut Context { now, link, out });
+            .request(&header, request, &mut Context { now, link, out });
     }
 
     fn advance(&mut self, now: MonotonicNs, out: &mut dyn Outputs) {

@@ -15,5 +15,6 @@ mod parameters;
 mod paths;
 mod rig;
 mod sender_lost;
+mod steps;
 mod suspended;
 mod take_off_and_landing;

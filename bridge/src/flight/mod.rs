@@ -9,6 +9,7 @@ pub mod arrival;
 pub mod assembly;
 pub mod control;
 pub mod dsp_order;
+pub mod last_order;
 pub mod motion;
 pub mod observation;
 pub mod parameters;
@@ -20,7 +21,7 @@ pub mod trajectory;
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ImiError, Reason, SenderLost, Stage};
+use ipc_types::code::{CameBetween, ImiError, ParameterOperation, Reason, SenderLost, Stage};
 use ipc_types::payload::{MovementState, RequestReport, SafetyState};
 use module_kit::journal::{NotASnapshot, raw};
 use serde::{Deserialize, Serialize};
@@ -35,7 +36,8 @@ use crate::safety::Safety;
 use crate::safety::fence::Fence;
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
-use control::{Asks, Control, Who};
+use control::{Asks, Control, SenderClock};
+use last_order::LastOrder;
 use motion::{Action, Asked, Event, Facts, Motion, MovementOrder, Rest};
 use observation::{Observation, known_position};
 use parameters::ParameterRequests;
@@ -184,9 +186,11 @@ impl Flight {
                 }
             }
             LinkEvent::Rebooted => {
+                self.happened(CameBetween::DspRebooted, cx);
                 self.dsp_vanished(ImiError::HeroDspFatalError, Reason::DspRebooted, cx);
             }
             LinkEvent::Lost => {
+                self.happened(CameBetween::LinkLost, cx);
                 let error = ImiError::CommunicationFatalError;
                 self.dsp_vanished(error, Reason::CommunicationFatalError, cx);
             }
@@ -201,6 +205,11 @@ impl Flight {
         if let Motion::Deferred { .. } = self.motion {
             self.happen(Event::Reachable, cx);
         }
+    }
+
+    /// Something that no request ordered, and that no step of a command outlives.
+    fn happened(&mut self, what: CameBetween, cx: &Context<'_>) {
+        self.answers.take_event(LastOrder::event(what), cx.now);
     }
 
     /// What the DSP was doing has an outcome, and at rest nothing is lost.
@@ -245,14 +254,13 @@ impl Flight {
     pub fn request(
         &mut self,
         header: &RequestHeader,
-        who: Who,
         request: Result<Request, Reason>,
         cx: &mut Context<'_>,
     ) {
         if !self.is_new(header, cx) {
             return;
         }
-        let carried_out = |request| self.carry_out(header, who, request, cx);
+        let carried_out = |request| self.carry_out(header, request, cx);
         let outcome = request.map_err(Verdict::from).and_then(carried_out);
         self.is_changed = true;
         self.arm_control();
@@ -274,11 +282,12 @@ impl Flight {
     fn carry_out(
         &mut self,
         header: &RequestHeader,
-        who: Who,
         request: Request,
         cx: &mut Context<'_>,
     ) -> Result<(), Verdict> {
-        let asks = request.asks();
+        // First: a step that is outdated is no order, and changes nothing.
+        self.answers.follows(header)?;
+        let (who, asks) = (header.who(), request.asks());
         let is_movement = matches!(request, Request::Movement(_));
         if let Request::Control(_) = request {
             in_time(header, cx.now)?;
@@ -297,6 +306,9 @@ impl Flight {
             } => {
                 let facts = self.facts(cx);
                 let verdict = (self.parameters).take(header, operation, port, value, &facts)?;
+                if operation == ParameterOperation::Write {
+                    self.answers.wrote(header);
+                }
                 self.report(header, &verdict, cx);
                 self.parameter_ended(None, cx);
             }
@@ -313,7 +325,7 @@ impl Flight {
             return Err(Reason::LinkDown.into());
         }
         let rest = self.motion.standing().start()?;
-        self.answers.take(header);
+        self.answers.take(header, CameBetween::Start);
         self.change_motion(Motion::Idle(rest));
         self.report(header, &Verdict::DONE, cx);
         Ok(())
@@ -321,7 +333,7 @@ impl Flight {
 
     fn stop(&mut self, header: &RequestHeader, cx: &mut Context<'_>) -> Result<(), Verdict> {
         // It counts even when it is refused.
-        self.answers.take(header);
+        self.answers.take(header, CameBetween::Stop);
         in_time(header, cx.now)?;
         let then = self.motion.standing().stop()?;
         self.break_path(Reason::Stopped, cx);
@@ -382,7 +394,11 @@ impl Flight {
             }
             // They count even when they are refused.
             Movement::Land | Movement::Hold => {
-                self.answers.take(header);
+                let what = match movement {
+                    Movement::Land => CameBetween::Land,
+                    _ => CameBetween::Hold,
+                };
+                self.answers.take(header, what);
                 in_time(header, cx.now)?;
             }
         }
@@ -534,8 +550,7 @@ impl Flight {
     pub fn process_ended(&mut self, process: u32, cx: &mut Context<'_>) {
         self.is_changed |= self.control.gone(process);
         self.arm_control();
-        let lost = self.path_followed().map(|header| header.lost.process);
-        if lost == Some(Some(process)) {
+        if self.path_process() == Some(process) {
             self.sender_lost(cx);
         }
     }
@@ -544,6 +559,12 @@ impl Flight {
     pub fn path_followed(&self) -> Option<&RequestHeader> {
         self.path_request()
             .filter(|header| header.lost.then != SenderLost::Continue)
+    }
+
+    /// The process of the sender of that path, if its end can be seen.
+    pub fn path_process(&self) -> Option<u32> {
+        let sender = self.path_followed()?.sender;
+        (sender.process).filter(|_| sender.clock != SenderClock::Unknown)
     }
 
     fn path_request(&self) -> Option<&RequestHeader> {

@@ -17,7 +17,7 @@ use ipc_types::lease::LEASES_MS;
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 use serde::{Deserialize, Serialize};
 
-use super::control::{Asks, SenderClock};
+use super::control::{Asks, Sender, SenderClock, Who};
 use crate::config::{MovementLimits, STOP_WITHIN};
 pub use crate::outputs::RequestKey;
 use crate::safety::fence::Fence;
@@ -62,6 +62,15 @@ impl IssueMark {
         issued.at < self.floor(issued)
     }
 
+    /// Something came between at `now` that no request ordered: orders that were issued before are not carried out any more.
+    pub fn take_event(&mut self, now: MonotonicNs) {
+        self.take(&Issued {
+            origin: 0,
+            at: now,
+            latest: now,
+        });
+    }
+
     /// Takes an order. One by another clock that is surely not the last changes nothing.
     pub fn take(&mut self, issued: &Issued) {
         if issued.origin != self.origin && issued.latest <= self.floor_same {
@@ -93,6 +102,10 @@ pub struct RequestHeader {
     pub path_id: u64,
     /// When its order was issued.
     pub issued: Issued,
+    /// What is known of the process that sent it.
+    pub sender: Sender,
+    /// The request that was the step before of the same command; 0 if it follows no other.
+    pub after: u64,
     /// Until when it may begin on the DSP.
     pub begin_by: MonotonicNs,
     /// It was sent before, and its outcome is not known to the sender.
@@ -110,8 +123,6 @@ pub struct WhenLost {
     pub then: SenderLost,
     /// How often the sender renews the path; `None` if it does not.
     pub lease: Option<Duration>,
-    /// The process of the sender, if its end can be seen.
-    pub process: Option<u32>,
 }
 
 impl WhenLost {
@@ -119,7 +130,6 @@ impl WhenLost {
     pub const NOTHING: WhenLost = WhenLost {
         then: SenderLost::Continue,
         lease: None,
-        process: None,
     };
 
     /// As a movement says; without an action, it is the default.
@@ -133,9 +143,18 @@ impl WhenLost {
             (Some(then), ms) if ms == 0 || LEASES_MS.contains(&ms) => Ok(WhenLost {
                 then,
                 lease: (ms > 0).then_some(lease),
-                process: None,
             }),
             _ => Err(Reason::InvalidRequest),
+        }
+    }
+}
+
+impl RequestHeader {
+    /// Who sent it.
+    pub fn who(&self) -> Who {
+        Who {
+            origin: self.issued.origin,
+            sender: self.sender,
         }
     }
 }
@@ -151,6 +170,11 @@ impl RequestHeader {
             at: MonotonicNs(1),
             latest: MonotonicNs(1),
         },
+        sender: Sender {
+            process: None,
+            session: None,
+        },
+        after: 0,
         begin_by: MonotonicNs(u64::MAX),
         repeat: false,
         preempt: false,
@@ -234,9 +258,9 @@ impl Request {
 /// A request as it was read, with what is asked for or why that cannot be.
 pub type Parsed<R> = (RequestHeader, Result<R, Reason>);
 
-/// Reads a control request; `fence` is the geofence of the configuration, for the request that asks to read it again.
+/// Reads a control request of `sender`; `fence` is the geofence of the configuration, for the request that asks to read it again.
 pub fn parse_control(
-    key: RequestKey,
+    (key, sender): (RequestKey, Sender),
     control: &ModuleControl,
     fence: Option<Result<Fence, Reason>>,
     limits: &MovementLimits,
@@ -252,6 +276,8 @@ pub fn parse_control(
         request_id: control.request_id,
         path_id: 0,
         issued,
+        sender,
+        after: control.after,
         begin_by: begin_by(control.begin_by_ns, issued.at, within),
         // To start or stop a module twice is the same as once.
         repeat: false,
@@ -273,9 +299,9 @@ pub fn parse_control(
     (header, request)
 }
 
-/// Reads a movement request at `now`.
+/// Reads a movement request of `sender` at `now`.
 pub fn parse_movement(
-    key: RequestKey,
+    (key, sender): (RequestKey, Sender),
     data: &MovementData,
     limits: &MovementLimits,
     now: MonotonicNs,
@@ -298,6 +324,8 @@ pub fn parse_movement(
         request_id: data.request_id,
         path_id: data.path_id,
         issued,
+        sender,
+        after: data.after,
         begin_by: begin_by(data.begin_by_ns, from, within),
         repeat: data.repeat != 0,
         preempt: data.preempt != 0,
@@ -314,9 +342,9 @@ pub fn parse_movement(
     (header, movement)
 }
 
-/// Reads a parameter request.
+/// Reads a parameter request of `sender`.
 pub fn parse_parameter(
-    key: RequestKey,
+    (key, sender): (RequestKey, Sender),
     request: &ParameterRequest,
     limits: &MovementLimits,
 ) -> Parsed<Request> {
@@ -326,6 +354,8 @@ pub fn parse_parameter(
         request_id: request.request_id,
         path_id: 0,
         issued,
+        sender,
+        after: request.after,
         begin_by: begin_by(request.begin_by_ns, issued.at, limits.begin_within()),
         // To read or write a port twice is the same as once.
         repeat: false,
@@ -341,14 +371,11 @@ pub fn parse_parameter(
     (header, operation.map(port).ok_or(Reason::InvalidRequest))
 }
 
-/// What becomes of a request whose sender reads `clock`. Its moments mean nothing by another clock, nor do those from the future, nor
+/// What becomes of a request by the clock that its sender reads. Its moments mean nothing by another clock, nor do those from the future, nor
 /// none at all: they have no place among the orders. A hold, a landing or a stop is taken all the same, as issued when it is read.
-pub fn judged_by_clock(
-    asked: Parsed<Request>,
-    clock: SenderClock,
-    now: MonotonicNs,
-) -> Parsed<Request> {
+pub fn judged_by_clock(asked: Parsed<Request>, now: MonotonicNs) -> Parsed<Request> {
     let (mut header, request) = asked;
+    let clock = header.sender.clock;
     let says_none = header.issued.at == MonotonicNs(0);
     let differs = clock == SenderClock::Other || header.issued.at > now;
     let is_stop = |request: &Request| {
@@ -456,7 +483,13 @@ mod tests {
     fn parse(change: impl FnOnce(&mut MovementData)) -> Result<Movement, Reason> {
         let mut data = goto();
         change(&mut data);
-        parse_movement(KEY, &data, &MovementLimits::default(), NOW).1
+        parse_movement(
+            (KEY, Sender::default()),
+            &data,
+            &MovementLimits::default(),
+            NOW,
+        )
+        .1
     }
 
     #[test]
@@ -514,7 +547,12 @@ mod tests {
         let mut data = goto();
         data.kind = 77;
         data.begin_by_ns = 250;
-        let (header, movement) = parse_movement(KEY, &data, &MovementLimits::default(), NOW);
+        let (header, movement) = parse_movement(
+            (KEY, Sender::default()),
+            &data,
+            &MovementLimits::default(),
+            NOW,
+        );
         assert_eq!(movement, Err(Reason::InvalidRequest));
         assert_eq!((header.request_id, header.path_id), (9, 4));
         assert_eq!(header.begin_by, MonotonicNs(250));
@@ -538,7 +576,10 @@ mod tests {
                 ..ModuleControl::default()
             };
             let limits = MovementLimits::default();
-            assert_eq!(parse_control(KEY, &control, None, &limits).1, expected);
+            assert_eq!(
+                parse_control((KEY, Sender::default()), &control, None, &limits).1,
+                expected
+            );
         }
     }
 
