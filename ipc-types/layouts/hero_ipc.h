@@ -222,6 +222,8 @@ enum hero_reason {
     HERO_REASON_SUPERSEDED = 43,
     HERO_REASON_MODULE_GONE = 44,
     HERO_REASON_NOT_IN_CONTROL = 45,
+    HERO_REASON_CLOCK_DIFFERS = 46,
+    HERO_REASON_SENDER_LOST = 47,
 };
 
 enum hero_imi_error {

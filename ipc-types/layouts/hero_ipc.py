@@ -231,6 +231,8 @@ class Reason(enum.IntEnum):
     SUPERSEDED = 43
     MODULE_GONE = 44
     NOT_IN_CONTROL = 45
+    CLOCK_DIFFERS = 46
+    SENDER_LOST = 47
 
 
 class ImiError(enum.IntEnum):

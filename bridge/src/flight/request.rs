@@ -173,6 +173,7 @@ impl RequestHeader {
         sender: Sender {
             process: None,
             session: None,
+            clock: SenderClock::Own,
         },
         after: 0,
         begin_by: MonotonicNs(u64::MAX),
