@@ -38,6 +38,8 @@ pub struct Requests {
     quiet: Vec<u64>,
     /// What becomes of the paths of [`Requests::go_to`] without this program: a number of `SenderLost`, and a lease.
     when_lost: (u32, u32),
+    /// The step before of the next request; 0 if it follows no other.
+    before: u64,
     waiter: Waiter,
 }
 
@@ -61,6 +63,7 @@ impl Requests {
             waiting: VecDeque::new(),
             quiet: Vec::new(),
             when_lost: (0, 0),
+            before: 0,
             waiter: Waiter::new(),
         }
     }
@@ -106,6 +109,17 @@ impl Requests {
         }
     }
 
+    /// The next start, stop or movement is the step of a command whose step before is the request `before`: it is taken only if
+    /// nothing came between.
+    pub fn follow(&mut self, before: u64) {
+        self.before = before;
+    }
+
+    fn movement(&mut self, movement: MovementData) -> Result<u64, Error> {
+        let before = std::mem::take(&mut self.before);
+        self.send_own(&movement.following(before))
+    }
+
     /// Sends a request of the robot's own.
     fn send_own<R: Request>(&mut self, request: &R) -> Result<u64, Error> {
         self.send(&ServiceName::of_key(R::KEY), request.bytes())
@@ -117,7 +131,10 @@ impl Requests {
     ///
     /// When the request was not sent.
     pub fn control(&mut self, command: ControlCommand) -> Result<u64, Error> {
-        self.send_own(&ModuleControl::new(0, command))
+        self.send_own(&ModuleControl {
+            after: std::mem::take(&mut self.before),
+            ..ModuleControl::new(0, command)
+        })
     }
 
     /// Takes off and climbs to this height above take-off, m.
@@ -126,7 +143,7 @@ impl Requests {
     ///
     /// When the request was not sent.
     pub fn take_off(&mut self, altitude_m: f64) -> Result<u64, Error> {
-        self.send_own(&MovementData::take_off(0, altitude_m))
+        self.movement(MovementData::take_off(0, altitude_m))
     }
 
     /// Lands; with `preempt` out of a path that is under way.
@@ -136,7 +153,7 @@ impl Requests {
     /// When the request was not sent.
     pub fn land(&mut self, preempt: bool) -> Result<u64, Error> {
         let land = MovementData::land(0);
-        self.send_own(&if preempt { land.preempting() } else { land })
+        self.movement(if preempt { land.preempting() } else { land })
     }
 
     /// Hovers on the spot; a path that is under way ends as replaced.
@@ -145,7 +162,7 @@ impl Requests {
     ///
     /// When the request was not sent.
     pub fn hold(&mut self) -> Result<u64, Error> {
-        self.send_own(&MovementData::hold(0))
+        self.movement(MovementData::hold(0))
     }
 
     /// From now on a path of [`Requests::go_to`] says what becomes of it when this program ends: a `SenderLost`, or 0 for the bridge's
@@ -176,10 +193,12 @@ impl Requests {
     ///
     /// When a waypoint was not sent.
     pub fn go_to(&mut self, path: &[WaypointPosition], preempt: bool) -> Result<u64, Error> {
+        let before = std::mem::take(&mut self.before);
         check_waypoints(path.len())?;
         let last = path.len() - 1;
         let path_id = fresh_request_id();
         for (index, waypoint) in MovementData::path(path_id, path, fresh_request_id).enumerate() {
+            let waypoint = waypoint.following(before);
             let waypoint = match preempt {
                 true => waypoint.preempting(),
                 false => waypoint,

@@ -228,6 +228,16 @@ impl MovementData {
         MovementData { preempt: 1, ..self }
     }
 
+    /// The same request as the next step of the command whose step before is the request `before`: it is taken only if nothing came
+    /// between. Of a path each waypoint is made so, and the path's last waypoint is the step before of what follows it.
+    #[must_use]
+    pub const fn following(self, before: u64) -> MovementData {
+        MovementData {
+            after: before,
+            ..self
+        }
+    }
+
     /// One waypoint of a path: `first` opens the path, `last` closes it.
     pub fn waypoint(
         request_id: u64,

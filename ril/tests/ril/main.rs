@@ -30,6 +30,7 @@ mod replay;
 mod requests;
 mod robots;
 mod senders;
+mod steps;
 mod stock_readers;
 mod terminal;
 mod topics;
