@@ -223,6 +223,8 @@ enum hero_reason {
     HERO_REASON_MODULE_GONE = 44,
     HERO_REASON_NOT_IN_CONTROL = 45,
     HERO_REASON_FENCE_UNREAD = 46,
+    HERO_REASON_CLOCK_DIFFERS = 47,
+    HERO_REASON_SENDER_LOST = 48,
 };
 
 enum hero_imi_error {

@@ -232,6 +232,8 @@ class Reason(enum.IntEnum):
     MODULE_GONE = 44
     NOT_IN_CONTROL = 45
     FENCE_UNREAD = 46
+    CLOCK_DIFFERS = 47
+    SENDER_LOST = 48
 
 
 class ImiError(enum.IntEnum):

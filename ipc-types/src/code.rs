@@ -519,6 +519,10 @@ codes! {
         NotInControl = 45 => "not-in-control",
         /// The file with the geofence was not read in time; the one in force stays.
         FenceUnread = 46 => "fence-unread",
+        /// The sender's clock is not the bridge's, so when its order was issued is not known.
+        ClockDiffers = 47 => "clock-differs",
+        /// The process that ordered the path ended, gave it up, or did not renew its lease.
+        SenderLost = 48 => "sender-lost",
     }
 }
 

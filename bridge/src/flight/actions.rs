@@ -177,7 +177,12 @@ impl Flight {
         let paths = [self.motion.path_step(), motion.path_step()];
         self.is_outline_changed |= paths.iter().any(Option::is_some);
         self.motion = motion;
-        for timer in [FlightTimer::Begin, FlightTimer::Limit, FlightTimer::Step] {
+        for timer in [
+            FlightTimer::Begin,
+            FlightTimer::Limit,
+            FlightTimer::Step,
+            FlightTimer::Lease,
+        ] {
             self.timers.stop(timer);
         }
         self.refusal = ImiError::None;
@@ -320,6 +325,9 @@ impl Flight {
         let count = self.assembler.waypoints().len();
         let step = PathStep::AwaitingEmpty;
         self.begin(Motion::Following { order, step }, count, cx);
+        if let Some(lease) = order.requester.and_then(|header| header.lost.lease) {
+            self.timers.arm(FlightTimer::Lease, cx.now + lease);
+        }
         match cx.link.path() {
             DspPath::Empty => self.begin_path(cx),
             // The link is emptying it.

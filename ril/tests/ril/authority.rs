@@ -65,7 +65,7 @@ fn the_real_bridge_holds_replaces_and_lands_in_the_middle_of_a_path() {
     way.wait_for_text("rtl: progress");
     way.signal(Signal::INT);
     let finished = way.exits(7);
-    finished.err_says("the path is flown to its end");
+    finished.err_says("the bridge lets the helicopter hover");
     finished.err_says("not landed: `ril land`");
     rig.run("hold", 0);
 

@@ -10,7 +10,8 @@ use runtime::exit::{ExitCode, Failure};
 
 use super::progress::ProgressLine;
 use crate::options::{
-    Height, Move, RequestArgs, Target, Targets, height, number, read_text, targets, waypoints,
+    Height, Move, RequestArgs, SenderArgs, Target, Targets, height, number, read_text, targets,
+    waypoints,
 };
 use crate::render::messages::Verb;
 use crate::request::cruise::{CruiseSpeed, known_mps, speed_mps};
@@ -47,10 +48,9 @@ pub struct GotoArgs {
     #[arg(long, value_name = "M/S", conflicts_with = "no_wait", allow_hyphen_values = true, value_parser = speed_mps)]
     pub speed: Option<f64>,
 
-    /// Hover instead of flying on when this command ends before the path: by Ctrl+C, by SIGTERM, with its terminal, or when
-    /// the reader of its output ends. SIGKILL leaves no time for that
-    #[arg(long, conflicts_with = "no_wait")]
-    pub hold_on_exit: bool,
+    /// Without this command.
+    #[command(flatten)]
+    pub sender: SenderArgs,
 
     /// What every request takes.
     #[command(flatten)]
@@ -86,6 +86,10 @@ pub struct RtlArgs {
     #[arg(long, conflicts_with = "no_wait")]
     pub land: bool,
 
+    /// Without this command.
+    #[command(flatten)]
+    pub sender: SenderArgs,
+
     /// What every request takes.
     #[command(flatten)]
     pub request: RequestArgs,
@@ -119,7 +123,7 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
     let path = PathOrder {
         verb: Verb::GoTo,
         preempt: args.preempt,
-        hold_on_exit: args.hold_on_exit,
+        sender: args.sender,
     };
     let Some(speed_mps) = args.speed else {
         return path.fly(&waypoints, &asked, &args.request).map(drop);
@@ -159,7 +163,7 @@ pub fn rtl(args: &RtlArgs) -> Result<(), Failure> {
     let path = PathOrder {
         verb: Verb::ReturnToHome,
         preempt: true,
-        hold_on_exit: false,
+        sender: args.sender,
     };
     let flown = path.fly(&waypoints, &asked, &args.request);
     if !args.land {
@@ -226,7 +230,7 @@ fn known_home(asked: &OrderContext) -> Result<Place, Failure> {
 struct PathOrder {
     verb: Verb,
     preempt: bool,
-    hold_on_exit: bool,
+    sender: SenderArgs,
 }
 
 impl PathOrder {
@@ -237,6 +241,10 @@ impl PathOrder {
         asked: &OrderContext,
         args: &RequestArgs,
     ) -> Result<u64, Failure> {
+        let sender = match args.no_wait {
+            true => self.sender.unfollowed()?,
+            false => self.sender,
+        };
         let path_id = fresh_request_id();
         let requests: Vec<MovementData> = MovementData::path(path_id, waypoints, fresh_request_id)
             .map(|request| MovementData {
@@ -244,12 +252,13 @@ impl PathOrder {
                 ..request
             })
             .map(|request| complete(request, self.preempt, asked.deadline_ms))
+            .map(|request| sender.complete(request))
             .collect();
         let json = args.ask.json;
         let mut progress =
             ProgressLine::open(&asked.session, self.verb, path_id, waypoints, !json)?;
         Conversation::open(&asked.session, self.verb, asked.timeout)?
-            .hold_on_exit(self.hold_on_exit)
+            .without_sender(sender.sender_lost)
             .beside(&mut progress)
             .follow(&requests, Until::of(args), Format::of(json))?;
         Ok(requests.last().map_or(0, |last| last.request_id))
