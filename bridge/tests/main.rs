@@ -14,4 +14,5 @@ mod orders;
 mod parameters;
 mod paths;
 mod rig;
+mod safety;
 mod take_off_and_landing;
