@@ -98,7 +98,8 @@ struct Site {
 
 impl Site {
     fn draw(dice: &mut Dice) -> Site {
-        let field = Shape::draw(dice, point(0.0, 0.0, 0.0), dice.within(50.0, 120.0));
+        let radius_m = dice.within(50.0, 120.0);
+        let field = Shape::draw(dice, point(0.0, 0.0, 0.0), radius_m);
         let mut areas = vec![(false, field, f64::INFINITY)];
         for _ in 0..dice.count(0, 2) {
             let (east_m, north_m) = (dice.within(-90.0, 90.0), dice.within(-90.0, 90.0));
