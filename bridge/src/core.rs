@@ -14,7 +14,7 @@ use module_kit::journal::{NotASnapshot, raw};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{BridgeConfig, MovementLimits, ParametersConfig};
-use crate::flight::control::{Sender, Who};
+use crate::flight::control::Sender;
 use crate::flight::request::{
     Parsed, Request, RequestKey, parse_control, parse_movement, parse_parameter,
 };
@@ -239,8 +239,8 @@ impl Bridge {
                 sender,
                 request,
             } => {
-                let asked = parse_control(key, &request, None, &self.limits, now);
-                self.request(now, sender, asked, out);
+                let asked = parse_control((key, sender), &request, None, &self.limits, now);
+                self.request(now, asked, out);
             }
             Input::NewFence {
                 key,
@@ -248,25 +248,25 @@ impl Bridge {
                 request,
                 fence,
             } => {
-                let asked = parse_control(key, &request, Some(fence), &self.limits, now);
-                self.request(now, sender, asked, out);
+                let asked = parse_control((key, sender), &request, Some(fence), &self.limits, now);
+                self.request(now, asked, out);
             }
             Input::Movement {
                 key,
                 sender,
                 request,
             } => {
-                let (header, movement) = parse_movement(key, &request, &self.limits, now);
+                let (header, movement) = parse_movement((key, sender), &request, &self.limits, now);
                 let asked = (header, movement.map(Request::Movement));
-                self.request(now, sender, asked, out);
+                self.request(now, asked, out);
             }
             Input::Parameter {
                 key,
                 sender,
                 request,
             } => {
-                let asked = parse_parameter(key, &request, &self.limits, now);
-                self.request(now, sender, asked, out);
+                let asked = parse_parameter((key, sender), &request, &self.limits, now);
+                self.request(now, asked, out);
             }
             Input::SenderGone(key) => self
                 .flight
@@ -342,20 +342,12 @@ impl Bridge {
         self.handle_events(now, out);
     }
 
-    fn request(
-        &mut self,
-        now: MonotonicNs,
-        sender: Sender,
-        asked: Parsed<Request>,
-        out: &mut dyn Outputs,
-    ) {
+    fn request(&mut self, now: MonotonicNs, asked: Parsed<Request>, out: &mut dyn Outputs) {
         self.begin(now, out);
         let (header, request) = asked;
-        let origin = header.issued.origin;
-        let who = Who { origin, sender };
         let link = &mut self.link;
         self.flight
-            .request(&header, who, request, &mut Context { now, link, out });
+            .request(&header, request, &mut Context { now, link, out });
     }
 
     fn advance(&mut self, now: MonotonicNs, out: &mut dyn Outputs) {

@@ -60,6 +60,12 @@ fn control(random: &mut Rng) -> ModuleControl {
     data
 }
 
+/// The step before that a request names: mostly none, else a request that there was, or any number.
+fn after(random: &mut Rng, request_id: u64, any: u64) -> u64 {
+    let before = request_id.wrapping_sub(1);
+    random.choice([0, 0, 0, 0, before, any]).unwrap()
+}
+
 fn one_step(rig: &mut Rig, random: &mut Rng, request_id: u64) {
     match random.u64(..6) {
         0 => {
@@ -69,6 +75,7 @@ fn one_step(rig: &mut Rig, random: &mut Rng, request_id: u64) {
                 issued_ns: random
                     .choice([rig.now.0, rig.now.0, control.issued_ns])
                     .unwrap(),
+                after: after(random, request_id, control.after),
                 ..control
             };
             rig.ask_control(control);
@@ -82,6 +89,7 @@ fn one_step(rig: &mut Rig, random: &mut Rng, request_id: u64) {
                 issued_ns: random
                     .choice([rig.now.0, rig.now.0, movement.issued_ns])
                     .unwrap(),
+                after: after(random, request_id, movement.after),
                 ..movement
             };
             rig.ask_movement(movement);

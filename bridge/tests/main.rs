@@ -15,4 +15,5 @@ mod parameters;
 mod paths;
 mod rig;
 mod safety;
+mod steps;
 mod take_off_and_landing;

@@ -35,9 +35,9 @@ LAYOUTS = {
     "dsp_telemetry": ("hero.DspTelemetry.v2", "25be95d4f5a2c01b"),
     "hero_telemetry": ("hero.HeroTelemetry.v2", "cc14cf2487fae1b2"),
     "module_state": ("hero.ModuleState.v5", "9af1e6e2264f0883"),
-    "module_control": ("hero.ModuleControl.v2/hero.RequestReport.v2", "6bfcc9740509a353"),
-    "movement": ("hero.MovementData.v3/hero.RequestReport.v2", "2af2c004c0511e69"),
-    "parameters": ("hero.ParameterRequest.v2/hero.RequestReport.v2", "76e7bccf46c20e2f"),
+    "module_control": ("hero.ModuleControl.v3/hero.RequestReport.v3", "cf3c38b4e2124ac6"),
+    "movement": ("hero.MovementData.v4/hero.RequestReport.v3", "20f642fd866688b5"),
+    "parameters": ("hero.ParameterRequest.v3/hero.RequestReport.v3", "8f60139dda1a192e"),
     "relay/link": ("hero.RelayLink.v3", "59df1188187319fb"),
     "relay/stations": ("hero.RelayStations.v4", "4f5b96e435f46e26"),
     "mavlink/stations": ("hero.MavlinkStations.v1", "c608520ae195721a"),
@@ -155,6 +155,26 @@ class PortKind(enum.IntEnum):
     U16 = 1
     I16 = 2
     F32 = 3
+
+
+class SenderLost(enum.IntEnum):
+    CONTINUE = 1
+    HOLD = 2
+    LAND = 3
+
+
+class CameBetween(enum.IntEnum):
+    START = 1
+    STOP = 2
+    TAKEOFF = 3
+    GOTO = 4
+    LAND = 5
+    HOLD = 6
+    SAFETY_RULE = 7
+    PILOT = 8
+    LINK_LOST = 9
+    DSP_REBOOTED = 10
+    BRIDGE_BEGAN = 11
 
 
 class Stage(enum.IntEnum):
@@ -1703,6 +1723,9 @@ class ModuleControl(Struct):
     the moment of sending. [ns]"""
     begin_by_ns: int
     """Until when it may begin, same clock; 0 takes the bridge's default. [ns]"""
+    after: int
+    """The request that was the step before of the same command: this one is taken only if nothing came between the two. 0 if it
+    follows no other."""
     command: int
     """A ControlCommand."""
     issued_within_ns: int
@@ -1713,12 +1736,13 @@ class ModuleControl(Struct):
     """Always zero; keeps the size a multiple of eight."""
 
     if TYPE_CHECKING:
-        def __init__(self, request_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., command: int = ..., issued_within_ns: int = ..., origin: int = ..., reserved: int = ...) -> None: ...
+        def __init__(self, request_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., after: int = ..., command: int = ..., issued_within_ns: int = ..., origin: int = ..., reserved: int = ...) -> None: ...
     else:
         _fields_ = [
             ("request_id", ctypes.c_uint64),
             ("issued_ns", ctypes.c_uint64),
             ("begin_by_ns", ctypes.c_uint64),
+            ("after", ctypes.c_uint64),
             ("command", ctypes.c_uint32),
             ("issued_within_ns", ctypes.c_uint32),
             ("origin", ctypes.c_uint32),
@@ -1727,18 +1751,19 @@ class ModuleControl(Struct):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.ModuleControl.v2"
+        return "hero.ModuleControl.v3"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(ModuleControl) == 40
+    assert ctypes.sizeof(ModuleControl) == 48
     assert ModuleControl.request_id.offset == 0
     assert ModuleControl.issued_ns.offset == 8
     assert ModuleControl.begin_by_ns.offset == 16
-    assert ModuleControl.command.offset == 24
-    assert ModuleControl.issued_within_ns.offset == 28
-    assert ModuleControl.origin.offset == 32
-    assert ModuleControl.reserved.offset == 36
+    assert ModuleControl.after.offset == 24
+    assert ModuleControl.command.offset == 32
+    assert ModuleControl.issued_within_ns.offset == 36
+    assert ModuleControl.origin.offset == 40
+    assert ModuleControl.reserved.offset == 44
 
 
 class MovementData(Struct):
@@ -1757,6 +1782,9 @@ class MovementData(Struct):
     the moment of sending. All waypoints of a path carry the moment of the path. [ns]"""
     begin_by_ns: int
     """Until when it may begin, same clock; 0 takes the bridge's default. [ns]"""
+    after: int
+    """The request that was the step before of the same command: this one is taken only if nothing came between the two. 0 if it
+    follows no other."""
     latitude_deg: float
     """Latitude of the waypoint, degrees, north positive. Go-to only. [deg]"""
     longitude_deg: float
@@ -1779,17 +1807,23 @@ class MovementData(Struct):
     preempt: int
     """1 when this may replace a path that is under way, which then ends as `replaced`; 0 refuses it as `busy`.
     In a path the flag of the closing waypoint counts."""
+    lease_ms: int
+    """The sender renews the order at least this often, ms; not renewed in time, the bridge holds. 0 if it is not renewed. [ms]"""
+    sender_lost: int
+    """What the bridge does when the process that ordered ends, a SenderLost; 0 takes the bridge's
+    default."""
     reserved: int
     """Always zero; keeps the size a multiple of eight."""
 
     if TYPE_CHECKING:
-        def __init__(self, request_id: int = ..., path_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., latitude_deg: float = ..., longitude_deg: float = ..., altitude_m: float = ..., kind: int = ..., first: int = ..., last: int = ..., issued_within_ns: int = ..., origin: int = ..., repeat: int = ..., preempt: int = ..., reserved: int = ...) -> None: ...
+        def __init__(self, request_id: int = ..., path_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., after: int = ..., latitude_deg: float = ..., longitude_deg: float = ..., altitude_m: float = ..., kind: int = ..., first: int = ..., last: int = ..., issued_within_ns: int = ..., origin: int = ..., repeat: int = ..., preempt: int = ..., lease_ms: int = ..., sender_lost: int = ..., reserved: int = ...) -> None: ...
     else:
         _fields_ = [
             ("request_id", ctypes.c_uint64),
             ("path_id", ctypes.c_uint64),
             ("issued_ns", ctypes.c_uint64),
             ("begin_by_ns", ctypes.c_uint64),
+            ("after", ctypes.c_uint64),
             ("latitude_deg", ctypes.c_double),
             ("longitude_deg", ctypes.c_double),
             ("altitude_m", ctypes.c_double),
@@ -1800,31 +1834,36 @@ class MovementData(Struct):
             ("origin", ctypes.c_uint32),
             ("repeat", ctypes.c_uint16),
             ("preempt", ctypes.c_uint16),
+            ("lease_ms", ctypes.c_uint32),
+            ("sender_lost", ctypes.c_uint32),
             ("reserved", ctypes.c_uint32),
         ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.MovementData.v3"
+        return "hero.MovementData.v4"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(MovementData) == 80
+    assert ctypes.sizeof(MovementData) == 96
     assert MovementData.request_id.offset == 0
     assert MovementData.path_id.offset == 8
     assert MovementData.issued_ns.offset == 16
     assert MovementData.begin_by_ns.offset == 24
-    assert MovementData.latitude_deg.offset == 32
-    assert MovementData.longitude_deg.offset == 40
-    assert MovementData.altitude_m.offset == 48
-    assert MovementData.kind.offset == 56
-    assert MovementData.first.offset == 60
-    assert MovementData.last.offset == 62
-    assert MovementData.issued_within_ns.offset == 64
-    assert MovementData.origin.offset == 68
-    assert MovementData.repeat.offset == 72
-    assert MovementData.preempt.offset == 74
-    assert MovementData.reserved.offset == 76
+    assert MovementData.after.offset == 32
+    assert MovementData.latitude_deg.offset == 40
+    assert MovementData.longitude_deg.offset == 48
+    assert MovementData.altitude_m.offset == 56
+    assert MovementData.kind.offset == 64
+    assert MovementData.first.offset == 68
+    assert MovementData.last.offset == 70
+    assert MovementData.issued_within_ns.offset == 72
+    assert MovementData.origin.offset == 76
+    assert MovementData.repeat.offset == 80
+    assert MovementData.preempt.offset == 82
+    assert MovementData.lease_ms.offset == 84
+    assert MovementData.sender_lost.offset == 88
+    assert MovementData.reserved.offset == 92
 
 
 class ParameterRequest(Struct):
@@ -1837,6 +1876,9 @@ class ParameterRequest(Struct):
     the moment of sending. [ns]"""
     begin_by_ns: int
     """Until when it may begin, same clock; 0 takes the bridge's default. [ns]"""
+    after: int
+    """The request that was the step before of the same command: this one is taken only if nothing came between the two. 0 if it
+    follows no other."""
     value: float
     """Write: the value. A 16-bit port takes whole numbers only."""
     port: int
@@ -1849,12 +1891,13 @@ class ParameterRequest(Struct):
     """By which clock it was issued: 0 for the robot's own; the relay gives each station a number of its own."""
 
     if TYPE_CHECKING:
-        def __init__(self, request_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., value: float = ..., port: int = ..., operation: int = ..., issued_within_ns: int = ..., origin: int = ...) -> None: ...
+        def __init__(self, request_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., after: int = ..., value: float = ..., port: int = ..., operation: int = ..., issued_within_ns: int = ..., origin: int = ...) -> None: ...
     else:
         _fields_ = [
             ("request_id", ctypes.c_uint64),
             ("issued_ns", ctypes.c_uint64),
             ("begin_by_ns", ctypes.c_uint64),
+            ("after", ctypes.c_uint64),
             ("value", ctypes.c_double),
             ("port", ctypes.c_uint32),
             ("operation", ctypes.c_uint32),
@@ -1864,19 +1907,20 @@ class ParameterRequest(Struct):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.ParameterRequest.v2"
+        return "hero.ParameterRequest.v3"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(ParameterRequest) == 48
+    assert ctypes.sizeof(ParameterRequest) == 56
     assert ParameterRequest.request_id.offset == 0
     assert ParameterRequest.issued_ns.offset == 8
     assert ParameterRequest.begin_by_ns.offset == 16
-    assert ParameterRequest.value.offset == 24
-    assert ParameterRequest.port.offset == 32
-    assert ParameterRequest.operation.offset == 36
-    assert ParameterRequest.issued_within_ns.offset == 40
-    assert ParameterRequest.origin.offset == 44
+    assert ParameterRequest.after.offset == 24
+    assert ParameterRequest.value.offset == 32
+    assert ParameterRequest.port.offset == 40
+    assert ParameterRequest.operation.offset == 44
+    assert ParameterRequest.issued_within_ns.offset == 48
+    assert ParameterRequest.origin.offset == 52
 
 
 class PortInfo(Struct):
@@ -1963,9 +2007,16 @@ class RequestReport(Struct):
     port: PortInfo
     """The port that a parameter request is about. When an area of the geofence was broken: its name, and nothing else. All zero in
     other reports."""
+    between_request_id: int
+    """Superseded: the id of the request that came between; 0 when no request did."""
+    between_sender: ControlSender
+    """Superseded: who sent the request that came between; all zero when no request did."""
+    between: int
+    """Superseded: what came between, a CameBetween; 0 in other reports. When it is a safety rule,
+    `rule` says which."""
 
     if TYPE_CHECKING:
-        def __init__(self, request_id: int = ..., path_id: int = ..., reported_ns: int = ..., stage: int = ..., reason: int = ..., imi_error: int = ..., waypoints_total: int = ..., waypoints_sent: int = ..., waypoints_reached: int = ..., rule: int = ..., waypoint: int = ..., dsp_error_code: int = ..., dsp_error_valid: int = ..., value_valid: int = ..., value: float = ..., port: PortInfo = ...) -> None: ...
+        def __init__(self, request_id: int = ..., path_id: int = ..., reported_ns: int = ..., stage: int = ..., reason: int = ..., imi_error: int = ..., waypoints_total: int = ..., waypoints_sent: int = ..., waypoints_reached: int = ..., rule: int = ..., waypoint: int = ..., dsp_error_code: int = ..., dsp_error_valid: int = ..., value_valid: int = ..., value: float = ..., port: PortInfo = ..., between_request_id: int = ..., between_sender: ControlSender = ..., between: int = ...) -> None: ...
     else:
         _fields_ = [
             ("request_id", ctypes.c_uint64),
@@ -1984,15 +2035,18 @@ class RequestReport(Struct):
             ("value_valid", ctypes.c_uint16),
             ("value", ctypes.c_double),
             ("port", PortInfo),
+            ("between_request_id", ctypes.c_uint64),
+            ("between_sender", ControlSender),
+            ("between", ctypes.c_uint32),
         ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.RequestReport.v2"
+        return "hero.RequestReport.v3"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(RequestReport) == 136
+    assert ctypes.sizeof(RequestReport) == 160
     assert RequestReport.request_id.offset == 0
     assert RequestReport.path_id.offset == 8
     assert RequestReport.reported_ns.offset == 16
@@ -2009,6 +2063,9 @@ if not TYPE_CHECKING:
     assert RequestReport.value_valid.offset == 62
     assert RequestReport.value.offset == 64
     assert RequestReport.port.offset == 72
+    assert RequestReport.between_request_id.offset == 136
+    assert RequestReport.between_sender.offset == 144
+    assert RequestReport.between.offset == 156
 
 
 class RelayLink(Struct):

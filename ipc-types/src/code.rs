@@ -356,6 +356,46 @@ codes! {
 }
 
 codes! {
+    /// What the bridge does when the process that ordered a movement ends.
+    pub enum SenderLost {
+        /// The movement goes on.
+        Continue = 1 => "continue",
+        /// The helicopter hovers where it is.
+        Hold = 2 => "hold",
+        /// The helicopter lands.
+        Land = 3 => "land",
+    }
+}
+
+codes! {
+    /// What came between a step of a command and the step before, so that the bridge did not take it.
+    pub enum CameBetween {
+        /// A request to start the module.
+        Start = 1 => "start",
+        /// A request to stop the module.
+        Stop = 2 => "stop",
+        /// A take-off.
+        TakeOff = 3 => "takeoff",
+        /// A path.
+        GoTo = 4 => "goto",
+        /// A landing.
+        Land = 5 => "land",
+        /// A hold.
+        Hold = 6 => "hold",
+        /// A safety rule that ends a movement or lands.
+        SafetyRule = 7 => "safety-rule",
+        /// The pilot's switch went to manual.
+        Pilot = 8 => "pilot",
+        /// The link to the DSP was lost.
+        LinkLost = 9 => "link-lost",
+        /// The DSP rebooted.
+        DspRebooted = 10 => "dsp-rebooted",
+        /// The bridge began: it does not know the step before.
+        BridgeBegan = 11 => "bridge-began",
+    }
+}
+
+codes! {
     /// How far a request has come. `Accepted` and `Progress` may be followed by more; the others are final reports.
     pub enum Stage {
         /// Taken; more will follow.

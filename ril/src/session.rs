@@ -11,6 +11,7 @@ use std::io;
 use std::os::fd::AsFd;
 use std::path::Path;
 use std::rc::Rc;
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use ipc_types::payload::{
@@ -199,9 +200,17 @@ pub(crate) fn process_of(key: &str) -> Option<&'static str> {
     own(key).map(ServiceId::provider)
 }
 
+/// When the operator gave the command: the first call is at the beginning of the process, and later ones say the same.
+pub(crate) fn began() -> MonotonicNs {
+    static BEGAN: OnceLock<MonotonicNs> = OnceLock::new();
+    *BEGAN.get_or_init(MonotonicNs::now)
+}
+
 /// What a command has that asks the bridge for something.
 pub(crate) struct OrderContext {
     pub session: Session,
+    /// When the operator gave the command, however long it takes until its request goes out.
+    pub issued: MonotonicNs,
     pub config: Config,
     /// How long the bridge has for its first answer.
     pub timeout: Duration,
@@ -225,6 +234,7 @@ impl OrderContext {
     fn new(ask: &AskArgs, config: Config) -> Result<OrderContext, Failure> {
         Ok(OrderContext {
             session: Session::join(&ask.common)?,
+            issued: began(),
             timeout: ask.timeout.unwrap_or_else(|| config.request.timeout()),
             deadline_ms: ask.deadline.unwrap_or(config.request.deadline_ms),
             config,

@@ -198,6 +198,11 @@ int hero_ril_take_off(hero_ril_client *client, double altitude_m, uint64_t *requ
 int hero_ril_land(hero_ril_client *client, int preempt, uint64_t *request_id);
 int hero_ril_hold(hero_ril_client *client, uint64_t *request_id);
 
+/* The client's next start, stop, take-off, landing, hold or path is the next step of the command whose last step is `request_id`: the
+ * bridge takes it only if nothing came between, and else refuses it as `superseded`, with what did (`between` of the report). Between:
+ * an order of any program, the pilot, a safety rule, a loss of the link. hero_ril_send takes the field `after` of the struct instead. */
+int hero_ril_follow(hero_ril_client *client, uint64_t request_id);
+
 /* Flies a path of 1 to 1024 waypoints. The id is that of the last waypoint, or of the first one that was refused. */
 int hero_ril_go_to(hero_ril_client *client, const hero_ril_waypoint *waypoints, size_t count, int preempt, uint64_t *request_id);
 

@@ -320,6 +320,12 @@ class Client {
         handle_.reset(client);
     }
 
+    /* The next order is the next step behind this one, see hero_ril_follow: client.after(take_off).go_to(path). */
+    Client &after(const Request &step) {
+        detail::check(hero_ril_follow(handle_.get(), step.id()));
+        return *this;
+    }
+
     Request start() { return sent(hero_ril_start); }
     Request stop() { return sent(hero_ril_stop); }
     Request hold() { return sent(hero_ril_hold); }

@@ -511,6 +511,11 @@ impl Client {
         self.sent(py, |requests| requests.send(&service, request))
     }
 
+    fn follow(&mut self, before: u64) -> PyResult<()> {
+        self.requests.get()?.follow(before);
+        Ok(())
+    }
+
     fn start(&mut self, py: Python<'_>) -> PyResult<u64> {
         self.sent(py, |requests| requests.control(ControlCommand::Start))
     }

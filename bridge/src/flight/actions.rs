@@ -5,10 +5,11 @@ use std::time::Duration;
 
 use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{Command, port};
-use ipc_types::code::{ImiError, MovementKind, Reason, SafetyAction, Stage};
+use ipc_types::code::{CameBetween, ImiError, MovementKind, Reason, SafetyAction, Stage};
 use ipc_types::payload::MovementState;
 
 use super::dsp_order::{Doubt, DspOrder};
+use super::last_order::{LastOrder, movement};
 use super::motion::{Action, Event, Motion, MovementOrder, PathStep, Rest};
 use super::report::{Detail, Verdict};
 use super::route::Counted;
@@ -202,9 +203,10 @@ impl Flight {
             let begin_by = cx.now + self.config.movement.begin_within();
             return self.timers.arm(FlightTimer::Begin, begin_by);
         };
-        self.answers.take(&header);
         self.timers.arm(FlightTimer::Begin, header.begin_by);
         if !is_accepted {
+            let kind = motion.kind().unwrap_or(MovementKind::Hold);
+            self.answers.take(&header, movement(kind));
             let reason = match motion {
                 Motion::Deferred { .. } => Reason::LinkDown,
                 _ => Reason::None,
@@ -517,6 +519,9 @@ impl Flight {
         let facts = self.observation.safety_facts(cx.now);
         let is_new = self.safety.look(&facts, cx.now, judged);
         let present = self.safety.present;
+        if self.safety.is_taken_over(&facts) {
+            self.happened(CameBetween::Pilot, cx);
+        }
         if is_new {
             self.is_changed = true;
             cx.out.notice(&Notice::Safety {
@@ -533,12 +538,16 @@ impl Flight {
                 violation,
                 area: AreaName::default(),
             });
-            if violation.is_some_and(|violation| violation.action == SafetyAction::Land) {
+            if let Some(violation) = violation.filter(|one| one.action == SafetyAction::Land) {
+                self.answers.take_event(LastOrder::rule(&violation), cx.now);
                 self.happen(Event::SafetyLand, cx);
             }
         }
         let Some(violation) = present else { return };
         if let SafetyAction::Hold | SafetyAction::Land = violation.action {
+            if is_new {
+                self.answers.take_event(LastOrder::rule(&violation), cx.now);
+            }
             self.break_path(violation.reason(), cx);
             self.happen(Event::SafetyHold(violation), cx);
         }
@@ -549,6 +558,8 @@ impl Flight {
 
     /// Ends the movement because of a rule that is broken. The module stays started.
     pub(super) fn intervene(&mut self, intervention: Intervention, cx: &mut Context<'_>) {
+        let event = LastOrder::rule(&intervention.violation);
+        self.answers.take_event(event, cx.now);
         let refusal = Verdict::from(intervention);
         self.give_up(&refusal.at(Stage::Aborted), Rest::Ready, cx);
     }

@@ -55,7 +55,8 @@ impl Who {
         }
     }
 
-    fn published(&self) -> ControlSender {
+    /// As it is published.
+    pub fn published(&self) -> ControlSender {
         ControlSender {
             origin: self.origin,
             session: self.sender.session.unwrap_or_default(),

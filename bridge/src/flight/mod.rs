@@ -9,6 +9,7 @@ pub mod arrival;
 pub mod assembly;
 pub mod control;
 pub mod dsp_order;
+pub mod last_order;
 pub mod motion;
 pub mod observation;
 pub mod parameters;
@@ -20,7 +21,7 @@ pub mod trajectory;
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ImiError, Reason, Stage};
+use ipc_types::code::{CameBetween, ImiError, ParameterOperation, Reason, Stage};
 use ipc_types::payload::{MovementState, RequestReport, SafetyState};
 use module_kit::journal::{NotASnapshot, raw};
 use serde::{Deserialize, Serialize};
@@ -35,7 +36,8 @@ use crate::safety::Safety;
 use crate::safety::fence::{Fence, Speeds};
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
-use control::{Asks, Control, Who};
+use control::{Asks, Control};
+use last_order::LastOrder;
 use motion::{Action, Asked, Event, Facts, Motion, MovementOrder, Rest};
 use observation::Observation;
 use parameters::ParameterRequests;
@@ -182,9 +184,11 @@ impl Flight {
                 }
             }
             LinkEvent::Rebooted => {
+                self.happened(CameBetween::DspRebooted, cx);
                 self.dsp_vanished(ImiError::HeroDspFatalError, Reason::DspRebooted, cx);
             }
             LinkEvent::Lost => {
+                self.happened(CameBetween::LinkLost, cx);
                 let error = ImiError::CommunicationFatalError;
                 self.dsp_vanished(error, Reason::CommunicationFatalError, cx);
             }
@@ -199,6 +203,11 @@ impl Flight {
         if let Motion::Deferred { .. } = self.motion {
             self.happen(Event::Reachable, cx);
         }
+    }
+
+    /// Something that no request ordered, and that no step of a command outlives.
+    fn happened(&mut self, what: CameBetween, cx: &Context<'_>) {
+        self.answers.take_event(LastOrder::event(what), cx.now);
     }
 
     /// What the DSP was doing has an outcome, and at rest nothing is lost.
@@ -242,14 +251,13 @@ impl Flight {
     pub fn request(
         &mut self,
         header: &RequestHeader,
-        who: Who,
         request: Result<Request, Reason>,
         cx: &mut Context<'_>,
     ) {
         if !self.is_new(header, cx) {
             return;
         }
-        let carried_out = |request| self.carry_out(header, who, request, cx);
+        let carried_out = |request| self.carry_out(header, request, cx);
         let outcome = request.map_err(Verdict::from).and_then(carried_out);
         self.is_changed = true;
         self.arm_control();
@@ -271,11 +279,12 @@ impl Flight {
     fn carry_out(
         &mut self,
         header: &RequestHeader,
-        who: Who,
         request: Request,
         cx: &mut Context<'_>,
     ) -> Result<(), Verdict> {
-        let asks = request.asks();
+        // First: a step that is outdated is no order, and changes nothing.
+        self.answers.follows(header)?;
+        let (who, asks) = (header.who(), request.asks());
         let is_movement = matches!(request, Request::Movement(_));
         if let Request::Control(_) = request {
             in_time(header, cx.now)?;
@@ -294,6 +303,9 @@ impl Flight {
             } => {
                 let facts = self.facts(cx);
                 let verdict = (self.parameters).take(header, operation, port, value, &facts)?;
+                if operation == ParameterOperation::Write {
+                    self.answers.wrote(header);
+                }
                 self.report(header, &verdict, cx);
                 self.parameter_ended(None, cx);
             }
@@ -310,7 +322,7 @@ impl Flight {
             return Err(Reason::LinkDown.into());
         }
         let rest = self.motion.standing().start()?;
-        self.answers.take(header);
+        self.answers.take(header, CameBetween::Start);
         self.change_motion(Motion::Idle(rest));
         self.report(header, &Verdict::DONE, cx);
         Ok(())
@@ -318,7 +330,7 @@ impl Flight {
 
     fn stop(&mut self, header: &RequestHeader, cx: &mut Context<'_>) -> Result<(), Verdict> {
         // It counts even when it is refused.
-        self.answers.take(header);
+        self.answers.take(header, CameBetween::Stop);
         in_time(header, cx.now)?;
         let then = self.motion.standing().stop()?;
         self.break_path(Reason::Stopped, cx);
@@ -379,7 +391,11 @@ impl Flight {
             }
             // They count even when they are refused.
             Movement::Land | Movement::Hold => {
-                self.answers.take(header);
+                let what = match movement {
+                    Movement::Land => CameBetween::Land,
+                    _ => CameBetween::Hold,
+                };
+                self.answers.take(header, what);
                 in_time(header, cx.now)?;
             }
         }

@@ -16,7 +16,7 @@ use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason};
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 use serde::{Deserialize, Serialize};
 
-use super::control::Asks;
+use super::control::{Asks, Sender, Who};
 use crate::config::{MovementLimits, STOP_WITHIN};
 pub use crate::outputs::RequestKey;
 use crate::safety::fence::Fence;
@@ -66,6 +66,15 @@ impl IssueMark {
         issued.at < self.floor(issued)
     }
 
+    /// Something came between at `now` that no request ordered: orders that were issued before are not carried out any more.
+    pub fn take_event(&mut self, now: MonotonicNs) {
+        self.take(&Issued {
+            origin: 0,
+            at: now,
+            latest: now,
+        });
+    }
+
     /// Takes an order. One by another clock that is surely not the last changes nothing.
     pub fn take(&mut self, issued: &Issued) {
         if issued.origin != self.origin && issued.latest <= self.floor_same {
@@ -97,12 +106,26 @@ pub struct RequestHeader {
     pub path_id: u64,
     /// When its order was issued.
     pub issued: Issued,
+    /// What is known of the process that sent it.
+    pub sender: Sender,
+    /// The request that was the step before of the same command; 0 if it follows no other.
+    pub after: u64,
     /// Until when it may begin on the DSP.
     pub begin_by: MonotonicNs,
     /// It was sent before, and its outcome is not known to the sender.
     pub repeat: bool,
     /// It may replace a path that is under way.
     pub preempt: bool,
+}
+
+impl RequestHeader {
+    /// Who sent it.
+    pub fn who(&self) -> Who {
+        Who {
+            origin: self.issued.origin,
+            sender: self.sender,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -116,6 +139,11 @@ impl RequestHeader {
             at: MonotonicNs(1),
             latest: MonotonicNs(1),
         },
+        sender: Sender {
+            process: None,
+            session: None,
+        },
+        after: 0,
         begin_by: MonotonicNs(u64::MAX),
         repeat: false,
         preempt: false,
@@ -198,9 +226,9 @@ impl Request {
 /// A request as it was read, with what is asked for or why that cannot be.
 pub type Parsed<R> = (RequestHeader, Result<R, Reason>);
 
-/// Reads a control request at `now`; `fence` is the geofence of the configuration, for the request that asks to read it again.
+/// Reads a control request of `sender` at `now`; `fence` is the geofence of the configuration, for the request that asks to read it again.
 pub fn parse_control(
-    key: RequestKey,
+    (key, sender): (RequestKey, Sender),
     control: &ModuleControl,
     fence: Option<Result<Fence, Reason>>,
     limits: &MovementLimits,
@@ -217,6 +245,8 @@ pub fn parse_control(
         request_id: control.request_id,
         path_id: 0,
         issued,
+        sender,
+        after: control.after,
         begin_by: begin_by(control.begin_by_ns, issued.at, within),
         // To start or stop a module twice is the same as once.
         repeat: false,
@@ -238,9 +268,9 @@ pub fn parse_control(
     (header, request)
 }
 
-/// Reads a movement request at `now`.
+/// Reads a movement request of `sender` at `now`.
 pub fn parse_movement(
-    key: RequestKey,
+    (key, sender): (RequestKey, Sender),
     data: &MovementData,
     limits: &MovementLimits,
     now: MonotonicNs,
@@ -258,6 +288,8 @@ pub fn parse_movement(
         request_id: data.request_id,
         path_id: data.path_id,
         issued,
+        sender,
+        after: data.after,
         begin_by: begin_by(data.begin_by_ns, from, within),
         repeat: data.repeat != 0,
         preempt: data.preempt != 0,
@@ -273,9 +305,9 @@ pub fn parse_movement(
     (header, movement)
 }
 
-/// Reads a parameter request at `now`.
+/// Reads a parameter request of `sender` at `now`.
 pub fn parse_parameter(
-    key: RequestKey,
+    (key, sender): (RequestKey, Sender),
     request: &ParameterRequest,
     limits: &MovementLimits,
     now: MonotonicNs,
@@ -286,6 +318,8 @@ pub fn parse_parameter(
         request_id: request.request_id,
         path_id: 0,
         issued,
+        sender,
+        after: request.after,
         begin_by: begin_by(request.begin_by_ns, issued.at, limits.begin_within()),
         // To read or write a port twice is the same as once.
         repeat: false,
@@ -383,7 +417,13 @@ mod tests {
     fn parse(change: impl FnOnce(&mut MovementData)) -> Result<Movement, Reason> {
         let mut data = goto();
         change(&mut data);
-        parse_movement(KEY, &data, &MovementLimits::default(), NOW).1
+        parse_movement(
+            (KEY, Sender::default()),
+            &data,
+            &MovementLimits::default(),
+            NOW,
+        )
+        .1
     }
 
     #[test]
@@ -441,7 +481,12 @@ mod tests {
         let mut data = goto();
         data.kind = 77;
         data.begin_by_ns = 250;
-        let (header, movement) = parse_movement(KEY, &data, &MovementLimits::default(), NOW);
+        let (header, movement) = parse_movement(
+            (KEY, Sender::default()),
+            &data,
+            &MovementLimits::default(),
+            NOW,
+        );
         assert_eq!(movement, Err(Reason::InvalidRequest));
         assert_eq!((header.request_id, header.path_id), (9, 4));
         assert_eq!(header.begin_by, MonotonicNs(250));
@@ -465,7 +510,10 @@ mod tests {
                 ..ModuleControl::default()
             };
             let limits = MovementLimits::default();
-            assert_eq!(parse_control(KEY, &control, None, &limits, NOW).1, expected);
+            assert_eq!(
+                parse_control((KEY, Sender::default()), &control, None, &limits, NOW).1,
+                expected
+            );
         }
     }
 

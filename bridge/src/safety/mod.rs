@@ -102,6 +102,8 @@ pub struct Safety {
     position: PositionWatch,
     /// When a path was lost with the link; `None` once the reaction has begun.
     path_lost: Option<MonotonicNs>,
+    /// The pilot's switch was on manual when the helicopter was last looked at.
+    is_manual: bool,
     /// The most severe rule that is broken now.
     pub(crate) present: Option<Violation>,
     interventions: u32,
@@ -117,6 +119,7 @@ impl Safety {
             fuel: SupplyWatch::new(SafetyRule::Fuel, config.fuel_percent),
             position: PositionWatch::default(),
             path_lost: None,
+            is_manual: false,
             present: None,
             interventions: 0,
         }
@@ -285,6 +288,13 @@ impl Safety {
             .flatten()
             .max_by_key(|violation| violation.action.code());
         before != self.present.map(key)
+    }
+
+    /// Looks whether the pilot has just taken over, whatever rule is the most severe one.
+    pub(crate) fn is_taken_over(&mut self, facts: &SafetyFacts) -> bool {
+        let is_manual = self.pilot(facts).is_some();
+        let was_manual = std::mem::replace(&mut self.is_manual, is_manual);
+        is_manual && !was_manual
     }
 
     fn pilot(&self, facts: &SafetyFacts) -> Option<Violation> {

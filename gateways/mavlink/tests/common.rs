@@ -56,6 +56,11 @@ pub fn heartbeat() -> MessageWriter {
     message.u8(0).u8(4).u8(3)
 }
 
+/// The id of the request that an order becomes.
+pub fn request_of(order: &Order) -> u64 {
+    1000 + order.number
+}
+
 /// COMMAND_ACK: command, result, reason.
 pub type Ack = (u16, u8, u32);
 
@@ -201,7 +206,10 @@ impl World {
 
     /// The bridge reports on an order.
     pub fn report(&mut self, order: &Order, stage: Stage, reason: Reason) {
-        let report = RequestReport::new(stage, reason);
+        let report = RequestReport {
+            request_id: request_of(order),
+            ..RequestReport::new(stage, reason)
+        };
         let words = format!("{} {stage} ({reason})", order.kind.name());
         self.gateway.report(order.number, &report, &words, self.now);
         self.gateway.advance(self.now);

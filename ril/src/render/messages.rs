@@ -213,7 +213,7 @@ pub const fn explain(reason: Reason) -> &'static str {
             "the moment until which it might begin had passed, so nothing was done: look at `ril status`, then order it again"
         }
         Reason::Superseded => {
-            "an order that was issued later came first, and holds: look at `ril status`, then order it again if it is still meant"
+            "something newer came first, and holds: look at `ril status`, then order it again if it is still meant"
         }
         Reason::MovementTimeout => {
             "the movement took longer than `time_limit_s` in bridge.toml allows"

@@ -448,7 +448,8 @@ impl RobotOrder {
     /// Its one request, to be begun within `deadline_ms` of now.
     pub(crate) fn request(self, deadline_ms: u32) -> OrderRequest {
         let id = fresh_request_id();
-        let control = |command| OrderRequest::Control(control_request(command, deadline_ms));
+        let now = MonotonicNs::now();
+        let control = |command| OrderRequest::Control(control_request(command, now, deadline_ms));
         let movement = match self {
             RobotOrder::Start => return control(ControlCommand::Start),
             RobotOrder::Stop => return control(ControlCommand::Stop),

@@ -204,7 +204,7 @@ fn programs_read_one_object_a_line() {
     let stages: Vec<_> = reports.iter().map(|report| &report["stage"]).collect();
     assert_eq!(stages, ["accepted", "progress", "done"]);
     for report in &reports {
-        assert_eq!(report["schema"], "hero.RequestReport.v2");
+        assert_eq!(report["schema"], "hero.RequestReport.v3");
         assert_eq!(report["request"], "goto");
         assert_eq!(report["request_id"], request.request_id);
         assert_eq!(report["path_id"], request.path_id);

@@ -94,6 +94,15 @@ pub unsafe extern "C" fn hero_ril_send(
 
 /// See the header.
 #[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_follow(client: *mut Requests, request_id: u64) -> c_int {
+    guard(|| unsafe {
+        handle(client, "client")?.follow(request_id);
+        Ok(OK)
+    })
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_start(client: *mut Requests, request_id: *mut u64) -> c_int {
     unsafe {
         send(client, request_id, |client| {

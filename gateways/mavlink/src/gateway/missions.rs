@@ -591,7 +591,8 @@ impl Gateway {
         );
         self.note(Event::Commanded(log));
         self.stations.count_command(key.sender, now);
-        self.missions.run = Some(Run::new(&mission, &checked.flight, from, key));
+        let starting = Starting { from, ..starting };
+        self.missions.run = Some(Run::new(&mission, &checked.flight, &starting));
         if is_started {
             self.drive_mission(now);
         } else {
@@ -641,10 +642,11 @@ impl Gateway {
         let Some(run) = &mut self.missions.run else {
             return;
         };
-        let (key, is_answered) = (run.key, run.is_answered);
+        let (key, is_answered, after) = (run.key, run.is_answered, run.before);
         run.is_answered = true;
         self.send_order(Pending {
             number: 0,
+            request_id: 0,
             kind,
             key,
             then: None,
@@ -653,6 +655,7 @@ impl Gateway {
             path,
             issued,
             is_answered,
+            after,
         });
         let number = self.last_number;
         if let Some(run) = &mut self.missions.run {
@@ -683,6 +686,9 @@ impl Gateway {
         run.executor.reached(report.waypoints_reached as usize);
         if stage.is_final() {
             run.order = None;
+            if stage == Stage::Done {
+                run.before = report.request_id;
+            }
             match (stage, reason) {
                 (Stage::Done, _) | (Stage::Refused, Reason::AlreadyRunning) => {
                     if pending.kind != OrderKind::Start {
@@ -691,6 +697,11 @@ impl Gateway {
                 }
                 (Stage::Aborted, Reason::Replaced | Reason::Stopped | Reason::PilotHasControl) => {
                     run.executor.pause();
+                }
+                (_, Reason::Superseded) => {
+                    let between = report.in_between();
+                    let between = between.map(|what| format!("before it came {what}"));
+                    run.executor.fail(between.as_deref().unwrap_or(words));
                 }
                 _ => run.executor.fail(words),
             }

@@ -210,6 +210,7 @@ impl Gateway {
         self.stations.count_command(key.sender, now);
         self.send_order(Pending {
             number: 0,
+            request_id: 0,
             kind,
             key,
             then: orders.then,
@@ -218,6 +219,7 @@ impl Gateway {
             path: Vec::new(),
             issued: now,
             is_answered: false,
+            after: 0,
         });
         if let Some(notice) = orders.notice {
             self.tell(key.sender, MavSeverity::Notice, notice, now);
@@ -238,16 +240,22 @@ impl Gateway {
         };
         self.last_number += 1;
         let deadline = pending.issued + self.settings.answer_within;
+        let run = self.missions.run.as_ref().filter(|_| pending.is_mission);
         self.orders.push_back(Order {
             number: self.last_number,
             kind: pending.kind,
-            issued: pending.issued,
+            // The first step that needs an order was issued with the mission, however long a hover came before it.
+            issued: match run {
+                Some(run) if pending.after == 0 => run.issued,
+                _ => pending.issued,
+            },
             begin_by: match pending.kind {
                 // What makes the flight safer is worth waiting for.
                 OrderKind::Hold | OrderKind::Land | OrderKind::Stop => None,
                 _ => Some(deadline),
             },
             preempts,
+            after: pending.after,
         });
         self.pending.push(Pending {
             number: self.last_number,
@@ -287,6 +295,7 @@ impl Gateway {
         let Some(index) = self.pending.iter().position(|one| one.number == number) else {
             return;
         };
+        self.pending[index].request_id = report.request_id;
         let mut pending = match stage.is_final() {
             true => self.pending.remove(index),
             false => self.pending[index].clone(),
@@ -304,6 +313,7 @@ impl Gateway {
                 self.send_order(Pending {
                     kind,
                     issued,
+                    after: step_before(report),
                     ..pending
                 });
             }
@@ -330,7 +340,7 @@ impl Gateway {
             return self.mission_report(&pending, report, (stage, reason), words, now);
         }
         if stage.is_final() && (answer.is_accepted() || !is_first) {
-            self.end(&pending, stage, reason, words, now);
+            self.end(&pending, report, (stage, reason), words, now);
         }
     }
 
@@ -338,8 +348,8 @@ impl Gateway {
     pub(super) fn end(
         &mut self,
         pending: &Pending,
-        stage: Stage,
-        reason: Reason,
+        report: &RequestReport,
+        (stage, reason): (Stage, Reason),
         words: &str,
         now: MonotonicNs,
     ) {
@@ -358,6 +368,7 @@ impl Gateway {
                 is_return: false,
                 is_answered: true,
                 issued: now,
+                after: step_before(report),
                 ..pending.clone()
             });
         }
@@ -430,6 +441,14 @@ impl Gateway {
         if is_mission_stuck {
             self.mission_unanswered(now);
         }
+    }
+}
+
+/// What the step after the one that has ended so names; 0 if the bridge did not do it.
+pub(super) fn step_before(report: &RequestReport) -> u64 {
+    match report.stage() {
+        Some(Stage::Done) => report.request_id,
+        _ => 0,
     }
 }
 

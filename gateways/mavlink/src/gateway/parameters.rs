@@ -170,6 +170,7 @@ impl Gateway {
             issued,
             begin_by,
             preempts: false,
+            after: 0,
         });
     }
 

@@ -142,7 +142,11 @@ pub fn details(report: &RequestReport) -> Option<String> {
         _ => None,
     };
     let error = report.dsp_error().map(dsp_error);
-    let parts: Vec<String> = [rule_name, area, place, by, excess, error]
+    let between = report.in_between();
+    // It names the rule itself.
+    let rule_name = rule_name.filter(|_| between.is_none());
+    let between = between.map(|what| format!("before it came {what}"));
+    let parts: Vec<String> = [rule_name, area, place, by, excess, error, between]
         .into_iter()
         .flatten()
         .collect();

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use dsp_protocol::Waypoint;
+use ipc_types::fresh_request_id;
 use ipc_types::payload::{ModuleState, MovementData, WaypointPosition};
-use ipc_types::{MonotonicNs, fresh_request_id};
 use runtime::exit::{ExitCode, Failure};
 
 use super::progress::ProgressLine;
@@ -111,8 +111,6 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
         Some(file) => Targets::At(read_waypoints(file)?),
         None => args.targets().map_err(Failure::usage)?,
     };
-    // The other commands make their request first of all: one that is stopped meanwhile does not renew its order.
-    let issued_ns = MonotonicNs::now().0;
     let asked = OrderContext::of(&args.request.ask)?;
     let waypoints = match &targets {
         Targets::At(targets) => absolute(targets, &asked)?,
@@ -120,12 +118,11 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
     };
     let path = PathOrder {
         verb: Verb::GoTo,
-        issued_ns,
         preempt: args.preempt,
         hold_on_exit: args.hold_on_exit,
     };
     let Some(speed_mps) = args.speed else {
-        return path.fly(&waypoints, &asked, &args.request);
+        return path.fly(&waypoints, &asked, &args.request).map(drop);
     };
     let before_mps = known_mps(&asked.session, asked.timeout)?;
     let mut speed = CruiseSpeed::new(
@@ -135,10 +132,10 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
         Some(before_mps),
     );
     let flown = speed
-        .set(speed_mps)
+        .set(speed_mps, 0)
         .and_then(|()| path.fly(&waypoints, &asked, &args.request));
     speed.restore();
-    flown
+    flown.map(drop)
 }
 
 /// `ril rtl`
@@ -147,7 +144,6 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
 ///
 /// As [`stop`](super::stop); code 5 also when home is not known.
 pub fn rtl(args: &RtlArgs) -> Result<(), Failure> {
-    let issued_ns = MonotonicNs::now().0;
     let asked = OrderContext::of(&args.request.ask)?;
     let present = present_position(&asked.session, asked.timeout)?;
     let home = match args.home {
@@ -162,16 +158,15 @@ pub fn rtl(args: &RtlArgs) -> Result<(), Failure> {
     let waypoints = way_home(&present.at, home, least_m);
     let path = PathOrder {
         verb: Verb::ReturnToHome,
-        issued_ns,
         preempt: true,
         hold_on_exit: false,
     };
     let flown = path.fly(&waypoints, &asked, &args.request);
     if !args.land {
-        return flown;
+        return flown.map(drop);
     }
-    flown.map_err(without_landing)?;
-    let land = MovementData::land(fresh_request_id());
+    let home = flown.map_err(without_landing)?;
+    let land = MovementData::land(fresh_request_id()).following(home);
     Conversation::open(&asked.session, Verb::Land, asked.timeout)?
         .follow(
             &[complete(land, false, asked.deadline_ms)],
@@ -179,6 +174,17 @@ pub fn rtl(args: &RtlArgs) -> Result<(), Failure> {
             Format::of(args.request.ask.json),
         )
         .map(drop)
+        .map_err(not_landed)
+}
+
+/// Something newer than the way home moves the helicopter, or holds it.
+fn not_landed(failure: Failure) -> Failure {
+    match failure.code() {
+        ExitCode::Refused => {
+            failure.with_next_step("not landed: `ril status` shows what goes on; `ril land`")
+        }
+        _ => failure,
+    }
 }
 
 /// The landing is ordered when the path has ended, so a command that ends before has ordered none.
@@ -235,22 +241,22 @@ fn why_not_home(state: Option<&ModuleState>) -> Option<&'static str> {
 /// A path as a verb orders it.
 struct PathOrder {
     verb: Verb,
-    issued_ns: u64,
     preempt: bool,
     hold_on_exit: bool,
 }
 
 impl PathOrder {
+    /// Gives the request that stands for the flight.
     fn fly(
         &self,
         waypoints: &[WaypointPosition],
         asked: &OrderContext,
         args: &RequestArgs,
-    ) -> Result<(), Failure> {
+    ) -> Result<u64, Failure> {
         let path_id = fresh_request_id();
         let requests: Vec<MovementData> = MovementData::path(path_id, waypoints, fresh_request_id)
             .map(|request| MovementData {
-                issued_ns: self.issued_ns,
+                issued_ns: asked.issued.0,
                 ..request
             })
             .map(|request| complete(request, self.preempt, asked.deadline_ms))
@@ -261,8 +267,8 @@ impl PathOrder {
         Conversation::open(&asked.session, self.verb, asked.timeout)?
             .hold_on_exit(self.hold_on_exit)
             .beside(&mut progress)
-            .follow(&requests, Until::of(args), Format::of(json))
-            .map(drop)
+            .follow(&requests, Until::of(args), Format::of(json))?;
+        Ok(requests.last().map_or(0, |last| last.request_id))
     }
 }
 

@@ -21,7 +21,7 @@ use crate::render::json_line;
 use crate::render::messages::Verb;
 use crate::render::words::{columns, distance, duration};
 use crate::request::cruise::CruiseSpeed;
-use crate::request::{Companion, Conversation, Format, Until, complete};
+use crate::request::{Companion, Conversation, Format, Steps, Until};
 use crate::robot::running::file_of;
 use crate::session::{Latest, OrderContext, Session};
 
@@ -32,12 +32,15 @@ use crate::session::{Latest, OrderContext, Session};
 /// Code 8 when a finding forbids the flight; otherwise that of the request that ended it early.
 pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
     let ask = &args.ask;
+    let asked = OrderContext::of(ask)?;
+    let steps = Steps::of(&asked);
     let OrderContext {
         session,
         config,
         timeout,
         deadline_ms,
-    } = OrderContext::of(ask)?;
+        issued: _,
+    } = asked;
     let plan = read(&args.plan)?;
     let known = gather(
         plan,
@@ -67,7 +70,7 @@ pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
         known: &known,
         executor: Executor::new(known.flight.steps.clone(), args.plan.from),
         timeout,
-        deadline_ms,
+        steps,
         json: ask.json,
         speed: CruiseSpeed::new(&session, (timeout, deadline_ms), format, before_mps),
     };
@@ -198,7 +201,7 @@ struct Flyer<'a> {
     known: &'a KnownPlan,
     executor: Executor,
     timeout: Duration,
-    deadline_ms: u32,
+    steps: Steps,
     json: bool,
     speed: CruiseSpeed<'a>,
 }
@@ -220,7 +223,7 @@ impl Flyer<'_> {
                 }
                 Step::Path(points) => self.path(points)?,
                 Step::Wait { .. } => self.hover()?,
-                Step::Speed { speed_mps, .. } => self.speed.set(*speed_mps)?,
+                Step::Speed { speed_mps, .. } => self.speed.set(*speed_mps, self.steps.before())?,
                 Step::Land { .. } => {
                     let request = MovementData::land(fresh_request_id());
                     self.movement(Verb::Land, vec![request])?;
@@ -245,19 +248,21 @@ impl Flyer<'_> {
         verb: Verb,
         requests: Vec<MovementData>,
     ) -> Result<Option<RequestReport>, Failure> {
-        let requests = self.with_deadline(requests);
-        Conversation::<MovementData>::open(self.session, verb, self.timeout)?.follow(
+        let requests = self.steps.next(requests);
+        let report = Conversation::<MovementData>::open(self.session, verb, self.timeout)?.follow(
             &requests,
             Until::Final,
             Flyer::format(self.json),
-        )
+        )?;
+        self.steps.done(&requests);
+        Ok(report)
     }
 
     fn path(&mut self, points: &[PathPoint]) -> Result<(), Failure> {
         let waypoints: Vec<_> = points.iter().map(PathPoint::position).collect();
         let path_id = fresh_request_id();
-        let requests = MovementData::path(path_id, &waypoints, fresh_request_id).collect();
-        let requests = self.with_deadline(requests);
+        let requests = MovementData::path(path_id, &waypoints, fresh_request_id);
+        let requests = self.steps.next(requests);
         let format = Flyer::format(self.json);
         let mut watch = PathWatch::open(self.session, path_id, &mut self.executor, self.json)?;
         let report = Conversation::open(self.session, Verb::GoTo, self.timeout)?
@@ -265,6 +270,7 @@ impl Flyer<'_> {
             .follow(&requests, Until::Final, format)?;
         let reached = report.map_or(0, |report| report.waypoints_reached);
         watch.reached(reached as usize, None)?;
+        self.steps.done(&requests);
         Ok(())
     }
 
@@ -279,14 +285,6 @@ impl Flyer<'_> {
             self.executor.advance(MonotonicNs::now());
         }
         Ok(())
-    }
-
-    fn with_deadline(&self, requests: Vec<MovementData>) -> Vec<MovementData> {
-        let deadline_ms = self.deadline_ms;
-        let requests = requests.into_iter();
-        requests
-            .map(|request| complete(request, false, deadline_ms))
-            .collect()
     }
 
     /// In text the steps are printed, not the reports about each waypoint.
