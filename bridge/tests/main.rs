@@ -14,6 +14,7 @@ mod orders;
 mod parameters;
 mod paths;
 mod rig;
+mod safety;
 mod sender_lost;
 mod steps;
 mod suspended;

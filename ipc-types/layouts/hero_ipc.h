@@ -125,6 +125,8 @@ enum hero_safety_rule {
     HERO_SAFETY_RULE_FUEL = 7,
     HERO_SAFETY_RULE_LINK_LOSS = 8,
     HERO_SAFETY_RULE_FENCE_UNJUDGEABLE = 9,
+    HERO_SAFETY_RULE_POSITION_LOST = 10,
+    HERO_SAFETY_RULE_FENCE_AHEAD = 11,
 };
 
 enum hero_safety_action {

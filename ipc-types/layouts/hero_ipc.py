@@ -134,6 +134,8 @@ class SafetyRule(enum.IntEnum):
     FUEL = 7
     LINK_LOSS = 8
     FENCE_UNJUDGEABLE = 9
+    POSITION_LOST = 10
+    FENCE_AHEAD = 11
 
 
 class SafetyAction(enum.IntEnum):

@@ -315,6 +315,10 @@ codes! {
         LinkLoss = 8 => "link-loss",
         /// A leg that the geofence cannot judge: too long, too near to a pole, or no number; 0 m.
         FenceUnjudgeable = 9 => "fence-unjudgeable",
+        /// The position was lost in flight, s.
+        PositionLost = 10 => "position-lost",
+        /// Too near to the geofence to stop before it, m.
+        FenceAhead = 11 => "fence-ahead",
     }
 }
 

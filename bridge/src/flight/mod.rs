@@ -33,13 +33,13 @@ use crate::link::session::DspPath;
 use crate::link::{FlightCommand, Link, LinkEvent};
 use crate::outputs::{Notice, Outputs};
 use crate::safety::Safety;
-use crate::safety::fence::Fence;
+use crate::safety::fence::{Fence, Speeds};
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
 use control::{Asks, Control, SenderClock};
 use last_order::LastOrder;
 use motion::{Action, Asked, Event, Facts, Motion, MovementOrder, Rest};
-use observation::{Observation, known_position};
+use observation::Observation;
 use parameters::ParameterRequests;
 use report::{Answers, Detail, Verdict, in_time};
 use request::{Movement, Request, RequestHeader, RequestKey, Segment};
@@ -153,7 +153,7 @@ impl Flight {
                 self.observation.take(sample, cx.link.status_fresh_for());
                 let event = Event::Status {
                     flying: sample.status.flying,
-                    position: known_position(&sample.status),
+                    position: self.observation.latest(),
                 };
                 self.happen(event, cx);
                 self.enforce_safety(cx);
@@ -456,7 +456,7 @@ impl Flight {
         }
         let header = self.part_of_path(header, segment, cx.now)?;
         // First, so that a waypoint that is refused disturbs no path of another client.
-        self.check_leg_to(segment, &position)?;
+        self.check_leg_to(segment, &position, &cx.link.parameters().speeds())?;
         if segment.first {
             self.break_path(Reason::PathReplaced, cx);
         }
@@ -511,7 +511,12 @@ impl Flight {
     }
 
     /// The leg that ends at this waypoint, against the geofence and the ground.
-    fn check_leg_to(&mut self, segment: &Segment, position: &Geographic) -> Result<(), Verdict> {
+    fn check_leg_to(
+        &mut self,
+        segment: &Segment,
+        position: &Geographic,
+        speeds: &Speeds,
+    ) -> Result<(), Verdict> {
         let leg = self.number_in_path(segment);
         let from = match self.assembler.waypoints().last() {
             Some(last) if leg > 1 => *last,
@@ -519,7 +524,7 @@ impl Flight {
         };
         let ground_m = self.observation.ground_altitude_m();
         self.safety
-            .check_leg(&from, &segment.waypoint, leg, ground_m)?;
+            .check_leg(&from, &segment.waypoint, leg, speeds, ground_m)?;
         Ok(())
     }
 
