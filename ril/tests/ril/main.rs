@@ -29,6 +29,8 @@ mod relay;
 mod replay;
 mod requests;
 mod robots;
+mod senders;
+mod steps;
 mod stock_readers;
 mod terminal;
 mod topics;
