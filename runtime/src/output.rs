@@ -12,7 +12,7 @@ use std::panic;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, Once, OnceLock, PoisonError};
-use std::thread;
+use std::thread::{self, Thread};
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, poll};
@@ -33,7 +33,7 @@ pub const END_LIMIT: Duration = Duration::from_millis(200);
 /// Stack of the thread, bytes: it writes and waits.
 const STACK_BYTES: usize = 64 << 10;
 
-/// A bounded queue whose sender never waits.
+/// A bounded queue whose sender never waits. Its reader must not sleep in it: then a sender would take the lock with which std wakes it.
 #[derive(Debug)]
 pub(crate) struct LossyQueue<T> {
     sender: SyncSender<T>,
@@ -113,6 +113,8 @@ impl Progress {
 pub struct Output {
     queue: LossyQueue<Text>,
     progress: Arc<Progress>,
+    /// `None` if the system has given none: every text is lost then.
+    thread: Option<Thread>,
     /// Somebody has waited for it in vain.
     is_stalled: AtomicBool,
 }
@@ -160,7 +162,7 @@ pub fn finish(text: impl Into<String>) {
 }
 
 impl Output {
-    /// Starts the thread, with all signals blocked: they are for the thread that waits for them. Without a thread every text is lost.
+    /// Starts the thread, with all signals blocked: they are for the thread that waits for them.
     fn start(to: BorrowedFd<'static>, explain: fn(u64) -> String) -> Output {
         let (queue, texts) = LossyQueue::new(MAX_WAITING);
         let progress = Arc::<Progress>::default();
@@ -172,11 +174,11 @@ impl Output {
                 .stack_size(STACK_BYTES)
                 .spawn(move || write_all(to, &texts, &progress, explain))
         };
-        // The exit code says enough where there is no thread; to write without one would be to wait.
-        drop(thread);
         Output {
             queue,
             progress,
+            // The exit code says enough where there is no thread; to write without one would be to wait.
+            thread: thread.ok().map(|thread| thread.thread().clone()),
             is_stalled: AtomicBool::new(false),
         }
     }
@@ -193,11 +195,15 @@ impl Output {
     fn offer(&self, text: String) -> Result<(), String> {
         let missing = self.queue.take_lost();
         self.progress.waiting.fetch_add(1, Ordering::AcqRel);
-        self.queue.offer(Text { missing, text }).map_err(|refused| {
+        if let Err(refused) = self.queue.offer(Text { missing, text }) {
             self.progress.waiting.fetch_sub(1, Ordering::AcqRel);
             self.queue.lose(missing);
-            refused.text
-        })
+            return Err(refused.text);
+        }
+        if let Some(thread) = &self.thread {
+            thread.unpark();
+        }
+        Ok(())
     }
 
     /// Writes a text for people, which so stands before what the process does next, such as a line on the other stream. Waits for at
@@ -253,12 +259,16 @@ fn write_all(
     progress: &Progress,
     explain: fn(u64) -> String,
 ) {
-    for Text { missing, text } in texts {
-        if missing > 0 {
-            write(to, explain(missing).as_bytes());
+    loop {
+        for Text { missing, text } in texts.try_iter() {
+            if missing > 0 {
+                write(to, explain(missing).as_bytes());
+            }
+            write(to, text.as_bytes());
+            progress.finished_one();
         }
-        write(to, text.as_bytes());
-        progress.finished_one();
+        // A text that has come since then has left its mark, with which this returns at once.
+        thread::park();
     }
 }
 
