@@ -263,21 +263,21 @@ pub fn main_and_report(
             ExitCode::Ok
         }
         Ok(Err(failure)) => {
-            // Standard error may be closed; the exit code still says enough.
-            output::finish(failure.text());
             if failure.code != ExitCode::Ok {
                 report(&failure);
             }
+            // Standard error may be closed; the exit code still says enough.
+            output::finish(failure.text());
             if let Some(signal) = failure.signal {
                 signal::end_by(signal);
             }
             failure.code
         }
         Err(_panic) => {
-            output::finish("");
             report(&Failure::internal(
                 "a defect ended the process; the panic is on standard error",
             ));
+            output::finish("");
             ExitCode::Internal
         }
     };

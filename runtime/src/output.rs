@@ -1,13 +1,15 @@
 //! [`Output`]: texts for standard error, or for standard output, that no caller waits for: a bounded queue, and one thread that alone
 //! writes. A pipe that nobody reads, a terminal with Ctrl+S and a journal that hangs so stop this thread and nothing else.
 //!
-//! A text without room is lost and counted; the next one that finds room comes after a line that says how many are missing. At the
-//! end of a process [`Output::finish`] writes what waits, for at most [`END_LIMIT`]. A caller that must not wait uses
-//! [`Output::put`] alone: the lock in here is for callers that wait for the thread.
+//! A text without room is lost and counted; the next one that finds room comes after a line that says how many are missing. Texts of
+//! [`Output::put_passing`] leave half of the room to others. At the end of a process [`Output::finish`] writes what waits, for at most
+//! [`END_LIMIT`]; of standard output, for as long as somebody reads it. A caller that must not wait uses
+//! [`Output::put`] alone: the lock in here is for callers that wait for the thread. A stream whose reader has gone is known by
+//! [`Output::is_closed`], and wakes a wait by [`Output::closed`].
 
 use std::backtrace::{Backtrace, BacktraceStatus};
 use std::io::{self, Write};
-use std::os::fd::BorrowedFd;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::panic;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -15,7 +17,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, Once, OnceLock, PoisonError};
 use std::thread::{self, Thread};
 use std::time::{Duration, Instant};
 
-use rustix::event::{PollFd, PollFlags, poll};
+use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
 use rustix::io::Errno;
 use rustix::stdio;
 use tracing_subscriber::fmt::format::Writer;
@@ -29,6 +31,9 @@ pub const MAX_WAITING: usize = 2048;
 
 /// How long the end of a process, and a text for people, wait until it is written.
 pub const END_LIMIT: Duration = Duration::from_millis(200);
+
+/// How long the end of a process waits for a reader of standard output that takes nothing; not beyond [`END_LIMIT`] after a signal.
+pub const READER_LIMIT: Duration = Duration::from_secs(1);
 
 /// Stack of the thread, bytes: it writes and waits.
 const STACK_BYTES: usize = 64 << 10;
@@ -77,6 +82,10 @@ struct Progress {
     waiting: AtomicUsize,
     lock: Mutex<()>,
     written: Condvar,
+    /// A text could not be written: the reader has gone.
+    is_closed: AtomicBool,
+    /// Readable from then on; `None` where the system gives none.
+    closed: Option<OwnedFd>,
 }
 
 impl Progress {
@@ -89,6 +98,14 @@ impl Progress {
         // Whoever waits has seen the old number, and sleeps by now, or sees the new one.
         drop(self.lock());
         self.written.notify_all();
+    }
+
+    fn close(&self) {
+        self.is_closed.store(true, Ordering::Release);
+        if let Some(closed) = &self.closed {
+            // It can fail only when it is readable already.
+            let _ = rustix::io::write(closed, &1_u64.to_ne_bytes());
+        }
     }
 
     /// Waits until `is_done`, asked again after each text that was written; false if it was not by `deadline`.
@@ -149,12 +166,15 @@ pub fn standard_output() -> &'static Output {
     })
 }
 
-/// The end of what the process prints: writes what waits, and then `text` on standard error, the last words of the process or nothing;
-/// for each stream for at most [`END_LIMIT`].
+/// The end of what the process prints: writes what waits on standard output for as long as somebody reads it, see [`READER_LIMIT`]; and
+/// then `text` on standard error, the last words of the process or nothing, for at most [`END_LIMIT`].
 pub fn finish(text: impl Into<String>) {
     let text = text.into();
     if let Some(output) = STANDARD_OUTPUT.get() {
-        output.finish("");
+        if !output.finish_while_read() {
+            let missing = output.progress.waiting.load(Ordering::Acquire);
+            tracing::warn!(missing, "nobody reads standard output: its end is missing");
+        }
     }
     if !text.is_empty() || STANDARD_ERROR.get().is_some() {
         standard_error().finish(text);
@@ -165,7 +185,11 @@ impl Output {
     /// Starts the thread, with all signals blocked: they are for the thread that waits for them.
     fn start(to: BorrowedFd<'static>, explain: fn(u64) -> String) -> Output {
         let (queue, texts) = LossyQueue::new(MAX_WAITING);
-        let progress = Arc::<Progress>::default();
+        let closed = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK);
+        let progress = Arc::new(Progress {
+            closed: closed.ok(),
+            ..Progress::default()
+        });
         let thread = {
             let progress = Arc::clone(&progress);
             let _for_the_thread = signal::block_all();
@@ -190,6 +214,31 @@ impl Output {
             self.queue.lose(1);
         }
         is_taken
+    }
+
+    /// Lets `text` be written as [`Output::put`] does, but only while half of the room is free: something that is of less use than what
+    /// comes after it, such as progress before a result.
+    pub fn put_passing(&self, text: impl Into<String>) -> bool {
+        let has_room = self.progress.waiting.load(Ordering::Acquire) < MAX_WAITING / 2;
+        if !has_room {
+            self.queue.lose(1);
+        }
+        has_room && self.put(text)
+    }
+
+    /// Whether nothing waits: what is shown now is not shown too late.
+    pub fn is_idle(&self) -> bool {
+        self.progress.waiting.load(Ordering::Acquire) == 0
+    }
+
+    /// Whether a text could not be written: the reader has gone, or the stream is broken.
+    pub fn is_closed(&self) -> bool {
+        self.progress.is_closed.load(Ordering::Acquire)
+    }
+
+    /// Readable as soon as [`Output::is_closed`], and from then on; `None` where the system gives no descriptor.
+    pub fn closed(&self) -> Option<BorrowedFd<'_>> {
+        self.progress.closed.as_ref().map(OwnedFd::as_fd)
     }
 
     fn offer(&self, text: String) -> Result<(), String> {
@@ -240,11 +289,28 @@ impl Output {
     }
 }
 
-/// Puts what is written by one call.
+impl Output {
+    /// Writes what waits for as long as the reader takes something every [`READER_LIMIT`], and after a signal for at most [`END_LIMIT`].
+    fn finish_while_read(&self) -> bool {
+        while !signal::has_come() {
+            let waiting = self.progress.waiting.load(Ordering::Acquire);
+            let is_taken = || self.progress.waiting.load(Ordering::Acquire) < waiting;
+            if waiting == 0 || !self.progress.wait(Instant::now() + READER_LIMIT, is_taken) {
+                break;
+            }
+        }
+        self.finish("")
+    }
+}
+
+/// Puts what is written by one call. Fails once the reader has gone.
 impl Write for &Output {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.put(String::from_utf8_lossy(bytes));
-        Ok(bytes.len())
+        match self.is_closed() {
+            true => Err(io::ErrorKind::BrokenPipe.into()),
+            false => Ok(bytes.len()),
+        }
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -261,10 +327,16 @@ fn write_all(
 ) {
     loop {
         for Text { missing, text } in texts.try_iter() {
-            if missing > 0 {
-                write(to, explain(missing).as_bytes());
+            let before = match missing {
+                0 => String::new(),
+                missing => explain(missing),
+            };
+            let is_written = [before, text]
+                .iter()
+                .all(|text| write(to, text.as_bytes()));
+            if !is_written {
+                progress.close();
             }
-            write(to, text.as_bytes());
             progress.finished_one();
         }
         // A text that has come since then has left its mark, with which this returns at once.
@@ -272,20 +344,21 @@ fn write_all(
     }
 }
 
-/// Writes all of it, however long that takes. A stream that is closed, or broken, takes nothing.
-fn write(to: BorrowedFd<'_>, mut bytes: &[u8]) {
+/// Writes all of it, however long that takes; false if the stream is closed, or broken, and takes nothing.
+fn write(to: BorrowedFd<'_>, mut bytes: &[u8]) -> bool {
     while !bytes.is_empty() {
         match rustix::io::write(to, bytes) {
-            Ok(0) => return,
+            Ok(0) => return false,
             Ok(count) => bytes = &bytes[count..],
             Err(Errno::INTR) => {}
             // Another process that shares the stream has made it so.
             Err(Errno::AGAIN) => {
                 let _ = poll(&mut [PollFd::from_borrowed_fd(to, PollFlags::OUT)], None);
             }
-            Err(_) => return,
+            Err(_) => return false,
         }
     }
+    true
 }
 
 /// Lets a panic be reported by [`standard_error`], after what waits there, so that it waits for at most [`END_LIMIT`]. The text is
@@ -396,7 +469,24 @@ mod tests {
     fn a_reader_that_has_gone_stops_nothing() {
         let (reader, output) = stalled();
         output.put("first\n");
+        assert!(!output.is_closed());
         drop(reader);
         assert!(output.finish("last\n"));
+        assert!(output.is_closed());
+        let closed = output.closed().unwrap();
+        let mut sources = [PollFd::from_borrowed_fd(closed, PollFlags::IN)];
+        assert_eq!(poll(&mut sources, None), Ok(1));
+        assert!((&output).write_all(b"more\n").is_err());
+    }
+
+    #[test]
+    fn what_passes_leaves_room_for_what_stays() {
+        let (mut reader, output) = stalled();
+        let progress = std::iter::repeat_with(|| output.put_passing("progress\n"));
+        assert_eq!(progress.take(MAX_WAITING).filter(|is_taken| *is_taken).count(), MAX_WAITING / 2);
+        assert!(!output.is_idle());
+        assert!(output.put("result\n"));
+        let text = read_until(&mut reader, "result\n");
+        assert!(text.ends_with("progress\n1024 are missing\nresult\n"), "{text}");
     }
 }

@@ -8,8 +8,8 @@ use std::io::{self, Read, Write};
 use std::mem;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use rustix::process::{Pid, Signal, getppid, set_parent_process_death_signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
@@ -24,6 +24,15 @@ const BY_HAND: usize = usize::MAX;
 
 /// Whether a [`Termination`] of this process owns the signals.
 static OWNED: AtomicBool = AtomicBool::new(false);
+
+/// Which signal came to the owner, also after it was dropped; 0 is none.
+static CAME: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
+
+/// Whether a signal came since a [`Termination`] of this process owns them.
+pub(crate) fn has_come() -> bool {
+    let came = CAME.get();
+    came.is_some_and(|signal| signal.load(Ordering::Acquire) != 0)
+}
 
 /// The wish that this process end. Put [`as_fd`](AsFd::as_fd) into the wait; it becomes readable when the wish comes.
 ///
@@ -57,9 +66,11 @@ impl Termination {
         if OWNED.swap(true, Ordering::AcqRel) {
             return Err(SignalError::AlreadyOwned);
         }
+        let signal = Arc::clone(CAME.get_or_init(Arc::default));
+        signal.store(0, Ordering::Release);
         let mut termination = Termination {
             receiver,
-            signal: Arc::default(),
+            signal,
             is_owner: true,
             handlers: Vec::new(),
         };

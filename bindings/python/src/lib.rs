@@ -537,6 +537,10 @@ impl Client {
         self.sent(py, Requests::hold)
     }
 
+    fn when_lost(&mut self, py: Python<'_>, action: u32, lease_ms: u32) -> PyResult<u64> {
+        self.sent(py, |requests| requests.when_lost(action, lease_ms).map(|()| 0))
+    }
+
     fn go_to(
         &mut self,
         py: Python<'_>,

@@ -31,7 +31,7 @@ use crate::config::BridgeConfig;
 use crate::core::Input;
 use crate::journal::Journaled;
 use crate::link::commands::ATTEMPTS;
-use controller::Controller;
+use controller::Watched;
 use port::PortSlot;
 use publish::{BridgeServices, OutlinePort};
 use reload::FenceReader;
@@ -56,8 +56,8 @@ pub enum Waker {
     Service,
     /// The serial port.
     Line,
-    /// The end of the process with which control ends.
-    Controller,
+    /// The end of the process with which control ends, or of the path's sender.
+    Process,
     /// A thread, which has done what may take long.
     Thread,
 }
@@ -70,6 +70,9 @@ const OTHER_PROFILE_HEADERS: u32 = 3;
 fn wind_down_time(config: &BridgeConfig) -> Duration {
     2 * ATTEMPTS * config.link.ack_timeout()
 }
+
+/// A shorter suspension is none: two clocks are read one after the other, and the process may have to wait between.
+const SHORTEST_SUSPENSION: Duration = Duration::from_millis(100);
 
 /// Why the bridge process cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -107,7 +110,9 @@ pub fn run(
         services: BridgeServices::open(ipc)?,
         outline: OutlinePort::open(ipc)?,
         journal: JournalPort::open(ipc)?,
-        controller: Controller::default(),
+        ipc: ipc.clone(),
+        watched: Default::default(),
+        suspended: MonotonicNs::suspended(),
         port: PortSlot::start(&config.serial)?,
         fence: FenceReader::start(read_fence).map_err(ShellError::NoThread)?,
         inbox: Vec::new(),
@@ -130,7 +135,11 @@ struct Shell {
     services: BridgeServices,
     outline: OutlinePort,
     journal: JournalPort<BridgeJournal>,
-    controller: Controller,
+    ipc: Ipc,
+    /// The process with whose end control ends, and that of the path's sender.
+    watched: [Watched; 2],
+    /// How long the machine was suspended since its boot, as the bridge knows it.
+    suspended: Duration,
     port: PortSlot,
     fence: FenceReader,
     inbox: Vec<Input<'static>>,
@@ -157,8 +166,8 @@ impl Process for Shell {
         if let Some(line) = self.port.get() {
             sources.descriptor(Waker::Line, line.as_fd());
         }
-        if let Some(controller) = self.controller.descriptor() {
-            sources.descriptor(Waker::Controller, controller);
+        for process in self.watched.iter().filter_map(Watched::descriptor) {
+            sources.descriptor(Waker::Process, process);
         }
     }
 
@@ -172,12 +181,15 @@ impl Process for Shell {
         if serves {
             self.services.drain(&mut self.inbox);
         }
-        let now = self.read(serves);
-        self.serve(now);
-        let now = MonotonicNs::now();
-        if wake.has(Waker::Controller) {
-            self.controller_gone(self.controller.ended(), now);
+        self.resume();
+        self.read(serves);
+        self.serve();
+        if wake.has(Waker::Process) {
+            let ended = self.watched.each_ref().map(Watched::ended);
+            self.processes_ended(ended);
         }
+        let now = MonotonicNs::now();
+        self.look_at_lease(now);
         self.bridge.apply(now, Input::Advance, &mut self.services);
         self.services.end_batch();
         let is_done = wake.has(Waker::Thread);
@@ -188,9 +200,9 @@ impl Process for Shell {
             self.port_opened(now);
         }
         self.write();
-        let is_gone = self.controller.follow(self.bridge.controller());
-        self.controller_gone(is_gone, now);
+        self.watch();
         self.services.wake_senders();
+        let now = MonotonicNs::now();
         self.outline.publish(&self.bridge.outline(), now);
         self.journal.publish(self.bridge.writer(), now);
         self.log_other_profile();
@@ -201,8 +213,9 @@ impl Process for Shell {
     fn round(&mut self, _now: MonotonicNs) {
         self.services.drain(&mut self.inbox);
         if !self.inbox.is_empty() {
-            let now = self.read(true);
-            self.serve(now);
+            self.resume();
+            self.read(true);
+            self.serve();
         }
     }
 
@@ -234,7 +247,8 @@ impl Process for Shell {
 impl Shell {
     /// Applies the requests that were taken before the line was read. So wherever the bridge stood still, the DSP's last words before
     /// a request was taken are applied before it.
-    fn serve(&mut self, now: MonotonicNs) {
+    fn serve(&mut self) {
+        let now = MonotonicNs::now();
         for mut input in self.inbox.drain(..) {
             if let Input::Control {
                 key,
@@ -252,19 +266,57 @@ impl Shell {
         }
     }
 
-    fn controller_gone(&mut self, process: Option<u32>, now: MonotonicNs) {
-        if let Some(process) = process {
-            let gone = Input::ControllerGone(process);
-            self.bridge.apply(now, gone, &mut self.services);
+    fn processes_ended(&mut self, processes: [Option<u32>; 2]) {
+        let now = MonotonicNs::now();
+        for process in processes.into_iter().flatten() {
+            let ended = Input::ProcessEnded(process);
+            self.bridge.apply(now, ended, &mut self.services);
+        }
+    }
+
+    /// Watches the processes that matter from now on. A path of which the sender has ended already ends at once, and what that makes
+    /// goes out.
+    fn watch(&mut self) {
+        let processes = [self.bridge.controller(), self.bridge.path_sender()];
+        let [controller, sender] = &mut self.watched;
+        let ended = [controller.follow(processes[0]), sender.follow(processes[1])];
+        if ended.iter().any(Option::is_some) {
+            self.processes_ended(ended);
+            self.write();
+        }
+    }
+
+    /// What the machine's suspension was, which the monotonic clock does not show, is an input before all others.
+    fn resume(&mut self) {
+        let suspended = MonotonicNs::suspended();
+        let slept = suspended.saturating_sub(self.suspended);
+        if slept < SHORTEST_SUSPENSION {
+            return;
+        }
+        self.suspended = suspended;
+        tracing::warn!(seconds = slept.as_secs_f64(), "the machine was suspended");
+        let input = Input::Suspended(slept.as_nanos() as u64);
+        let now = MonotonicNs::now();
+        self.bridge.apply(now, input, &mut self.services);
+    }
+
+    /// Before the end of a lease is handled: its sender may have renewed it, which wakes nobody.
+    fn look_at_lease(&mut self, now: MonotonicNs) {
+        if let Some((path_id, until)) = self.bridge.lease()
+            && until <= now
+            && let Some(at) = self.ipc.lease_renewed(path_id)
+        {
+            let renewed = Input::LeaseRenewed(at);
+            self.bridge.apply(now, renewed, &mut self.services);
         }
     }
 
     /// Takes what the line has as one input. All of it, up to [`DRAIN_LEN`], when a request or a deadline may wait; else one read,
     /// and what is left is there at the next wake, which comes at once: so consumers have their turn on a line that never
-    /// pauses. They keep more samples than one read can bring. Returns the moment of the input.
-    fn read(&mut self, serves: bool) -> MonotonicNs {
+    /// pauses. They keep more samples than one read can bring.
+    fn read(&mut self, serves: bool) {
         let Some(port) = self.port.get() else {
-            return MonotonicNs::now();
+            return;
         };
         let mut len = 0;
         let gone = loop {
@@ -290,11 +342,11 @@ impl Shell {
         if let Some(gone) = gone {
             self.close_port(&gone);
         }
-        now
     }
 
     /// What the device does not take now is offered again at the next wake: the core bounds it and gives it up in time.
     fn write(&mut self) {
+        self.resume();
         let now = MonotonicNs::now();
         let Some(port) = self.port.get() else {
             return;

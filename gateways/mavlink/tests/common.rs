@@ -4,7 +4,7 @@ use std::cell::Cell;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use ipc_types::MonotonicNs;
+use ipc_types::{MonotonicNs, TelemetryGroup};
 use ipc_types::code::{Functionality, LinkState, ModuleStatus, PilotSwitch, Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, ModuleState, RequestReport};
 use mavlink_gateway::message::{self, COMMAND_LONG, HEARTBEAT, MessageKind};
@@ -150,6 +150,14 @@ impl World {
         self.pass(ms);
         self.telemetry.received_ns = self.now.0;
         self.state.published_ns = self.now.0;
+        // As a bridge says it that has seen the helicopter on the ground.
+        if self.telemetry.flying == 0 && self.telemetry.valid(TelemetryGroup::Geographic) {
+            let place = self.telemetry.geodetic;
+            self.state.ground_valid = 1;
+            self.state.home_latitude_deg = place.latitude_rad.to_degrees();
+            self.state.home_longitude_deg = place.longitude_rad.to_degrees();
+            self.state.ground_altitude_m = place.altitude_m;
+        }
         self.gateway.state(&self.state, self.now);
         self.gateway.telemetry(&self.telemetry, self.now);
         self.gateway.advance(self.now);

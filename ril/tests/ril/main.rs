@@ -29,6 +29,7 @@ mod relay;
 mod replay;
 mod requests;
 mod robots;
+mod senders;
 mod steps;
 mod stock_readers;
 mod terminal;

@@ -140,9 +140,8 @@ fn result_of(finding: &Finding, items: &[Item]) -> MissionResult {
         "altitude-missing" | "altitude-range" | "take-off-altitude" | "fence-floor"
         | "fence-ceiling" => MissionResult::InvalidParam7,
         "speed" => MissionResult::InvalidParam2,
-        "fence-exclusion" | "fence-inclusion" | "fence-unjudgeable" | "max-distance" => {
-            MissionResult::InvalidParam5
-        }
+        "fence-exclusion" | "fence-inclusion" | "fence-unjudgeable" | "fence-ahead"
+        | "max-distance" => MissionResult::InvalidParam5,
         "already-flying" | "not-flying" => MissionResult::InvalidSequence,
         _ => MissionResult::Invalid,
     }
