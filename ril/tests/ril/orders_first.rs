@@ -130,7 +130,7 @@ fn a_command_whose_output_is_never_read_ends_with_its_exit_code() {
         bridge.answer_next(answer);
         unread(&rig, args).exits(code);
     }
-    unread(&rig, "wait --for up").exits(0);
+    unread(&rig, "wait --for up --timeout 100ms --json").exits(4);
     bridge.die();
     unread(&rig, "hold --json").exits(3);
 }
@@ -198,9 +198,9 @@ fn land_hold_and_stop_go_out_whatever_is_in_the_place_of_their_configuration() {
     rig.run("plan fly none.waypoints", 78);
 }
 
-/// `ril`, every look of which at `ril.toml` lasts a minute.
+/// `ril`, whose every look at `ril.toml` lasts long. Its tracer, and so this process, ends no sooner.
 fn with_a_disk_that_hangs(rig: &Sandbox, args: &str) -> Process {
-    let hang = "--inject=%file,openat:delay_enter=60000000";
+    let hang = "--inject=%file,openat:delay_enter=4000000";
     let line = format!(
         "unset RIL_TIMEOUT; exec strace -f -qq -o trace -P ril.toml -P \"$PWD/ril.toml\" {hang} \"$0\" {args}"
     );
@@ -218,7 +218,6 @@ fn orders_wait_for_a_disk_that_hangs_no_longer_than_the_limit() {
     let rig = sandbox();
     rig.write("ril.toml", "");
     let bridge = StandInBridge::start(&rig.domain);
-    let begin = Instant::now();
     for args in ["land", "hold", "stop", "takeoff 5m", "goto 37,-6,20"] {
         let finished = with_a_disk_that_hangs(&rig, args).exits(0);
         finished.err_says("ril.toml: was not read within 300ms");
@@ -230,5 +229,4 @@ fn orders_wait_for_a_disk_that_hangs_no_longer_than_the_limit() {
     let finished = with_a_disk_that_hangs(&rig, "plan fly square.waypoints").exits(78);
     finished.err_says("ril.toml: was not read within 300ms");
     assert!(bridge.take_requests().is_empty());
-    assert!(begin.elapsed() < Duration::from_secs(60), "nothing waits for the disk");
 }
