@@ -65,6 +65,7 @@ use verbs::{
 ///
 /// Programs that start the processes of the RIL may be one of them themselves with this.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    session::began();
     if completion::is_asked() {
         completion::answer(args);
         return ExitCode::SUCCESS;

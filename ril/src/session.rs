@@ -11,6 +11,7 @@ use std::io;
 use std::os::fd::AsFd;
 use std::path::Path;
 use std::rc::Rc;
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use ipc_types::payload::{
@@ -229,6 +230,12 @@ pub(crate) fn process_of(key: &str) -> Option<&'static str> {
     own(key).map(ServiceId::provider)
 }
 
+/// When the operator gave the command: the first call is at the beginning of the process, and later ones say the same.
+pub(crate) fn began() -> MonotonicNs {
+    static BEGAN: OnceLock<MonotonicNs> = OnceLock::new();
+    *BEGAN.get_or_init(MonotonicNs::now)
+}
+
 /// What becomes of a command whose configuration is not read in time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unread {
@@ -241,6 +248,8 @@ pub(crate) enum Unread {
 /// What a command has that asks the bridge for something.
 pub(crate) struct OrderContext {
     pub session: Session,
+    /// When the operator gave the command, however long it takes until its request goes out.
+    pub issued: MonotonicNs,
     pub config: Config,
     /// How long the bridge has for its first answer.
     pub timeout: Duration,
@@ -275,6 +284,7 @@ impl OrderContext {
     fn new(ask: &AskArgs, config: Config) -> Result<OrderContext, Failure> {
         Ok(OrderContext {
             session: Session::join(&ask.common)?,
+            issued: began(),
             timeout: ask.timeout.unwrap_or_else(|| config.request.timeout()),
             deadline_ms: ask.deadline.unwrap_or(config.request.deadline_ms),
             config,
@@ -286,6 +296,8 @@ impl OrderContext {
 pub(crate) struct UrgentContext<'a> {
     ask: &'a AskArgs,
     pub session: Session,
+    /// When the operator gave the command.
+    pub issued: MonotonicNs,
 }
 
 impl<'a> UrgentContext<'a> {
@@ -293,15 +305,21 @@ impl<'a> UrgentContext<'a> {
     pub fn of(ask: &'a AskArgs) -> Result<UrgentContext<'a>, Failure> {
         begin(&ask.common)?;
         refuse_to_guess(&ask.common)?;
-        let session = Session::join(&ask.common)?;
-        Ok(UrgentContext { ask, session })
+        UrgentContext::join(ask)
     }
 
     /// Of a command for all robots.
     pub fn of_all(ask: &'a AskArgs) -> Result<UrgentContext<'a>, Failure> {
         begin(&ask.common)?;
-        let session = Session::join(&ask.common)?;
-        Ok(UrgentContext { ask, session })
+        UrgentContext::join(ask)
+    }
+
+    fn join(ask: &'a AskArgs) -> Result<UrgentContext<'a>, Failure> {
+        Ok(UrgentContext {
+            ask,
+            session: Session::join(&ask.common)?,
+            issued: began(),
+        })
     }
 
     /// Until how long after its issue the order may begin, as command line or environment say; 0 leaves it to the bridge.

@@ -512,6 +512,11 @@ impl Client {
         self.sent(py, |requests| requests.send(&service, request))
     }
 
+    fn follow(&mut self, before: u64) -> PyResult<()> {
+        self.requests.get()?.follow(before);
+        Ok(())
+    }
+
     fn start(&mut self, py: Python<'_>) -> PyResult<u64> {
         self.sent(py, |requests| requests.control(ControlCommand::Start))
     }
@@ -530,6 +535,10 @@ impl Client {
 
     fn hold(&mut self, py: Python<'_>) -> PyResult<u64> {
         self.sent(py, Requests::hold)
+    }
+
+    fn when_lost(&mut self, py: Python<'_>, action: u32, lease_ms: u32) -> PyResult<u64> {
+        self.sent(py, |requests| requests.when_lost(action, lease_ms).map(|()| 0))
     }
 
     fn go_to(

@@ -28,6 +28,8 @@ use std::ffi::{CStr, CString, c_char, c_int};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
+use runtime::output;
+
 use crate::error::{Error, ErrorKind};
 use crate::service::ServiceName;
 use crate::topic::FOREVER;

@@ -144,8 +144,8 @@ pub(crate) fn start(args: &ControlArgs, look: BeforeStart) -> Result<(), Failure
 /// was named, 3 when there is no bridge, 4 when it does not answer, 7 when a signal ends the command before the final
 /// report.
 pub fn stop(args: &ControlArgs) -> Result<(), Failure> {
-    ask_at_once(Verb::Stop, control_key(args), &args.request, |deadline_ms| {
-        control_request(ControlCommand::Stop, deadline_ms)
+    ask_at_once(Verb::Stop, control_key(args), &args.request, |asked| {
+        control_request(ControlCommand::Stop, asked.issued, asked.deadline_ms())
     })
 }
 
@@ -215,7 +215,10 @@ fn hold_all(args: &RequestArgs) -> Result<(), Failure> {
     }
     let mut begun = Vec::new();
     for session in &sessions {
-        let request = MovementData::hold(fresh_request_id());
+        let request = MovementData {
+            issued_ns: own.issued.0,
+            ..MovementData::hold(fresh_request_id())
+        };
         let requests = [complete(request, true, own.deadline_ms())];
         let sent = Conversation::open(session, Verb::Hold, Duration::ZERO).and_then(|bridge| {
             let mut bridge = bridge.name_robot();
@@ -263,7 +266,11 @@ fn control(
 ) -> Result<(), Failure> {
     ask(verb, control_key(args), &args.request, |asked| {
         before(asked)?;
-        Ok(vec![control_request(command, asked.deadline_ms)])
+        Ok(vec![control_request(
+            command,
+            asked.issued,
+            asked.deadline_ms,
+        )])
     })
 }
 
@@ -274,8 +281,12 @@ fn urgent(
     preempt: bool,
     args: &RequestArgs,
 ) -> Result<(), Failure> {
-    ask_at_once(verb, MovementData::KEY, args, |deadline_ms| {
-        complete(request, preempt, deadline_ms)
+    ask_at_once(verb, MovementData::KEY, args, |asked| {
+        let request = MovementData {
+            issued_ns: asked.issued.0,
+            ..request
+        };
+        complete(request, preempt, asked.deadline_ms())
     })
 }
 
@@ -287,6 +298,10 @@ fn movement(
     args: &RequestArgs,
 ) -> Result<(), Failure> {
     ask(verb, MovementData::KEY, args, |asked| {
+        let request = MovementData {
+            issued_ns: asked.issued.0,
+            ..request
+        };
         Ok(vec![complete(request, preempt, asked.deadline_ms)])
     })
 }
