@@ -716,14 +716,14 @@ fn a_server_that_cannot_reach_a_client_serves_the_others_and_begins_anew() {
             panic!("{before:?}, {after:?}");
         };
         let hidden = segment.with_extension("hidden");
-        std::fs::rename(segment, &hidden).unwrap();
+        fs::rename(segment, &hidden).unwrap();
         unreachable.send(&start()).unwrap();
         operator.send(&start()).unwrap();
         let [(ticket, _)] = take(&mut server)[..] else {
             panic!("one request");
         };
         server.report(ticket, &report(Stage::Done)).unwrap();
-        std::fs::rename(&hidden, segment).unwrap();
+        fs::rename(&hidden, segment).unwrap();
         assert!(take(&mut server).is_empty(), "it is not tried again");
         assert_eq!(server.generations(), 1, "it may be gone in a moment");
         let mut finals = Vec::new();

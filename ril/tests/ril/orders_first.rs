@@ -1,18 +1,18 @@
 //! Orders go out first: neither a disk that hangs nor an output that nobody reads keeps an order from the bridge, a signal or the next step
 //! from being handled, or the command from its end.
 
-use std::fs::{File, OpenOptions};
-use std::io::{Read, Write};
+use std::fs::OpenOptions;
+use std::io::Read;
 use std::os::unix::fs::OpenOptionsExt;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-use ipc_types::code::{ControlCommand, MovementKind, Reason, Stage};
+use ipc_types::code::{ControlCommand, Functionality, MovementKind, Reason, Stage};
 use ipc_types::payload::RequestReport;
 use ril_tests::languages::skip;
-use ril_tests::process::Signal;
+use ril_tests::process::{Finished, Signal};
 use ril_tests::sandbox::FOR_SLOW_MACHINES;
-use ril_tests::{Answer, Process, Received, Sandbox, StandInBridge};
+use ril_tests::{Answer, Process, Received, Sandbox, StandInBridge, UnreadPipe};
 use rustix::fs::{CWD, Mode, OFlags, mkfifoat};
 
 use crate::common::{json, movement, sandbox, shown_state, start_robot};
@@ -24,37 +24,19 @@ const END_LIMIT: Duration = Duration::from_secs(3);
 /// The tries of each kind.
 const TRIES: usize = 6;
 
-/// A named pipe in the folder of this name, which is open for reading and writing.
-fn pipe(rig: &Sandbox, name: &str) -> File {
-    let path = rig.path(name);
-    mkfifoat(CWD, &path, Mode::RUSR | Mode::WUSR).unwrap();
-    let mut options = OpenOptions::new();
-    options.read(true).write(true);
-    options.custom_flags(OFlags::NONBLOCK.bits() as i32);
-    options.open(path).unwrap()
-}
-
-/// The pipe `unread`, which is full.
-fn full_pipe(rig: &Sandbox) -> File {
-    let mut pipe = pipe(rig, "unread");
-    for size in [4096, 1] {
-        while pipe.write(&vec![b'x'; size]).is_ok() {}
-    }
-    pipe
-}
-
 /// `ril` with the pipe `unread` as its standard output.
 fn unread(rig: &Sandbox, args: &str) -> Process {
-    rig.spawn(rig.shell(&format!("exec \"$0\" {args} >unread")))
+    rig.spawn(rig.shell(&format!("exec \"$0\" {args} >{}", UnreadPipe::NAME)))
 }
 
 /// Ends a process by a signal, in time.
-fn ends_in_time(process: &mut Process, signal: Signal, code: i32) {
+fn ends_in_time(process: &mut Process, signal: Signal, code: i32) -> Finished {
     let begin = Instant::now();
     process.signal(signal);
-    process.exits(code);
+    let finished = process.exits(code);
     let took = begin.elapsed();
     assert!(took < END_LIMIT, "{took:?}");
+    finished
 }
 
 fn accepted() -> Answer {
@@ -62,9 +44,9 @@ fn accepted() -> Answer {
 }
 
 #[test]
-fn a_goto_whose_output_is_not_read_still_holds_at_a_signal() {
+fn a_goto_whose_output_is_not_read_ends_at_a_signal_and_its_path_with_it() {
     let rig = sandbox();
-    let _pipe = full_pipe(&rig);
+    let _pipe = UnreadPipe::full(&rig);
     let bridge = StandInBridge::start(&rig.domain);
     for attempt in 0..TRIES {
         let (json, signal) = match attempt % 2 {
@@ -72,14 +54,15 @@ fn a_goto_whose_output_is_not_read_still_holds_at_a_signal() {
             _ => ("--json", Signal::INT),
         };
         bridge.answer_next(accepted());
-        bridge.answer_next(accepted());
-        let mut path = unread(&rig, &format!("goto 37,-6,20 --hold-on-exit {json}"));
+        let mut path = unread(&rig, &format!("goto 37,-6,20 --sender-lost hold {json}"));
         let sent = movement(bridge.next_request());
         let under_way = RequestReport::new(Stage::Progress, Reason::None);
         bridge.report(sent.request_id, &under_way).unwrap();
-        ends_in_time(&mut path, signal, 7);
-        let hold = movement(bridge.next_request());
-        assert_eq!(hold.kind(), Some(MovementKind::Hold), "{attempt}");
+        let finished = ends_in_time(&mut path, signal, 7);
+        finished.err_says("the bridge lets the helicopter hover where it is");
+        // To the bridge it is lost.
+        let report = bridge.report(sent.request_id, &under_way);
+        assert!(report.is_err(), "{attempt}: {report:?}");
     }
 }
 
@@ -87,7 +70,10 @@ fn a_goto_whose_output_is_not_read_still_holds_at_a_signal() {
 #[test]
 fn what_was_not_read_in_time_is_progress_and_the_result_arrives() {
     let rig = sandbox();
-    let mut pipe = full_pipe(&rig);
+    let _pipe = UnreadPipe::full(&rig);
+    let mut options = OpenOptions::new();
+    options.custom_flags(OFlags::NONBLOCK.bits() as i32);
+    let mut pipe = options.read(true).open(rig.path(UnreadPipe::NAME)).unwrap();
     let bridge = StandInBridge::start(&rig.domain);
     bridge.answer_next(accepted());
     let mut path = unread(&rig, "goto 37,-6,20 --json --timeout 80s");
@@ -120,7 +106,7 @@ fn what_was_not_read_in_time_is_progress_and_the_result_arrives() {
 #[test]
 fn a_command_whose_output_is_never_read_ends_with_its_exit_code() {
     let rig = sandbox();
-    let _pipe = full_pipe(&rig);
+    let _pipe = UnreadPipe::full(&rig);
     let bridge = StandInBridge::start(&rig.domain);
     for (args, answer, code) in [
         ("land", Answer::done(), 0),
@@ -139,7 +125,7 @@ fn a_command_whose_output_is_never_read_ends_with_its_exit_code() {
 fn a_plan_whose_output_is_not_read_is_flown_and_ends_at_a_signal() {
     let rig = sandbox();
     rig.write("bridge.toml", FOR_SLOW_MACHINES);
-    let _pipe = full_pipe(&rig);
+    let _pipe = UnreadPipe::full(&rig);
     let robot = start_robot(&rig, 10);
     rig.run("start", 0);
     rig.write("square.waypoints", SQUARE);
@@ -147,13 +133,19 @@ fn a_plan_whose_output_is_not_read_is_flown_and_ends_at_a_signal() {
     let state = shown_state(&rig, 1);
     assert_eq!(state["flight"]["flying"], false, "it has landed: {state}");
     // The landing is far away.
-    rig.write("far.waypoints", &SQUARE.replace("2 0 3 16 0 0 0 0 37.4113", "2 0 3 16 0 0 0 0 37.4513"));
+    rig.write(
+        "far.waypoints",
+        &SQUARE.replace("2 0 3 16 0 0 0 0 37.4113", "2 0 3 16 0 0 0 0 37.4513"),
+    );
     let mut flown = unread(&rig, "plan fly far.waypoints --json");
     rig.watch(1).until("the path is flown", |state| {
         state.movement.kind() == Some(MovementKind::GoToWaypoint)
     });
     ends_in_time(&mut flown, Signal::TERM, 7);
-    rig.run("land --preempt", 0);
+    rig.watch(1).until("it hovers", |state| {
+        state.functionality() == Some(Functionality::AtRest)
+    });
+    rig.run("land", 0);
     robot.end();
 }
 
@@ -175,7 +167,7 @@ fn land_hold_and_stop_go_out_whatever_is_in_the_place_of_their_configuration() {
     none.env_remove("RIL_TIMEOUT");
     rig.spawn(none).exits(0);
     bridge.next_request();
-    let _pipe = pipe(&rig, "ril.toml");
+    mkfifoat(CWD, rig.path("ril.toml"), Mode::RUSR | Mode::WUSR).unwrap();
     rig.write("wrong.toml", "[request]\ntimeout = 1\n");
     for (args, expected) in [
         ("land", format!("{:?}", Some(MovementKind::Land))),
@@ -189,7 +181,10 @@ fn land_hold_and_stop_go_out_whatever_is_in_the_place_of_their_configuration() {
         ] {
             let line = format!("unset RIL_TIMEOUT; exec \"$0\" {args} {config}");
             let mut command = Process::spawn(&rig.domain, rig.shell(&line));
-            command.exits(0).err_says(reason).err_says("the order goes on");
+            command
+                .exits(0)
+                .err_says(reason)
+                .err_says("the order goes on");
             assert_eq!(order(bridge.next_request()), expected, "{args}");
         }
     }
@@ -210,7 +205,9 @@ fn with_a_disk_that_hangs(rig: &Sandbox, args: &str) -> Process {
 #[test]
 fn orders_wait_for_a_disk_that_hangs_no_longer_than_the_limit() {
     let what = "orders of a disk that hangs";
-    let traced = Command::new("strace").args(["-qq", "-o", "/dev/null", "true"]).status();
+    let traced = Command::new("strace")
+        .args(["-qq", "-o", "/dev/null", "true"])
+        .status();
     if !traced.is_ok_and(|status| status.success()) {
         skip(what, "strace cannot be used here");
         return;

@@ -62,7 +62,10 @@ fn without_a_fix_the_last_place_stays_with_its_age() {
     robot.hero(&none, at(21_000));
     robot.dsp(&dsp, at(21_250));
     let view = robot.pilot;
-    assert_eq!((view.place, view.altitude_m, view.ground_speed_mps), (None, None, None));
+    assert_eq!(
+        (view.place, view.altitude_m, view.ground_speed_mps),
+        (None, None, None)
+    );
     assert_eq!((view.climb_mps, view.course_deg), (None, None));
     assert_eq!(view.gps.map(|gps| gps.0), Some(0));
     assert_eq!(

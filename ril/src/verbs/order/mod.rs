@@ -22,9 +22,7 @@ use runtime::exit::{ExitCode, Failure};
 use crate::config::Config;
 use crate::options::{RequestArgs, SampleArgs, take_off_height};
 use crate::render::messages::Verb;
-use crate::request::{
-    Conversation, Format, Until, ask, ask_at_once, complete, control_request,
-};
+use crate::request::{Conversation, Format, Until, ask, ask_at_once, complete, control_request};
 use crate::session::{OrderContext, Session, UrgentContext, commandable_here, other_domains};
 
 pub use control::{HolderArgs, control as command_of};

@@ -378,7 +378,10 @@ impl<'a> PathWatch<'a> {
             let to_go = to_go_m.map_or(String::new(), |metres| {
                 format!(", {} to go", distance(metres))
             });
-            tell(Weight::Progress, format!("plan: item {item} reached{to_go}\n"))?;
+            tell(
+                Weight::Progress,
+                format!("plan: item {item} reached{to_go}\n"),
+            )?;
         }
         Ok(())
     }

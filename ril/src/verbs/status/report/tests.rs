@@ -407,7 +407,10 @@ fn the_exit_code_says_what_is_missing() {
     let hung = with_status(3100);
     assert_eq!(code_of(&hung), ExitCode::Timeout);
     assert!(hung.to_string().contains("3100 ms old, STALE"), "{hung}");
-    assert!(hung.situation().contains("status of robot 1 runs and says nothing"));
+    assert!(
+        hung.situation()
+            .contains("status of robot 1 runs and says nothing")
+    );
 }
 
 #[test]
