@@ -331,9 +331,7 @@ fn write_all(
                 0 => String::new(),
                 missing => explain(missing),
             };
-            let is_written = [before, text]
-                .iter()
-                .all(|text| write(to, text.as_bytes()));
+            let is_written = [before, text].iter().all(|text| write(to, text.as_bytes()));
             if !is_written {
                 progress.close();
             }
@@ -483,10 +481,19 @@ mod tests {
     fn what_passes_leaves_room_for_what_stays() {
         let (mut reader, output) = stalled();
         let progress = std::iter::repeat_with(|| output.put_passing("progress\n"));
-        assert_eq!(progress.take(MAX_WAITING).filter(|is_taken| *is_taken).count(), MAX_WAITING / 2);
+        assert_eq!(
+            progress
+                .take(MAX_WAITING)
+                .filter(|is_taken| *is_taken)
+                .count(),
+            MAX_WAITING / 2
+        );
         assert!(!output.is_idle());
         assert!(output.put("result\n"));
         let text = read_until(&mut reader, "result\n");
-        assert!(text.ends_with("progress\n1024 are missing\nresult\n"), "{text}");
+        assert!(
+            text.ends_with("progress\n1024 are missing\nresult\n"),
+            "{text}"
+        );
     }
 }
