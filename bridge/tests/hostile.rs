@@ -48,6 +48,8 @@ fn movement(random: &mut Rng) -> MovementData {
     data.altitude_m = value(20.0);
     let begin_by_ns = [0, 1, 5_000_000_000, u64::MAX, data.begin_by_ns];
     data.begin_by_ns = random.choice(begin_by_ns).unwrap();
+    data.sender_lost = random.choice([0, 1, 2, 3, data.sender_lost]).unwrap();
+    data.lease_ms = random.choice([0, 0, 500, 60_000, data.lease_ms]).unwrap();
     data.repeat = random.choice([0, 0, 1, data.repeat]).unwrap();
     data
 }

@@ -1,6 +1,6 @@
 //! The next step of a command is taken only if nothing came between it and the step before (requirement H13).
 
-use bridge::{BridgeConfig, Sender};
+use bridge::{BridgeConfig, Sender, SenderClock};
 use ipc_types::code::{CameBetween, ControlCommand, LinkState, Reason, SafetyRule, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 
@@ -9,6 +9,7 @@ use crate::rig::{Rig, go_to, north, refused};
 const OTHER: Sender = Sender {
     process: Some(4711),
     session: None,
+    clock: SenderClock::Own,
 };
 
 /// A step to a point, after the request `after`.

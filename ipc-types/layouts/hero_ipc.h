@@ -17,8 +17,8 @@
 #define HERO_DSP_TELEMETRY_LAYOUT_HASH "25be95d4f5a2c01b"
 #define HERO_HERO_TELEMETRY_LAYOUT "hero.HeroTelemetry.v2"
 #define HERO_HERO_TELEMETRY_LAYOUT_HASH "cc14cf2487fae1b2"
-#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v5"
-#define HERO_MODULE_STATE_LAYOUT_HASH "9af1e6e2264f0883"
+#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v6"
+#define HERO_MODULE_STATE_LAYOUT_HASH "2e7fa6473468a1b8"
 #define HERO_MODULE_CONTROL_LAYOUT "hero.ModuleControl.v3/hero.RequestReport.v3"
 #define HERO_MODULE_CONTROL_LAYOUT_HASH "cf3c38b4e2124ac6"
 #define HERO_MOVEMENT_LAYOUT "hero.MovementData.v4/hero.RequestReport.v3"
@@ -125,6 +125,8 @@ enum hero_safety_rule {
     HERO_SAFETY_RULE_FUEL = 7,
     HERO_SAFETY_RULE_LINK_LOSS = 8,
     HERO_SAFETY_RULE_FENCE_UNJUDGEABLE = 9,
+    HERO_SAFETY_RULE_POSITION_LOST = 10,
+    HERO_SAFETY_RULE_FENCE_AHEAD = 11,
 };
 
 enum hero_safety_action {
@@ -222,6 +224,9 @@ enum hero_reason {
     HERO_REASON_SUPERSEDED = 43,
     HERO_REASON_MODULE_GONE = 44,
     HERO_REASON_NOT_IN_CONTROL = 45,
+    HERO_REASON_FENCE_UNREAD = 46,
+    HERO_REASON_CLOCK_DIFFERS = 47,
+    HERO_REASON_SENDER_LOST = 48,
 };
 
 enum hero_imi_error {
@@ -793,7 +798,7 @@ HERO_ASSERT(offsetof(LastMinute, rejected) == 8);
 HERO_ASSERT(offsetof(LastMinute, commands_repeated) == 12);
 HERO_ASSERT(offsetof(LastMinute, commands_failed) == 16);
 
-#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v5"
+#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v6"
 typedef struct ModuleState {
     uint64_t sequence;
     uint64_t epoch_ns;
@@ -809,13 +814,15 @@ typedef struct ModuleState {
     RefusedCounters refused;
     DspErrorCounters dsp_errors;
     SafetyState safety;
+    double home_latitude_deg;
+    double home_longitude_deg;
     double ground_altitude_m;
     uint64_t outline;
     ControlState control;
     uint32_t ground_valid;
     LastMinute last_minute;
 } ModuleState;
-HERO_ASSERT(sizeof(ModuleState) == 480);
+HERO_ASSERT(sizeof(ModuleState) == 496);
 HERO_ASSERT(offsetof(ModuleState, sequence) == 0);
 HERO_ASSERT(offsetof(ModuleState, epoch_ns) == 8);
 HERO_ASSERT(offsetof(ModuleState, published_ns) == 16);
@@ -830,11 +837,13 @@ HERO_ASSERT(offsetof(ModuleState, link) == 88);
 HERO_ASSERT(offsetof(ModuleState, refused) == 184);
 HERO_ASSERT(offsetof(ModuleState, dsp_errors) == 232);
 HERO_ASSERT(offsetof(ModuleState, safety) == 352);
-HERO_ASSERT(offsetof(ModuleState, ground_altitude_m) == 384);
-HERO_ASSERT(offsetof(ModuleState, outline) == 392);
-HERO_ASSERT(offsetof(ModuleState, control) == 400);
-HERO_ASSERT(offsetof(ModuleState, ground_valid) == 456);
-HERO_ASSERT(offsetof(ModuleState, last_minute) == 460);
+HERO_ASSERT(offsetof(ModuleState, home_latitude_deg) == 384);
+HERO_ASSERT(offsetof(ModuleState, home_longitude_deg) == 392);
+HERO_ASSERT(offsetof(ModuleState, ground_altitude_m) == 400);
+HERO_ASSERT(offsetof(ModuleState, outline) == 408);
+HERO_ASSERT(offsetof(ModuleState, control) == 416);
+HERO_ASSERT(offsetof(ModuleState, ground_valid) == 472);
+HERO_ASSERT(offsetof(ModuleState, last_minute) == 476);
 
 #define HERO_MODULE_CONTROL_TYPE_NAME "hero.ModuleControl.v3"
 typedef struct ModuleControl {

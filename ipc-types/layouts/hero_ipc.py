@@ -34,7 +34,7 @@ else:
 LAYOUTS = {
     "dsp_telemetry": ("hero.DspTelemetry.v2", "25be95d4f5a2c01b"),
     "hero_telemetry": ("hero.HeroTelemetry.v2", "cc14cf2487fae1b2"),
-    "module_state": ("hero.ModuleState.v5", "9af1e6e2264f0883"),
+    "module_state": ("hero.ModuleState.v6", "2e7fa6473468a1b8"),
     "module_control": ("hero.ModuleControl.v3/hero.RequestReport.v3", "cf3c38b4e2124ac6"),
     "movement": ("hero.MovementData.v4/hero.RequestReport.v3", "20f642fd866688b5"),
     "parameters": ("hero.ParameterRequest.v3/hero.RequestReport.v3", "8f60139dda1a192e"),
@@ -134,6 +134,8 @@ class SafetyRule(enum.IntEnum):
     FUEL = 7
     LINK_LOSS = 8
     FENCE_UNJUDGEABLE = 9
+    POSITION_LOST = 10
+    FENCE_AHEAD = 11
 
 
 class SafetyAction(enum.IntEnum):
@@ -231,6 +233,9 @@ class Reason(enum.IntEnum):
     SUPERSEDED = 43
     MODULE_GONE = 44
     NOT_IN_CONTROL = 45
+    FENCE_UNREAD = 46
+    CLOCK_DIFFERS = 47
+    SENDER_LOST = 48
 
 
 class ImiError(enum.IntEnum):
@@ -597,7 +602,8 @@ if not TYPE_CHECKING:
 class DspTelemetry(Struct):
     """One status message of the DSP, in its own units. Service `dsp_telemetry`, written by the bridge.
     
-    A group's values mean something only when its bit is set in `valid_groups`; the others are zero."""
+    A group's values mean something only when its bit is set in `valid_groups`; the others are zero. These are the DSP's: groups 1 to 3 mean
+    nothing either while group 4 says that the GPS has no fix. `HeroTelemetry` has that in its `valid_groups`."""
 
     sequence: int
     """Counts the samples of this publisher from 1; a gap is a loss."""
@@ -608,7 +614,7 @@ class DspTelemetry(Struct):
     dsp_time_ms: int
     """Milliseconds since the DSP's boot (group 0, `tiempo_local`). [ms]"""
     valid_groups: int
-    """Bit *k* is set when group *k* of the status mask is valid."""
+    """Bit *k* is set when the DSP sent group *k* of the status mask, and its values are plausible."""
     flying: int
     """1 when the helicopter is in the air (`heli_volando`), else 0."""
     gps_quality: int
@@ -1058,7 +1064,7 @@ class HeroTelemetry(Struct):
     status.
     
     A group's values mean something only when its bit is set in `valid_groups`, which has the bits of the DSP's
-    status mask; the others are zero."""
+    status mask; the others are zero. While the GPS has no fix, groups 1 to 3 are not valid: there is no position and no velocity."""
 
     sequence: int
     """Counts the samples of this publisher from 1; a gap is a loss."""
@@ -1647,8 +1653,12 @@ class ModuleState(Struct):
     """DSP errors by code."""
     safety: SafetyState
     """The rules of flight safety that the bridge enforces."""
+    home_latitude_deg: float
+    """Home: where the helicopter stands, and in the air where it took off. Latitude, degrees; meaningful when `ground_valid` is 1. [deg]"""
+    home_longitude_deg: float
+    """Longitude of home, degrees; meaningful when `ground_valid` is 1. [deg]"""
     ground_altitude_m: float
-    """Telemetry altitude of the ground on which the helicopter stood last, m; meaningful when `ground_valid` is 1. [m]"""
+    """Telemetry altitude of home, m: of the ground on which the helicopter stood last. Meaningful when `ground_valid` is 1. [m]"""
     outline: int
     """Number of the outline that holds: `number` of the pieces of the topic `bridge/outline`. To be compared for equality only."""
     control: ControlState
@@ -1659,7 +1669,7 @@ class ModuleState(Struct):
     """How the line was of late."""
 
     if TYPE_CHECKING:
-        def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., module_id: int = ..., status: int = ..., imi_error: int = ..., blocked: int = ..., functionality: int = ..., unable_to_abort: int = ..., movement: MovementState = ..., link: LinkHealth = ..., refused: RefusedCounters = ..., dsp_errors: DspErrorCounters = ..., safety: SafetyState = ..., ground_altitude_m: float = ..., outline: int = ..., control: ControlState = ..., ground_valid: int = ..., last_minute: LastMinute = ...) -> None: ...
+        def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., module_id: int = ..., status: int = ..., imi_error: int = ..., blocked: int = ..., functionality: int = ..., unable_to_abort: int = ..., movement: MovementState = ..., link: LinkHealth = ..., refused: RefusedCounters = ..., dsp_errors: DspErrorCounters = ..., safety: SafetyState = ..., home_latitude_deg: float = ..., home_longitude_deg: float = ..., ground_altitude_m: float = ..., outline: int = ..., control: ControlState = ..., ground_valid: int = ..., last_minute: LastMinute = ...) -> None: ...
     else:
         _fields_ = [
             ("sequence", ctypes.c_uint64),
@@ -1676,6 +1686,8 @@ class ModuleState(Struct):
             ("refused", RefusedCounters),
             ("dsp_errors", DspErrorCounters),
             ("safety", SafetyState),
+            ("home_latitude_deg", ctypes.c_double),
+            ("home_longitude_deg", ctypes.c_double),
             ("ground_altitude_m", ctypes.c_double),
             ("outline", ctypes.c_uint64),
             ("control", ControlState),
@@ -1685,11 +1697,11 @@ class ModuleState(Struct):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.ModuleState.v5"
+        return "hero.ModuleState.v6"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(ModuleState) == 480
+    assert ctypes.sizeof(ModuleState) == 496
     assert ModuleState.sequence.offset == 0
     assert ModuleState.epoch_ns.offset == 8
     assert ModuleState.published_ns.offset == 16
@@ -1704,11 +1716,13 @@ if not TYPE_CHECKING:
     assert ModuleState.refused.offset == 184
     assert ModuleState.dsp_errors.offset == 232
     assert ModuleState.safety.offset == 352
-    assert ModuleState.ground_altitude_m.offset == 384
-    assert ModuleState.outline.offset == 392
-    assert ModuleState.control.offset == 400
-    assert ModuleState.ground_valid.offset == 456
-    assert ModuleState.last_minute.offset == 460
+    assert ModuleState.home_latitude_deg.offset == 384
+    assert ModuleState.home_longitude_deg.offset == 392
+    assert ModuleState.ground_altitude_m.offset == 400
+    assert ModuleState.outline.offset == 408
+    assert ModuleState.control.offset == 416
+    assert ModuleState.ground_valid.offset == 472
+    assert ModuleState.last_minute.offset == 476
 
 
 class ModuleControl(Struct):

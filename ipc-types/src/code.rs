@@ -115,6 +115,11 @@ codes! {
 }
 
 impl TelemetryGroup {
+    /// The bits of the groups that a GPS with a fix has measured.
+    pub const OF_A_FIX: u16 = TelemetryGroup::Geographic.bit()
+        | TelemetryGroup::Xy.bit()
+        | TelemetryGroup::GpsVelocity.bit();
+
     /// The group's bit in `valid_groups`.
     pub const fn bit(self) -> u16 {
         1 << self.code()
@@ -310,6 +315,10 @@ codes! {
         LinkLoss = 8 => "link-loss",
         /// A leg that the geofence cannot judge: too long, too near to a pole, or no number; 0 m.
         FenceUnjudgeable = 9 => "fence-unjudgeable",
+        /// The position was lost in flight, s.
+        PositionLost = 10 => "position-lost",
+        /// Too near to the geofence to stop before it, m.
+        FenceAhead = 11 => "fence-ahead",
     }
 }
 
@@ -512,6 +521,12 @@ codes! {
         ModuleGone = 44 => "module-gone",
         /// Another sender has control of the bridge.
         NotInControl = 45 => "not-in-control",
+        /// The file with the geofence was not read in time; the one in force stays.
+        FenceUnread = 46 => "fence-unread",
+        /// The sender's clock is not the bridge's, so when its order was issued is not known.
+        ClockDiffers = 47 => "clock-differs",
+        /// The process that ordered the path ended, gave it up, or did not renew its lease.
+        SenderLost = 48 => "sender-lost",
     }
 }
 

@@ -77,7 +77,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
             if json && error.use_stderr() {
                 print_error(&ErrorObject::of_usage(&error.render().to_string()));
             }
-            error.exit()
+            return exit::usage(&error).into();
         }
     };
     let run = || {

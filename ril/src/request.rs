@@ -17,7 +17,7 @@ mod tests;
 use std::io::{self, Write};
 use std::time::Duration;
 
-use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::code::{ControlCommand, Reason, SenderLost, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
 use ipc_types::{Client, MonotonicNs, Request, SendError, Source, fresh_request_id};
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -376,9 +376,8 @@ pub(crate) struct Conversation<'a, R: Request> {
     failed: Option<Reason>,
     /// Whether each line says which robot it is about: the command is about several.
     names_robot: bool,
-    holds_on_exit: bool,
-    /// Not what is sent because a signal came.
-    is_interruptible: bool,
+    /// Of a path: what becomes of it without this command; `None` leaves it to the bridge.
+    without_sender: Option<SenderLost>,
     companion: Option<&'a mut (dyn Companion + 'a)>,
 }
 
@@ -409,15 +408,14 @@ impl<'a, R: Request> Conversation<'a, R> {
             previous_value: None,
             failed: None,
             names_robot: false,
-            holds_on_exit: false,
-            is_interruptible: true,
+            without_sender: None,
             companion: None,
         })
     }
 
-    /// Whether a hold is sent when the command ends before its requests do.
-    pub fn hold_on_exit(mut self, holds_on_exit: bool) -> Self {
-        self.holds_on_exit = holds_on_exit;
+    /// Says what becomes of the path when the command ends before it; `None` leaves it to the bridge.
+    pub fn without_sender(mut self, action: Option<SenderLost>) -> Self {
+        self.without_sender = action;
         self
     }
 
@@ -494,15 +492,13 @@ impl<'a, R: Request> Conversation<'a, R> {
             let now = MonotonicNs::now();
             let printed = self.receive(&mut exchange, requests.len(), format, now);
             let looked = self.companion.as_mut().map_or(Ok(()), |one| one.look());
-            // A terminal that is gone must not keep a hold from being sent.
-            let is_closed = printed.is_err() || self.holds_on_exit && looked.is_err();
             match exchange.next(now) {
                 Next::Over(outcome) => return self.judge(&exchange, outcome),
-                _ if is_closed => {
+                _ if printed.is_err() => {
                     let why = "standard output was closed";
                     return Err(self.leave(why, &exchange));
                 }
-                _ if self.is_interruptible && self.session.termination.requested() => {
+                _ if self.session.termination.requested() => {
                     return Err(self.leave("interrupted", &exchange));
                 }
                 _ if looked.is_err() => return looked.map(|()| None),
@@ -634,13 +630,11 @@ impl<'a, R: Request> Conversation<'a, R> {
     /// The command ends before the final report.
     fn leave(&self, why: &str, exchange: &Exchange) -> Failure {
         let (progress, total) = (exchange.progress(), exchange.requests.len());
-        let last = exchange.requests.last().map_or(0, |last| last.request_id);
         let what = match progress {
             Progress::Incomplete if total > 1 => {
                 "the path was not complete, so nothing of it is flown".to_owned()
             }
-            _ if self.holds_on_exit => self.send_hold(last),
-            Progress::Taken => self.verb.goes_on().to_owned(),
+            Progress::Taken => messages::without_sender(self.verb, self.without_sender).to_owned(),
             Progress::Incomplete => {
                 "it was withdrawn before the bridge answered; `ril status` shows whether it took effect".to_owned()
             }
@@ -648,26 +642,5 @@ impl<'a, R: Request> Conversation<'a, R> {
         let name = self.verb.name();
         let text = format!("{why} before the final report about {name}: {what}");
         Failure::new(ExitCode::OutcomeUnknown, text)
-    }
-
-    /// Lets the helicopter hover where it is, unless something newer than the request `last` moves it. Says how that went.
-    fn send_hold(&self, last: u64) -> String {
-        let hold = MovementData::hold(fresh_request_id()).preempting();
-        let hold = hold.following(last);
-        let sent = Conversation::open(self.session, Verb::Hold, self.timeout).and_then(|bridge| {
-            let mut bridge = Conversation {
-                is_interruptible: false,
-                ..bridge
-            };
-            bridge.follow(&[hold], Until::Accepted, Format::Silent)
-        });
-        match sent {
-            Ok(_) => "a hold was sent and accepted; the helicopter stops and hovers".to_owned(),
-            Err(failure) => format!(
-                "the hold that was sent failed ({}); {}",
-                failure.chain().join(": "),
-                self.verb.goes_on()
-            ),
-        }
     }
 }

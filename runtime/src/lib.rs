@@ -2,13 +2,16 @@
 //!
 //! * [`args`]: the options that every process takes: robot, configuration, verbosity;
 //! * [`config`]: TOML files whose mistakes are refused with file, line and reason;
+//! * [`datagrams`]: a UDP socket that says when each datagram came;
 //! * [`durable`]: files that a kill and a power cut leave whole;
 //! * [`duration`]: times as people write them, such as `1m30s`;
 //! * [`exit`]: exit codes, and how an error is printed once;
 //! * [`finding`]: one thing that a check found, with what to do about it;
+//! * [`helper`]: a thread that does for a loop what may take long;
 //! * [`logging`]: diagnostics on standard error;
 //! * [`manual`]: pages of the manual from the definition of the command line;
 //! * [`notify`]: readiness and watchdog for a supervisor;
+//! * [`output`]: standard error and standard output that nobody waits for;
 //! * [`session`]: the session that a process belongs to;
 //! * [`signal`]: Ctrl+C and SIGTERM as a file descriptor to wait on; limits on file sizes as errors;
 //! * [`usage`]: what a process uses of processors, memory and files;
@@ -67,13 +70,16 @@
 
 pub mod args;
 pub mod config;
+pub mod datagrams;
 pub mod durable;
 pub mod duration;
 pub mod exit;
 pub mod finding;
+pub mod helper;
 pub mod logging;
 pub mod manual;
 pub mod notify;
+pub mod output;
 pub mod session;
 pub mod signal;
 pub mod usage;

@@ -331,6 +331,9 @@ class Client {
     Request hold() { return sent(hero_ril_hold); }
     Request take_off(double altitude_m) { return sent(hero_ril_take_off, altitude_m); }
     Request land(bool preempt = false) { return sent(hero_ril_land, preempt ? 1 : 0); }
+    /* What becomes of the paths that follow when this program ends (0: the bridge's default), or hangs for the lease (0: none). */
+    void when_lost(int sender_lost, int lease_ms = 0) { detail::check(hero_ril_when_lost(handle_.get(), sender_lost, lease_ms)); }
+
     Request go_to(const std::vector<Waypoint> &path, bool preempt = false) {
         return sent(hero_ril_go_to, path.data(), path.size(), preempt ? 1 : 0);
     }

@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 use std::os::fd::{AsRawFd, RawFd};
 use std::time::{Duration, Instant};
 
-use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::code::{ControlCommand, Reason, SenderLost, Stage};
+use ipc_types::lease::LEASES_MS;
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport, WaypointPosition};
 use ipc_types::waiter::SAFETY_BOUND;
 use ipc_types::{
@@ -35,6 +36,8 @@ pub struct Requests {
     waiting: VecDeque<RequestReport>,
     /// Waypoints of paths before the last one, of whose reports only a refusal is handed on.
     quiet: Vec<u64>,
+    /// What becomes of the paths of [`Requests::go_to`] without this program: a number of `SenderLost`, and a lease.
+    when_lost: (u32, u32),
     /// The step before of the next request; 0 if it follows no other.
     before: u64,
     waiter: Waiter,
@@ -59,6 +62,7 @@ impl Requests {
             clients: Vec::new(),
             waiting: VecDeque::new(),
             quiet: Vec::new(),
+            when_lost: (0, 0),
             before: 0,
             waiter: Waiter::new(),
         }
@@ -161,6 +165,25 @@ impl Requests {
         self.movement(MovementData::hold(0))
     }
 
+    /// From now on a path of [`Requests::go_to`] says what becomes of it when this program ends: a `SenderLost`, or 0 for the bridge's
+    /// default. With a lease that is not 0, ms, the same when this program does not look at its reports for so long.
+    ///
+    /// # Errors
+    ///
+    /// When the contract has no such action, or lease.
+    pub fn when_lost(&mut self, action: u32, lease_ms: u32) -> Result<(), Error> {
+        let is_known = action == 0 || SenderLost::from_code(action).is_some();
+        if !is_known || lease_ms != 0 && !LEASES_MS.contains(&lease_ms) {
+            return Err(Error::Invalid(format!(
+                "a path says 0 to 3, and has a lease of {} to {} ms, or of 0; {action} and {lease_ms} were given",
+                LEASES_MS.start(),
+                LEASES_MS.end()
+            )));
+        }
+        self.when_lost = (action, lease_ms);
+        Ok(())
+    }
+
     /// Flies a path. Returns the id of the request to follow: that of the last waypoint, or of the one that was refused.
     ///
     /// Each waypoint before the last is accepted before the next one is sent, which takes less than a millisecond. What else the
@@ -180,7 +203,12 @@ impl Requests {
                 true => waypoint.preempting(),
                 false => waypoint,
             };
-            let id = self.send_own(&waypoint)?;
+            let (sender_lost, lease_ms) = self.when_lost;
+            let id = self.send_own(&MovementData {
+                sender_lost,
+                lease_ms,
+                ..waypoint
+            })?;
             if index == last {
                 return Ok(id);
             }

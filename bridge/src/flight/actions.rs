@@ -19,7 +19,7 @@ use crate::link::FlightCommand;
 use crate::link::commands::ALWAYS;
 use crate::link::session::DspPath;
 use crate::outputs::Notice;
-use crate::safety::{AreaName, Intervention};
+use crate::safety::{AreaName, Intervention, Judged};
 
 /// Pause between two looks at the port of a take-off or landing, while the order is not confirmed or the rotor runs down.
 const LOOK_PERIOD: Duration = Duration::from_millis(250);
@@ -177,7 +177,12 @@ impl Flight {
         let paths = [self.motion.path_step(), motion.path_step()];
         self.is_outline_changed |= paths.iter().any(Option::is_some);
         self.motion = motion;
-        for timer in [FlightTimer::Begin, FlightTimer::Limit, FlightTimer::Step] {
+        for timer in [
+            FlightTimer::Begin,
+            FlightTimer::Limit,
+            FlightTimer::Step,
+            FlightTimer::Lease,
+        ] {
             self.timers.stop(timer);
         }
         self.refusal = ImiError::None;
@@ -308,8 +313,10 @@ impl Flight {
     ) -> Result<(), Verdict> {
         // The helicopter may have moved since the first waypoint came.
         let ground_m = self.observation.ground_altitude_m();
+        let speeds = cx.link.parameters().speeds();
         if let Some(first) = self.assembler.waypoints().first().copied()
-            && let Err(refusal) = self.safety.check_leg(&here(position), &first, 1, ground_m)
+            && let Err(refusal) =
+                (self.safety).check_leg(&here(position), &first, 1, &speeds, ground_m)
         {
             self.break_path(Reason::PathBroken, cx);
             return Err(refusal.into());
@@ -320,6 +327,9 @@ impl Flight {
         let count = self.assembler.waypoints().len();
         let step = PathStep::AwaitingEmpty;
         self.begin(Motion::Following { order, step }, count, cx);
+        if let Some(lease) = order.requester.and_then(|header| header.lost.lease) {
+            self.timers.arm(FlightTimer::Lease, cx.now + lease);
+        }
         match cx.link.path() {
             DspPath::Empty => self.begin_path(cx),
             // The link is emptying it.
@@ -509,8 +519,13 @@ impl Flight {
         let flying = self.observation.flying(cx.now) == Some(true);
         // Take-off and landing pass every altitude; they are vertical, and the fence was asked before.
         let is_flown = flying && !self.motion.unable_to_abort();
+        let judged = Judged {
+            fence: is_flown,
+            ahead: is_flown && self.motion.path_step().is_some(),
+            position: flying && !matches!(self.motion, Motion::TakingOff { .. }),
+        };
         let facts = self.observation.safety_facts(cx.now);
-        let is_new = self.safety.look(&facts, cx.now, is_flown);
+        let is_new = self.safety.look(&facts, cx.now, judged);
         let present = self.safety.present;
         if self.safety.is_taken_over(&facts) {
             self.happened(CameBetween::Pilot, cx);

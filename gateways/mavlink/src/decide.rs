@@ -94,6 +94,36 @@ impl Decision {
     pub fn is_stop(&self) -> bool {
         matches!(self, Decision::Orders(orders) if orders.first.is_stop())
     }
+
+    /// Whether it stops the helicopter, or the module on the ground.
+    pub fn ends_something(&self) -> bool {
+        self.is_stop() || matches!(self, Decision::Orders(orders) if orders.first == OrderKind::Stop)
+    }
+
+    /// Whether the helicopter goes somewhere.
+    pub fn moves(&self) -> bool {
+        let is_movement =
+            |kind: OrderKind| matches!(kind, OrderKind::GoTo(_) | OrderKind::TakeOff(_));
+        match self {
+            Decision::Orders(orders) => [Some(orders.first), orders.then]
+                .into_iter()
+                .flatten()
+                .any(is_movement),
+            Decision::Mission(asked) => matches!(asked, MissionAsk::Start { .. }),
+            _ => false,
+        }
+    }
+
+    /// What people call it.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Decision::Orders(orders) if orders.is_return => "return",
+            Decision::Orders(orders) => orders.then.unwrap_or(orders.first).name(),
+            Decision::Mission(_) => "the mission",
+            Decision::SetHome(_) => "home",
+            Decision::Answer(..) => "the command",
+        }
+    }
 }
 
 /// Nothing is done, for a reason of ours.
@@ -213,9 +243,10 @@ impl VehicleFacts<'_> {
         let Some(known) = self.known else {
             return not_heard();
         };
-        if known.is_armed() {
+        if known.is_started() {
             return accept();
         }
+        // In the air the module was aborted: it is started again.
         match known.not_ready() {
             Some(why) => refuse(
                 MavResult::TemporarilyRejected,
@@ -247,11 +278,19 @@ impl VehicleFacts<'_> {
         let Some(known) = self.known else {
             return not_heard();
         };
-        if !known.is_started()
-            && let Some(why) = known.not_ready()
-        {
-            let text = format!("take-off was refused: {why}");
-            return refuse(MavResult::TemporarilyRejected, text);
+        if !known.is_started() {
+            if known.is_flying() {
+                let text = "take-off was refused: the helicopter is in the air";
+                return refuse_for(
+                    MavResult::TemporarilyRejected,
+                    Reason::AlreadyFlying,
+                    text,
+                );
+            }
+            if let Some(why) = known.not_ready() {
+                let text = format!("take-off was refused: {why}");
+                return refuse(MavResult::TemporarilyRejected, text);
+            }
         }
         let is_nowhere = asked.degrees().is_none() && !asked.is_without_place();
         if is_nowhere || self.is_elsewhere(asked) {
@@ -359,16 +398,17 @@ impl VehicleFacts<'_> {
             altitude_m: here.altitude_m,
             ..home
         });
-        // After an abort a return takes over, as a hold does.
-        let (first, then) = match known.is_started() {
-            true => (path, None),
-            false => (OrderKind::Start, Some(path)),
-        };
-        Decision::Orders(OrderPair {
-            then,
-            is_return: true,
-            ..OrderPair::of(first)
-        })
+        match known.started_for(path) {
+            Ok((first, then)) => Decision::Orders(OrderPair {
+                then,
+                is_return: true,
+                ..OrderPair::of(first)
+            }),
+            Err(why) => {
+                let text = format!("return was refused: {why}");
+                refuse_for(MavResult::TemporarilyRejected, Reason::NotStarted, text)
+            }
+        }
     }
 
     fn reposition(&self, asked: &VehicleCommand) -> Decision {
@@ -408,16 +448,25 @@ impl VehicleFacts<'_> {
         }
         let (latitude_deg, longitude_deg) =
             place.unwrap_or((here.latitude_deg, here.longitude_deg));
+        let path = OrderKind::GoTo(WaypointPosition {
+            latitude_deg,
+            longitude_deg,
+            altitude_m,
+        });
+        let (first, then) = match known.started_for(path) {
+            Ok(orders) => orders,
+            Err(why) => {
+                let text = format!("goto was refused: {why}");
+                return refuse_for(MavResult::TemporarilyRejected, Reason::NotStarted, text);
+            }
+        };
         Decision::Orders(OrderPair {
             notice: asked
                 .param(4)
                 .is_finite()
                 .then_some("goto: the heading is not set, the helicopter chooses it"),
-            ..OrderPair::of(OrderKind::GoTo(WaypointPosition {
-                latitude_deg,
-                longitude_deg,
-                altitude_m,
-            }))
+            then,
+            ..OrderPair::of(first)
         })
     }
 

@@ -92,7 +92,7 @@ impl OrderKind {
 pub enum Task {
     /// Ask the bridge for its configuration, within a second, and give it to [`Gateway::rules`](crate::Gateway::rules).
     Rules,
-    /// Keep a mission on disk, and say [`Gateway::saved`](crate::Gateway::saved).
+    /// Keep a mission on disk, and say [`Gateway::saved`](crate::Gateway::saved) when it is there. Of several the last one counts.
     Save(Mission),
     /// Put these areas into the bridge's configuration file in place of those of the last fence of a station or plan, and say
     /// [`Gateway::fence_put`](crate::Gateway::fence_put).

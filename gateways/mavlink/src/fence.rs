@@ -65,6 +65,8 @@ pub struct Fence {
     reader: OutlineReader,
     pub transfer: Transfer,
     pub upload: Option<Upload>,
+    /// Whether the file is being written, also for an upload that was given up meanwhile.
+    pub is_writing: bool,
 }
 
 impl Default for Fence {
@@ -73,6 +75,7 @@ impl Default for Fence {
             reader: OutlineReader::default(),
             transfer: Transfer::new(MAX_FENCE_ITEMS),
             upload: None,
+            is_writing: false,
         }
     }
 }

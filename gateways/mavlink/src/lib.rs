@@ -41,6 +41,7 @@ pub use event::{Datagram, Event, Order, OrderKind, Task};
 pub use gateway::Gateway;
 pub use home::{KeptHome, MAX_HOME_BYTES};
 pub use mission::store::{MAX_FILE_BYTES, Mission};
+pub use mission::{KeptProgress, MAX_PROGRESS_BYTES};
 pub use mode::Mode;
 pub use settings::{Settings, StationLost};
 pub use signing::{Signing, SigningKey, timestamp};

@@ -8,9 +8,12 @@
 //! | of a stream that is known | taken | replayed |
 //! | of another, and there is room | taken, unless it is more than a minute behind: replayed | – |
 //! | of another, and there is none | replayed, unless a stream that is more than a minute behind makes room | – |
+//! | of another, and not newer than all that the gateway before a restart may have taken | of before | – |
 //!
-//! Our own timestamp rises over restarts, too: the program around keeps one that lies a minute ahead. It never lies behind one that was
-//! taken, so that stations with clocks ahead of ours take our frames.
+//! The program around keeps a timestamp that lies up to a minute ahead of ours and of all that were taken. After a restart ours are newer
+//! than it, so that they rise, and the first one of a stream must be: what was taken before is not taken again, also from another
+//! address. A station whose clock lies behind the kept timestamp learns ours from a frame that it gets of us, and goes on from there, as
+//! the standard wants it. Ours never lies behind one that was taken, so that stations with clocks ahead of ours take our frames.
 
 use std::fmt;
 use std::time::Duration;
@@ -87,6 +90,8 @@ pub enum Forged {
     Signature,
     /// It is not newer than one that came before.
     Replayed,
+    /// It may be one that was taken before the gateway was started again.
+    OfBefore,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -106,6 +111,8 @@ pub struct Signing {
     clock: u64,
     own: u64,
     kept: u64,
+    /// What an earlier gateway has taken is not newer.
+    before: u64,
     newest: u64,
     streams: Vec<SignedStream>,
 }
@@ -121,6 +128,7 @@ impl Signing {
             clock: clock.max(kept.saturating_sub(AHEAD)),
             own: clock.max(kept),
             kept: 0,
+            before: kept,
             newest: 0,
             streams: Vec::new(),
         }
@@ -166,6 +174,7 @@ impl Signing {
         match self.streams.iter_mut().find(is_same) {
             Some(one) if timestamp > one.newest => one.newest = timestamp,
             Some(_) => return Err(Forged::Replayed),
+            None if timestamp <= self.before && self.before > 0 => return Err(Forged::OfBefore),
             None if timestamp < oldest => return Err(Forged::Replayed),
             None => {
                 if self.streams.len() == MAX_STREAMS {
@@ -322,8 +331,37 @@ mod tests {
         let _ = heartbeat(&mut full, 1, at(1));
         assert_eq!(full.own, MAX_TIMESTAMP);
         assert!(full.take_kept().is_some());
-        // Stations whose clocks are right are not behind it.
-        let theirs = heartbeat(&mut station, 255, at(1));
+        // A station that has heard it goes on from there, so that its frames are newer than what was kept.
+        let mut theirs = heartbeat(&mut station, 255, at(1));
         assert_eq!(check(&mut again, &theirs, at(1)), Ok(()));
+        // One that has not is told first.
+        let mut late = signing("secret", 1_000_000_000, 0);
+        theirs = heartbeat(&mut late, 254, at(1));
+        assert_eq!(check(&mut again, &theirs, at(1)), Err(Forged::OfBefore));
+        let told = heartbeat(&mut again, 1, at(1));
+        assert_eq!(check(&mut late, &told, at(1)), Ok(()));
+        theirs = heartbeat(&mut late, 254, at(1));
+        assert_eq!(check(&mut again, &theirs, at(1)), Ok(()));
+    }
+
+    #[test]
+    fn what_was_taken_before_a_restart_is_not_taken_after_it() {
+        let clock = 1_000 * PER_SECOND;
+        let mut own = signing("secret", clock, 0);
+        let mut station = signing("secret", clock + 20 * PER_SECOND, 0);
+        let mut kept = own.take_kept();
+        let mut recorded = Vec::new();
+        for second in 0..90 {
+            let frame = heartbeat(&mut station, 255, at(second));
+            assert_eq!(check(&mut own, &frame, at(second)), Ok(()));
+            recorded.push(frame);
+            // What the disk has is a second old.
+            let passed = clock + second * PER_SECOND;
+            let mut again = signing("secret", passed, kept.unwrap_or(0));
+            for frame in recorded.iter().rev().take(60) {
+                assert_eq!(check(&mut again, frame, at(0)), Err(Forged::OfBefore), "{second} s");
+            }
+            kept = own.take_kept().or(kept);
+        }
     }
 }

@@ -113,8 +113,9 @@ pub struct Station {
     pub sender: StationAddress,
     /// When something of it came last.
     pub heard: MonotonicNs,
-    /// Whether that was too long ago.
+    /// Whether that was too long ago, and since when that is known.
     pub is_lost: bool,
+    lost_at: MonotonicNs,
     /// Since when it is there.
     pub since: MonotonicNs,
     /// When its last command became an order.
@@ -164,6 +165,7 @@ impl Stations {
             sender,
             heard: now,
             is_lost: false,
+            lost_at: now,
             since: now,
             last_command: None,
             commands: 0,
@@ -205,10 +207,14 @@ impl Stations {
         ranked.max().map(|(_, place)| place)
     }
 
-    /// Something else has come; whether its sender is a station.
-    pub fn touch(&mut self, sender: StationAddress, now: MonotonicNs) -> bool {
+    /// Something else came at this moment; whether its sender is a station. What has waited to be read since before the station was found
+    /// to be lost says nothing of now.
+    pub fn touch(&mut self, sender: StationAddress, came: MonotonicNs) -> bool {
         let known = self.heard.iter_mut().find(|one| one.sender == sender);
-        let touch = |one: &mut Station| (one.heard, one.is_lost) = (now, false);
+        let touch = |one: &mut Station| {
+            one.heard = one.heard.max(came);
+            one.is_lost &= came < one.lost_at;
+        };
         known.map(touch).is_some()
     }
 
@@ -238,7 +244,7 @@ impl Stations {
         let is_late = |one: &&mut Station| !one.is_lost && now.since(one.heard) >= limit;
         let late = self.heard.iter_mut().filter(is_late);
         late.map(|one| {
-            one.is_lost = true;
+            (one.is_lost, one.lost_at) = (true, now);
             one.sender
         })
         .collect()

@@ -14,6 +14,8 @@ use ipc_types::code::{Functionality, LinkState, MavlinkVehicle, PilotSwitch, Saf
 use ipc_types::payload::{HeroTelemetry, ModuleState, WaypointPosition};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 
+use crate::event::OrderKind;
+
 /// By how much a sample may seem to be of the future: a relay translates times with an error of some milliseconds.
 const CLOCK_ERROR: Duration = Duration::from_millis(100);
 
@@ -195,6 +197,20 @@ impl Known<'_> {
     /// Whether a safety rule keeps it from beginning a flight.
     pub fn is_restrained(&self) -> bool {
         !matches!(self.state.safety.action(), None | Some(SafetyAction::Warn))
+    }
+
+    /// The orders for a path. After an abort in flight the module is started for it.
+    ///
+    /// # Errors
+    ///
+    /// Why it is not.
+    pub fn started_for(&self, path: OrderKind) -> Result<(OrderKind, Option<OrderKind>), &'static str> {
+        match self.not_ready() {
+            _ if self.is_started() => Ok((path, None)),
+            _ if !self.is_flying() => Err("the helicopter is on the ground: take off first"),
+            Some(why) => Err(why),
+            None => Ok((OrderKind::Start, Some(path))),
+        }
     }
 
     /// Why a take-off would not be taken now; `None` if it would. That the module is not started does not count: arming ends it.

@@ -99,17 +99,18 @@ fn sequence(seed: u64) {
     let mut world = World::flying();
     world.heartbeat(SCRIPT);
     world.sent();
-    let count = rng.usize(1..=4);
-    let commands: Vec<(Station, MessageWriter)> = (0..count)
-        .map(|number| {
-            let station = if rng.bool() { QGC } else { SCRIPT };
-            let message = match rng.bool() {
-                true => reposition(6, 374_200_000 + number as i32, -60_010_000, 30.0),
-                false => long(178, [1.0, 1.0 + number as f32, 0.0, 0.0, 0.0, 0.0, 0.0]),
-            };
-            (station, message)
-        })
-        .collect();
+    // At most one of each kind for each station: what else of its kind comes in between makes a copy another command.
+    let mut commands: Vec<(Station, MessageWriter)> = Vec::new();
+    for (number, station) in [QGC, QGC, SCRIPT, SCRIPT].into_iter().enumerate() {
+        let message = match number % 2 {
+            0 => reposition(6, 374_200_000 + number as i32, -60_010_000, 30.0),
+            _ => long(178, [1.0, 1.0 + number as f32, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        };
+        if rng.bool() {
+            commands.push((station, message));
+        }
+    }
+    let count = commands.len();
     let mut arrivals: Vec<(u64, Arrival)> = Vec::new();
     let mut arrived = vec![false; count];
     for (index, has_arrived) in arrived.iter_mut().enumerate() {
@@ -155,6 +156,7 @@ fn sequence(seed: u64) {
         answered.extend(acks(&world.sent()));
     }
     let expected = arrived.iter().filter(|one| **one).count();
+    // Another station's copy of the same kind may come in between: then it is refused, and never carried out twice.
     assert_eq!(ordered, expected, "seed {seed}");
     assert!(answered.len() >= expected, "seed {seed}: {answered:?}");
 }

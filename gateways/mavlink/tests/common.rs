@@ -1,9 +1,10 @@
 //! A gateway whose time a test sets, the samples that it gets, and stations.
 
+use std::cell::Cell;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use ipc_types::MonotonicNs;
+use ipc_types::{MonotonicNs, TelemetryGroup};
 use ipc_types::code::{Functionality, LinkState, ModuleStatus, PilotSwitch, Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, ModuleState, RequestReport};
 use mavlink_gateway::message::{self, COMMAND_LONG, HEARTBEAT, MessageKind};
@@ -31,9 +32,17 @@ impl Station {
         ([127, 0, 0, 1], self.port).into()
     }
 
+    /// The next frame of this test's stations.
     pub fn frame(self, message: &MessageWriter) -> Vec<u8> {
-        message.frame(0, self.system, 190)
+        let sequence = SEQUENCE.get();
+        SEQUENCE.set(sequence.wrapping_add(1));
+        message.frame(sequence, self.system, 190)
     }
+}
+
+thread_local! {
+    /// The number of the next frame: one count for all stations, so that some are lost for each.
+    static SEQUENCE: Cell<u8> = const { Cell::new(250) };
 }
 
 /// A message that was sent to a station.
@@ -141,6 +150,14 @@ impl World {
         self.pass(ms);
         self.telemetry.received_ns = self.now.0;
         self.state.published_ns = self.now.0;
+        // As a bridge says it that has seen the helicopter on the ground.
+        if self.telemetry.flying == 0 && self.telemetry.valid(TelemetryGroup::Geographic) {
+            let place = self.telemetry.geodetic;
+            self.state.ground_valid = 1;
+            self.state.home_latitude_deg = place.latitude_rad.to_degrees();
+            self.state.home_longitude_deg = place.longitude_rad.to_degrees();
+            self.state.ground_altitude_m = place.altitude_m;
+        }
         self.gateway.state(&self.state, self.now);
         self.gateway.telemetry(&self.telemetry, self.now);
         self.gateway.advance(self.now);
@@ -165,7 +182,13 @@ impl World {
     }
 
     pub fn receive(&mut self, from: Station, bytes: &[u8]) {
-        self.gateway.datagram(from.address(), bytes, self.now);
+        self.receive_late(from, bytes, 0);
+    }
+
+    /// A datagram that has waited for so long to be read.
+    pub fn receive_late(&mut self, from: Station, bytes: &[u8], age_ms: u64) {
+        let came = MonotonicNs(self.now.0 - age_ms * 1_000_000);
+        self.gateway.datagram(from.address(), bytes, came, self.now);
         self.gateway.advance(self.now);
     }
 

@@ -8,6 +8,7 @@ mod home;
 mod hostile;
 mod mission_file;
 mod missions;
+mod newest;
 mod parameters;
 mod script;
 mod signing;

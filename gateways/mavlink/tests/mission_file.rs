@@ -38,7 +38,7 @@ fn upload(mission: &Mission) {
     let mut gateway = Gateway::new(Settings::default(), 1);
     let now = MonotonicNs(1_000_000_000);
     let receive = |gateway: &mut Gateway, message: &MessageWriter| {
-        gateway.datagram(station, &message.frame(0, 255, 190), now);
+        gateway.datagram(station, &message.frame(0, 255, 190), now, now);
     };
     receive(
         &mut gateway,

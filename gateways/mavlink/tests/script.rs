@@ -88,7 +88,7 @@ impl Play {
 
     fn datagram(&mut self, from: SocketAddr, bytes: &[u8]) {
         self.has_heartbeat |= frames(bytes).flatten().any(|frame| frame.kind == HEARTBEAT);
-        self.gateway.datagram(from, bytes, self.now);
+        self.gateway.datagram(from, bytes, self.now, self.now);
     }
 
     fn samples(&mut self, what: u8) {

@@ -48,7 +48,7 @@ fn hold() -> MessageWriter {
 }
 
 fn send(world: &mut World, from: SocketAddr, bytes: &[u8]) {
-    world.gateway.datagram(from, bytes, world.now);
+    world.gateway.datagram(from, bytes, world.now, world.now);
     world.gateway.advance(world.now);
 }
 

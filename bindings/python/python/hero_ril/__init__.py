@@ -575,6 +575,11 @@ class Robot(_Closing):
         """Hovers here; a path that is under way ends as replaced."""
         return self._ordered("hold", after, lambda client: client.hold())
 
+    def when_lost(self, action=None, *, lease_s=0.0):
+        """From now on a path says what becomes of it when this program ends: a `SenderLost`, or None for the bridge's default, which
+        is to hover. With `lease_s`, the helicopter hovers also when this program does not look at its reports for so long."""
+        self._requests().when_lost(int(action or 0), round(1000 * lease_s))
+
     def go_to(self, *path, preempt=False, after=None):
         """Flies a path of (latitude in degrees, longitude in degrees, altitude in m)."""
         return self._ordered("go to", after, lambda client: client.go_to(list(path), preempt))

@@ -2,7 +2,7 @@
 //!
 //! | step | the file is written | it is not | the bridge has read it | it has not | the bridge says this fence | 4 s have passed |
 //! |---|---|---|---|---|---|---|
-//! | writing | → reloading | refused | – | – | – | taken back, refused |
+//! | writing | → reloading | refused | – | – | – | refused; taken back when it is written after all |
 //! | reloading | – | – | → watching | taken back, refused | – | taken back, refused |
 //! | watching | – | – | – | – | accepted | taken back, refused |
 
@@ -92,7 +92,7 @@ impl Gateway {
             result,
             text: text.to_owned(),
         };
-        let refusal = if self.fence.upload.is_some() {
+        let refusal = if self.fence.upload.is_some() || self.fence.is_writing {
             Some(refused(
                 MissionResult::Error,
                 "the one before it is not in force yet",
@@ -116,11 +116,14 @@ impl Gateway {
             step: UploadStep::Writing,
             until: now + UPLOAD_LIMIT,
         });
+        self.fence.is_writing = true;
         self.ask(Task::PutFence(fence.areas));
     }
 
     /// A [`Task::PutFence`] was done: the file has so many areas. Or it was not, and the file is as before.
     pub fn fence_put(&mut self, put: Result<usize, MissionRefusal>, now: MonotonicNs) {
+        self.fence.is_writing = false;
+        let not_now = self.not_now();
         let number = self.last_number + 1;
         let Some(upload) = self
             .fence
@@ -128,9 +131,18 @@ impl Gateway {
             .as_mut()
             .filter(|one| one.step == UploadStep::Writing)
         else {
+            // Its station was told that it is not in force.
+            if put.is_ok() {
+                self.ask(Task::RestoreFence);
+            }
             return;
         };
         match put {
+            Ok(_) if not_now.is_some() => {
+                let (result, why) = not_now.unwrap_or((MissionResult::Error, ""));
+                upload.step = UploadStep::Watching;
+                self.take_back_fence(result, why, now);
+            }
             Ok(total) => {
                 (upload.total, upload.step) = (total, UploadStep::Reloading(number));
                 self.reload_fence(now);
@@ -197,7 +209,9 @@ impl Gateway {
     /// The bridge did not take it: its file becomes what it was, and the bridge reads it again, since it may have read it in between.
     fn take_back_fence(&mut self, result: MissionResult, why: &str, now: MonotonicNs) {
         if let Some(upload) = self.fence.upload.take() {
-            self.ask(Task::RestoreFence);
+            if upload.step != UploadStep::Writing {
+                self.ask(Task::RestoreFence);
+            }
             let text = format!("{why}; the fence is as before");
             self.end_fence(upload.from, Err(MissionRefusal { result, text }), now);
         }
@@ -253,7 +267,10 @@ impl Gateway {
             .as_ref()
             .is_some_and(|upload| now >= upload.until)
         {
-            let why = "the bridge does not say that it has it in force: does it read this file?";
+            let why = match self.fence.is_writing {
+                true => "the disk does not take it",
+                false => "the bridge does not say that it has it in force: does it read this file?",
+            };
             self.take_back_fence(MissionResult::Error, why, now);
         }
         let output = self.fence.transfer.advance(now);

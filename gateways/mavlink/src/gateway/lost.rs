@@ -13,7 +13,7 @@ use ipc_types::MonotonicNs;
 
 use super::Gateway;
 use super::pending::Pending;
-use crate::commands::CommandKey;
+use crate::commands::{CommandKey, Subject};
 use crate::event::{Event, OrderKind};
 use crate::number::{MavResult, MavSeverity};
 use crate::settings::StationLost;
@@ -135,6 +135,7 @@ impl Gateway {
     /// An order that no station waits for. It ends what the request `after` has begun, and nothing newer.
     fn order_by_itself(&mut self, kind: OrderKind, key: CommandKey, after: u64, now: MonotonicNs) {
         self.cancel_what_follows(now);
+        self.commands.order(None, Subject::Motion, true, self.frame);
         self.send_order(Pending {
             number: 0,
             request_id: 0,
@@ -145,6 +146,7 @@ impl Gateway {
             is_mission: false,
             path: Vec::new(),
             issued: now,
+            answer_by: now,
             is_answered: true,
             after,
         });

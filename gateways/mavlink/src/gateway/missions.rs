@@ -1,6 +1,7 @@
 //! Missions: how they come and go, begin, pause and end. The order of their steps is that of `ril plan fly`.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use bridge::BridgeConfig;
 use ipc_types::MonotonicNs;
@@ -13,7 +14,7 @@ use plans::mavlink::command as item;
 use super::Gateway;
 use super::orders::MAX_ORDERS;
 use super::pending::Pending;
-use crate::commands::CommandKey;
+use crate::commands::{CommandKey, Subject};
 use crate::decide::{Decision, MissionAsk, OrderPair};
 use crate::event::{Event, OrderKind, Task};
 use crate::fence;
@@ -23,7 +24,7 @@ use crate::message::{
 use crate::mission::check::{Conditions, check_mission};
 use crate::mission::store::Mission;
 use crate::mission::transfer::{Output, Transfer};
-use crate::mission::{PRIMED, Run, Starting};
+use crate::mission::{KeptProgress, PRIMED, Run, Starting};
 use crate::number::{MISSION_TYPE_FENCE as FENCE, MavResult, MavSeverity, MissionResult, command};
 use crate::received::MissionRequest;
 use crate::stations::StationAddress;
@@ -33,6 +34,13 @@ use crate::wire::MessageWriter;
 /// MAV_MISSION_TYPE: missions, and all types at once.
 const MISSION: u8 = 0;
 const ALL: u8 = 255;
+
+/// How long the disk has for a mission: shorter than the check of a transfer may take, so that the answer tells why. A mission that it
+/// takes later is not in force, and is replaced there.
+const SAVE_LIMIT: Duration = Duration::from_secs(4);
+
+/// How often the progress of a mission is kept at most.
+const PROGRESS_PERIOD: Duration = Duration::from_secs(1);
 
 impl Gateway {
     /// A message about missions has come.
@@ -51,6 +59,9 @@ impl Gateway {
         let is_clear_of_all = mission_type == ALL && *request == MissionRequest::Clear;
         if mission_type != MISSION && !is_fence && !is_clear_of_all {
             return self.other_type(sender, request, mission_type, now);
+        }
+        if self.is_mission_message_late(sender, is_station, request, mission_type, now) {
+            return;
         }
         match *request {
             MissionRequest::List if is_fence => {
@@ -148,6 +159,52 @@ impl Gateway {
                 }
             }
         }
+    }
+
+    /// Whether a message that changes something was sent before a newer one of its station, or has waited too long to be read.
+    fn is_mission_message_late(
+        &mut self,
+        sender: StationAddress,
+        is_station: bool,
+        request: &MissionRequest,
+        mission_type: u8,
+        now: MonotonicNs,
+    ) -> bool {
+        let subject = match request {
+            MissionRequest::SetCurrent(_) => Subject::Motion,
+            _ if mission_type == FENCE => Subject::Fence,
+            _ => Subject::Mission,
+        };
+        let is_item = matches!(request, MissionRequest::Item(..));
+        let changes = matches!(
+            request,
+            MissionRequest::Count(_) | MissionRequest::Clear | MissionRequest::SetCurrent(_)
+        );
+        if !(changes || is_item) || self.not_permitted(sender, is_station).is_some() {
+            return false;
+        }
+        let is_outdated = self.commands.is_outdated(Some(sender), subject, self.frame);
+        let why = if is_outdated && changes {
+            // Its station has had its answer, or waits for that to the newer one.
+            "it was sent before a newer one, and is not carried out"
+        } else if self.age_of_frame(now).is_some() {
+            if changes && subject != Subject::Motion {
+                self.acknowledge_mission(sender, MissionResult::Cancelled, mission_type);
+            }
+            "it came too long ago: repeat it"
+        } else {
+            self.commands.order(Some(sender), subject, false, self.frame);
+            return false;
+        };
+        if changes {
+            let what = match request {
+                MissionRequest::Count(_) => "MISSION_COUNT",
+                MissionRequest::Clear => "MISSION_CLEAR_ALL",
+                _ => "MISSION_SET_CURRENT",
+            };
+            self.tell(sender, MavSeverity::Error, &format!("{what}: {why}"), now);
+        }
+        true
     }
 
     fn transfer_of(&mut self, mission_type: u8) -> &mut Transfer {
@@ -278,11 +335,12 @@ impl Gateway {
 
     /// Puts a mission on the disk, so that it is in force.
     fn save(&mut self, mission: Mission, now: MonotonicNs) {
-        if self.missions.mission == mission && !self.missions.is_saving {
+        if self.missions.mission == mission && self.missions.saving.is_none() {
             // The same again: only its progress is forgotten.
+            self.missions.saving = Some(now + SAVE_LIMIT);
             return self.saved(mission, Ok(()), now);
         }
-        if self.missions.is_saving || self.missions.is_in_use() {
+        if self.missions.saving.is_some() || self.missions.is_in_use() {
             let output = self.missions.transfer.checked(MissionResult::Error);
             if let Some(Output::Ack(to, result)) = output {
                 let why = "the previous one is flown, or is just coming into force";
@@ -290,13 +348,24 @@ impl Gateway {
             }
             return;
         }
-        self.missions.is_saving = true;
+        self.missions.saving = Some(now + SAVE_LIMIT);
         self.ask(Task::Save(mission));
     }
 
-    /// A [`Task::Save`] was done, or the reason why it was not.
+    /// A [`Task::Save`] was done, or the reason why it was not. One that was given up, and has come onto the disk all the same, is replaced
+    /// there by the one in force.
     pub fn saved(&mut self, mission: Mission, result: Result<(), String>, now: MonotonicNs) {
-        self.missions.is_saving = false;
+        self.moment = now;
+        if self.missions.saving.take().is_none() {
+            if result.is_ok() && mission != self.missions.mission {
+                self.ask(Task::Save(self.missions.mission.clone()));
+            }
+            return;
+        }
+        self.end_saving(mission, result, now);
+    }
+
+    fn end_saving(&mut self, mission: Mission, result: Result<(), String>, now: MonotonicNs) {
         let result = match result {
             Ok(()) => {
                 let text = match mission.count() {
@@ -321,6 +390,31 @@ impl Gateway {
     /// The mission that was in force before a restart. Nothing of it is flown.
     pub fn restore(&mut self, mission: Mission) {
         self.missions.set(mission);
+    }
+
+    /// How far that mission was before the restart: the next start goes on from there.
+    pub fn restore_progress(&mut self, progress: KeptProgress) {
+        self.missions.restore_progress(progress);
+        if let Some(text) = self.missions.interrupted() {
+            self.note(Event::Note(text));
+        }
+    }
+
+    /// How far the mission is, if that is to be kept for the next start.
+    pub fn poll_progress(&mut self, now: MonotonicNs) -> Option<KeptProgress> {
+        if self.deadline_of_progress().is_none_or(|at| now < at) {
+            return None;
+        }
+        let progress = self.missions.progress();
+        self.missions.kept = (progress, Some(now));
+        Some(progress)
+    }
+
+    /// When the progress of the mission is to be kept.
+    pub(super) fn deadline_of_progress(&self) -> Option<MonotonicNs> {
+        let (kept, at) = self.missions.kept;
+        let next = at.map_or(self.moment, |at| at + PROGRESS_PERIOD);
+        (self.missions.progress() != kept).then_some(next)
     }
 
     /// The answer to [`Task::Rules`]: the configuration of the bridge; `None` if it is not known.
@@ -370,12 +464,18 @@ impl Gateway {
         decision: Decision,
         now: MonotonicNs,
     ) -> Decision {
-        let is_disarming = key.command == command::ARM_DISARM && key.bits[0] == 0.0_f32.to_bits();
-        if is_disarming && matches!(decision, Decision::Answer(answer, _) if answer.is_accepted()) {
-            if self.pending.iter().any(|one| one.kind == OrderKind::Start) {
-                return OrderPair::one(OrderKind::Stop);
+        let is_switch = key.command == command::ARM_DISARM;
+        if is_switch && matches!(decision, Decision::Answer(answer, _) if answer.is_accepted()) {
+            let kind = match key.is_disarming() {
+                true => OrderKind::Stop,
+                false => OrderKind::Start,
+            };
+            if self.is_switching() {
+                return OrderPair::one(kind);
             }
-            self.cancel_start_of_mission(now);
+            if kind == OrderKind::Stop {
+                self.cancel_start_of_mission(now);
+            }
         }
         let primed_by = self.missions.primed.map(|(sender, _)| sender);
         match (primed_by, &decision) {
@@ -394,6 +494,15 @@ impl Gateway {
                 decision
             }
         }
+    }
+
+    /// Whether the module is being started or stopped, or was so recently that the bridge's state does not show it yet: then it is not known
+    /// whether it is started.
+    fn is_switching(&self) -> bool {
+        let is_switch = |one: &Pending| matches!(one.kind, OrderKind::Start | OrderKind::Stop);
+        let published = self.vehicle.last_state().map(|state| state.published());
+        let is_unseen = |at| published.is_none_or(|published| published <= at);
+        self.pending.iter().any(is_switch) || self.switched.is_some_and(is_unseen)
     }
 
     /// Whether an order would move the helicopter in the middle of the mission of another station.
@@ -420,7 +529,7 @@ impl Gateway {
             let why = "the helicopter is not heard";
             return self.refuse_for_now(&key, Reason::LinkDown, why, now);
         };
-        if self.missions.is_saving {
+        if self.missions.saving.is_some() {
             let why = "another mission is just coming into force";
             return self.refuse_for_now(&key, Reason::Busy, why, now);
         }
@@ -446,22 +555,18 @@ impl Gateway {
                 self.missions.primed = Some((key.sender, now + PRIMED));
                 return self.settle(&key, CommandAck::plain(MavResult::Accepted), now);
             }
-            if known.is_flying() {
-                let why = "the module was aborted: press Pause first";
-                return self.refuse_for_now(&key, Reason::NotStarted, why, now);
-            }
         }
         let from = first.map_or(self.missions.next, |first| u32::from(first) + 1);
-        self.ask_to_start(key, from, now);
+        self.ask_to_start(key, from);
     }
 
-    fn ask_to_start(&mut self, key: CommandKey, from: u32, now: MonotonicNs) {
+    fn ask_to_start(&mut self, key: CommandKey, from: u32) {
         self.missions.primed = None;
         self.missions.starting = Some(Starting {
             key,
             from,
-            issued: now,
-            until: now + self.settings.answer_within,
+            issued: self.frame.came,
+            until: self.frame.came + self.settings.answer_within,
         });
         self.ask(Task::Rules);
     }
@@ -492,11 +597,9 @@ impl Gateway {
         sequence: u16,
         now: MonotonicNs,
     ) {
-        let key_or_none = key.unwrap_or(CommandKey {
-            sender,
-            command: super::orders::NO_COMMAND,
-            bits: [u32::from(sequence); 8],
-        });
+        let none = super::orders::NO_COMMAND;
+        let key_or_none =
+            key.unwrap_or(CommandKey::new(sender, none, [u32::from(sequence); 8]));
         let run = self
             .missions
             .run
@@ -504,7 +607,7 @@ impl Gateway {
             .filter(|run| run.executor.is_running());
         let refused = if sequence >= self.missions.mission.count() {
             Some((MavResult::Denied, Reason::None, "there is no such item"))
-        } else if self.missions.starting.is_some() || self.missions.is_saving {
+        } else if self.missions.starting.is_some() || self.missions.saving.is_some() {
             Some((
                 MavResult::TemporarilyRejected,
                 Reason::Busy,
@@ -525,7 +628,7 @@ impl Gateway {
                 self.acknowledge_mission(sender, MissionResult::InvalidSequence, MISSION);
             }
         } else if run.is_some() {
-            self.ask_to_start(key_or_none, u32::from(sequence) + 1, now);
+            self.ask_to_start(key_or_none, u32::from(sequence) + 1);
         } else {
             self.missions.next = u32::from(sequence) + 1;
             self.settle(&key_or_none, CommandAck::plain(MavResult::Accepted), now);
@@ -644,6 +747,11 @@ impl Gateway {
         };
         let (key, is_answered, after) = (run.key, run.is_answered, run.before);
         run.is_answered = true;
+        // What answers the command is as old as it.
+        let issued = if is_answered { issued } else { run.issued };
+        if matches!(kind, OrderKind::Speed(_)) {
+            self.commands.order(None, Subject::Speed, false, self.frame);
+        }
         self.send_order(Pending {
             number: 0,
             request_id: 0,
@@ -654,6 +762,7 @@ impl Gateway {
             is_mission: true,
             path,
             issued,
+            answer_by: issued,
             is_answered,
             after,
         });
@@ -788,7 +897,7 @@ impl Gateway {
                 result: MavResult::Cancelled,
                 reason: Reason::Replaced,
             };
-            self.commands.amend(&key, answer);
+            self.commands.amend(&key, answer, now);
         }
         for address in self.stations.addresses() {
             for sequence in reached.clone() {
@@ -805,6 +914,10 @@ impl Gateway {
     pub(super) fn advance_missions(&mut self, now: MonotonicNs) {
         let output = self.missions.transfer.advance(now);
         self.transfer(MISSION, output, now);
+        if self.missions.saving.take_if(|until| now >= *until).is_some() {
+            let why = "the disk does not take it; the previous one is in force".to_owned();
+            self.end_saving(Mission::default(), Err(why), now);
+        }
         self.missions.primed = self.missions.primed.filter(|(_, until)| now < *until);
         let is_late = |starting: &mut Starting| now >= starting.until;
         if let Some(late) = self.missions.starting.take_if(is_late) {

@@ -32,7 +32,7 @@ use ipc_types::code::{MavlinkVehicle, ModuleStatus, SafetyAction};
 use ipc_types::payload::{HeroTelemetry, MavlinkStations, ModuleState};
 
 use self::pending::Pending;
-use crate::commands::Commands;
+use crate::commands::{Commands, FrameTime};
 use crate::event::{Datagram, Event, Order, Task};
 use crate::fence::Fence;
 use crate::home::{Home, HomeKeeper};
@@ -52,6 +52,9 @@ use crate::wire::{MavFrame, MessageWriter, Rejected, frames};
 /// Frames that were rejected are logged at most so often.
 const REJECTED_PERIOD: Duration = Duration::from_secs(10);
 
+/// Stations whose first signatures are those of before a restart are answered at most so often.
+const TIME_PERIOD: Duration = Duration::from_millis(200);
+
 /// The first opcode of a file's messages that is an answer.
 const FILE_ANSWERS: u8 = 128;
 
@@ -69,12 +72,18 @@ pub struct Gateway {
     signing: Option<Signing>,
     /// Of the newest input.
     moment: MonotonicNs,
+    /// Which frame is read, or was read last.
+    frame: FrameTime,
     parameters: Parameters,
     fence: Fence,
     missions: Missions,
     pending: Vec<Pending>,
     last_number: u64,
     last_hold: Option<MonotonicNs>,
+    /// When the module was last to be started or stopped, or the bridge has reported on that.
+    switched: Option<MonotonicNs>,
+    /// When a station was last told our timestamp.
+    told_time: Option<MonotonicNs>,
     shown: Option<Signature>,
     /// What was read and sent, and what was not taken, by reason.
     counts: MavlinkStations,
@@ -101,12 +110,15 @@ impl Gateway {
             texts: Texts::default(),
             signing: None,
             moment: MonotonicNs(0),
+            frame: FrameTime::default(),
             parameters: Parameters::default(),
             fence: Fence::default(),
             missions: Missions::new(),
             pending: Vec::new(),
             last_number: 0,
             last_hold: None,
+            switched: None,
+            told_time: None,
             shown: None,
             counts: MavlinkStations::default(),
             rejected_logged: (0, MonotonicNs(0)),
@@ -139,10 +151,6 @@ impl Gateway {
             return;
         };
         let is_flying = known.is_flying();
-        if let Some(position) = known.position() {
-            self.restore_home_in_flight();
-            self.home.follow(position, is_flying);
-        }
         if before.is_some_and(|before| before != is_flying) {
             let text = if is_flying {
                 "in the air"
@@ -157,6 +165,7 @@ impl Gateway {
     pub fn state(&mut self, state: &ModuleState, now: MonotonicNs) {
         let before = self.vehicle.last_state().copied();
         self.vehicle.set_state(state);
+        self.home.follow(state.home());
         self.look(now);
         for (severity, text) in before.iter().flat_map(|before| changes(before, state)) {
             self.say_to_all(severity, &text, now);
@@ -164,13 +173,23 @@ impl Gateway {
         self.look_at_mission(now);
     }
 
-    /// A datagram has come.
-    pub fn datagram(&mut self, from: SocketAddr, bytes: &[u8], now: MonotonicNs) {
+    /// A datagram that came at one moment is read at another one. What it orders was ordered when it came.
+    pub fn datagram(
+        &mut self,
+        from: SocketAddr,
+        bytes: &[u8],
+        came: MonotonicNs,
+        now: MonotonicNs,
+    ) {
         self.moment = now;
         for frame in frames(bytes) {
             match frame {
                 Ok(frame) if self.is_taken(from, &frame, now) => {
                     self.counts.frames_read += 1;
+                    self.frame = FrameTime {
+                        sequence: frame.sequence,
+                        came: came.min(now),
+                    };
                     self.frame(from, &frame, now);
                 }
                 Ok(_) => {}
@@ -216,7 +235,12 @@ impl Gateway {
                 match signing.check((frame.system, frame.component), signature, now) {
                     Ok(()) => return true,
                     Err(Forged::Signature) => &mut self.counts.refused_signature,
-                    Err(Forged::Replayed) => &mut self.counts.refused_replayed,
+                    Err(why) => {
+                        if why == Forged::OfBefore {
+                            self.answer_of_before(from, now);
+                        }
+                        &mut self.counts.refused_replayed
+                    }
                 }
             }
             _ if from.ip().is_loopback() || self.settings.is_insecure => return true,
@@ -224,6 +248,19 @@ impl Gateway {
         };
         *count += 1;
         false
+    }
+
+    /// Lets a station whose clock lies behind what an earlier gateway may have taken know our timestamp, so that its next ones are newer.
+    fn answer_of_before(&mut self, to: SocketAddr, now: MonotonicNs) {
+        let is_due = self.told_time.is_none_or(|at| now.since(at) >= TIME_PERIOD);
+        if is_due {
+            self.told_time = Some(now);
+            let text = "the gateway has begun anew: send that again";
+            self.say(&[to], MavSeverity::Warning, text, now);
+            // Also when the text was said to it just before.
+            let time = MessageWriter::new(TIMESYNC).i64(now.0 as i64).i64(0);
+            self.send(to, &time);
+        }
     }
 
     fn frame(&mut self, from: SocketAddr, frame: &MavFrame<'_>, now: MonotonicNs) {
@@ -239,7 +276,7 @@ impl Gateway {
             // Our own frame came back, or a stranger has our number; or none has sent it: an answer would be one to all.
             return;
         }
-        let is_station = self.stations.touch(sender, now);
+        let is_station = self.stations.touch(sender, self.frame.came);
         match received {
             StationMessage::Heartbeat { is_station: true } => self.heartbeat(sender, now),
             StationMessage::Heartbeat { .. } => {}
@@ -297,7 +334,7 @@ impl Gateway {
     fn heartbeat(&mut self, sender: StationAddress, now: MonotonicNs) {
         let (settings, signs) = (&self.settings, self.signing.is_some());
         let may_command = |one| settings.bars(one, signs).is_none();
-        let outcome = self.stations.heartbeat(sender, may_command, now);
+        let outcome = self.stations.heartbeat(sender, may_command, self.frame.came);
         let mut text = format!("{sender} at {} has come", sender.address);
         match outcome {
             HeartbeatOutcome::Known => return,
@@ -312,6 +349,9 @@ impl Gateway {
             }
         }
         self.note(Event::Note(text));
+        if let Some(text) = self.missions.interrupted() {
+            self.tell(sender, MavSeverity::Notice, &text, now);
+        }
         if self.settings.zero_above_sea_m.is_none() {
             let text = "altitudes count from telemetry's zero: `zero_above_sea_m` is not set";
             self.tell(sender, MavSeverity::Warning, text, now);
@@ -362,9 +402,8 @@ impl Gateway {
 
     /// When [`Gateway::advance`] is to be called at the latest.
     pub fn deadline(&mut self) -> Option<MonotonicNs> {
-        let limit = self.settings.answer_within;
         let open = self.pending.iter().filter(|one| !one.is_answered);
-        let answers = open.map(|one| one.issued + limit).min();
+        let answers = open.map(|one| one.answer_by).min();
         let streams = match self.vehicle.now() {
             Some(_) => {
                 let routes = self.stations.routes();
@@ -381,6 +420,7 @@ impl Gateway {
             self.missions.deadline(),
             self.fence.deadline(),
             self.deadline_of_home(),
+            self.deadline_of_progress(),
         ]
         .into_iter()
         .flatten()

@@ -8,7 +8,7 @@ use ipc_types::payload::RequestReport;
 
 use super::Gateway;
 use super::pending::Pending;
-use crate::commands::{CommandKey, Copy};
+use crate::commands::{CommandKey, Copy, Since};
 use crate::decide::{Decision, OrderPair, VehicleFacts, decide, decide_mode};
 use crate::event::{Event, Order, OrderKind};
 use crate::home::Home;
@@ -64,11 +64,7 @@ impl Gateway {
             self.acknowledge(sender, asked.command, CommandAck::plain(result));
             return;
         }
-        let key = CommandKey {
-            sender,
-            command: asked.command,
-            bits: asked.bits(),
-        };
+        let key = CommandKey::new(sender, asked.command, asked.bits());
         let decision = decide(asked, &self.facts());
         self.carry_out(key, is_station, decision, now);
     }
@@ -82,11 +78,7 @@ impl Gateway {
     ) {
         let mut bits = [0; 8];
         bits[0] = custom;
-        let key = CommandKey {
-            sender,
-            command: NO_COMMAND,
-            bits,
-        };
+        let key = CommandKey::new(sender, NO_COMMAND, bits);
         let decision = decide_mode(custom, &self.facts());
         self.carry_out(key, is_station, decision, now);
     }
@@ -124,7 +116,7 @@ impl Gateway {
 
     pub(super) fn carry_out(
         &mut self,
-        key: CommandKey,
+        mut key: CommandKey,
         is_station: bool,
         decision: Decision,
         now: MonotonicNs,
@@ -134,22 +126,50 @@ impl Gateway {
             self.tell(key.sender, MavSeverity::Error, why, now);
             return;
         }
-        let decision = self.with_start(&key, decision, now);
-        let copy = match &decision {
+        let copy = self.commands.look(&key, self.frame, now);
+        let outdated = "it was sent before a newer order";
+        let refused = match (copy, &decision) {
+            (Copy::Open, _) => return,
             // How the helicopter is now decides whether it may be disarmed, not how it was when that was asked before.
-            Decision::Answer(..) if key.command == command::ARM_DISARM => Copy::New,
-            Decision::Answer(..) => self.commands.look(key, now),
-            _ => self.commands.take(key, decision.is_stop(), now),
-        };
-        match copy {
-            Copy::New => {}
-            Copy::Open => return,
-            Copy::Answered(answer) => return self.answer(&key, answer),
-            Copy::Full => {
-                let text = "the command was refused: too many of this station wait for an answer or have just got one";
-                self.answer(&key, TOO_MANY);
-                return self.tell(key.sender, MavSeverity::Error, text, now);
+            (Copy::Answered(answer), Decision::Answer(fresh, _))
+                if fresh.is_accepted() || !answer.is_accepted() || key.is_disarming() =>
+            {
+                None
             }
+            (Copy::Answered(answer), _) => {
+                self.answer(&key, answer);
+                if !answer.is_accepted() {
+                    let what = decision.name();
+                    let text = format!("{what} came again, and was refused just before: {}", answer.reason);
+                    self.tell(key.sender, MavSeverity::Error, &text, now);
+                }
+                return;
+            }
+            (Copy::Outdated, Decision::Answer(fresh, _)) if fresh.is_accepted() => Some(outdated),
+            (_, Decision::Answer(..)) => None,
+            (Copy::Outdated, decision) if !decision.is_stop() => Some(outdated),
+            (Copy::Past(Since::Others), decision) if !decision.ends_something() => {
+                Some("another order came in between; repeat it when you still want it")
+            }
+            (Copy::Past(Since::Stop), decision) if decision.moves() => {
+                Some("a stop came in between; repeat it when you still want it")
+            }
+            _ => None,
+        };
+        let refused = refused.map(|why| (Reason::Superseded, why.to_owned()));
+        let refused = refused.or_else(|| Some((Reason::TooLate, self.too_late(&decision, now)?)));
+        if let Some((reason, why)) = refused {
+            let result = MavResult::TemporarilyRejected;
+            self.answer(&key, CommandAck { result, reason });
+            let text = format!("{} was refused: {why}", decision.name());
+            return self.tell(key.sender, MavSeverity::Error, &text, now);
+        }
+        let decision = self.with_start(&key, decision, now);
+        let is_answer = matches!(decision, Decision::Answer(..));
+        if !is_answer && !self.commands.take(&mut key, decision.is_stop(), self.frame) {
+            let text = "the command was refused: too many of this station wait for an answer or have just got one";
+            self.answer(&key, TOO_MANY);
+            return self.tell(key.sender, MavSeverity::Error, text, now);
         }
         match decision {
             Decision::Answer(answer, text) => {
@@ -166,6 +186,19 @@ impl Gateway {
             Decision::Orders(orders) => self.order(key, orders, now),
             Decision::Mission(asked) => self.mission_asked(key, asked, now),
         }
+    }
+
+    /// Why a command is too old to be carried out: it has waited to be read. What stops something is worth waiting for.
+    fn too_late(&self, decision: &Decision, now: MonotonicNs) -> Option<String> {
+        let is_needless = matches!(decision, Decision::Answer(..)) || decision.ends_something();
+        let age = self.age_of_frame(now)?;
+        (!is_needless).then(|| format!("it came {:.1} s ago; repeat it", age.as_secs_f64()))
+    }
+
+    /// How long ago the frame came that is read, if that is too long for what it orders.
+    pub(super) fn age_of_frame(&self, now: MonotonicNs) -> Option<Duration> {
+        let age = now.since(self.frame.came);
+        (age >= self.settings.answer_within).then_some(age)
     }
 
     pub(super) fn order(&mut self, key: CommandKey, orders: OrderPair, now: MonotonicNs) {
@@ -217,7 +250,8 @@ impl Gateway {
             is_return: orders.is_return,
             is_mission: false,
             path: Vec::new(),
-            issued: now,
+            issued: self.frame.came,
+            answer_by: now,
             is_answered: false,
             after: 0,
         });
@@ -239,7 +273,13 @@ impl Gateway {
             _ => functionality == Some(Functionality::Holding) || self.pending.iter().any(is_own),
         };
         self.last_number += 1;
-        let deadline = pending.issued + self.settings.answer_within;
+        let limit = self.settings.answer_within;
+        let deadline = pending.issued + limit;
+        let (begin_by, answer_by) = match pending.kind {
+            // What makes the flight safer is worth waiting for.
+            OrderKind::Hold | OrderKind::Land | OrderKind::Stop => (None, self.moment + limit),
+            _ => (Some(deadline), deadline),
+        };
         let run = self.missions.run.as_ref().filter(|_| pending.is_mission);
         self.orders.push_back(Order {
             number: self.last_number,
@@ -249,16 +289,16 @@ impl Gateway {
                 Some(run) if pending.after == 0 => run.issued,
                 _ => pending.issued,
             },
-            begin_by: match pending.kind {
-                // What makes the flight safer is worth waiting for.
-                OrderKind::Hold | OrderKind::Land | OrderKind::Stop => None,
-                _ => Some(deadline),
-            },
+            begin_by,
             preempts,
             after: pending.after,
         });
+        if matches!(pending.kind, OrderKind::Start | OrderKind::Stop) {
+            self.switched = Some(self.moment);
+        }
         self.pending.push(Pending {
             number: self.last_number,
+            answer_by,
             ..pending
         });
     }
@@ -295,6 +335,9 @@ impl Gateway {
         let Some(index) = self.pending.iter().position(|one| one.number == number) else {
             return;
         };
+        if matches!(self.pending[index].kind, OrderKind::Start | OrderKind::Stop) {
+            self.switched = Some(now);
+        }
         self.pending[index].request_id = report.request_id;
         let mut pending = match stage.is_final() {
             true => self.pending.remove(index),
@@ -420,11 +463,10 @@ impl Gateway {
 
     /// Gives up what the bridge does not answer in time.
     pub(super) fn give_up(&mut self, now: MonotonicNs) {
-        let limit = self.settings.answer_within;
         let mut given_up = Vec::new();
         let mut is_mission_stuck = false;
         for one in self.pending.iter_mut().filter(|one| !one.is_answered) {
-            if now >= one.issued + limit {
+            if now >= one.answer_by {
                 // What was to follow would come too late.
                 (one.is_answered, one.then) = (true, None);
                 is_mission_stuck |= one.is_mission;

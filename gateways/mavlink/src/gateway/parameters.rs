@@ -4,6 +4,7 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 
 use super::Gateway;
+use crate::commands::Subject;
 use crate::event::{Event, Order};
 use crate::number::MavSeverity;
 use crate::parameters::{
@@ -12,6 +13,9 @@ use crate::parameters::{
 };
 use crate::received::ParameterQuery;
 use crate::stations::StationAddress;
+
+/// The parameter that DO_CHANGE_SPEED sets, too.
+const SPEED: &str = "DSP_CRUISE_MPS";
 
 impl Gateway {
     /// Only a station gets values: an address that has sent one small message is not sent many.
@@ -76,6 +80,10 @@ impl Gateway {
         let value = value.filter(|value| value.kind() == parameter.kind());
         let refused = match (self.not_permitted(sender, true), value, parameter.range()) {
             (Some((_, why)), ..) => Err((ParameterError::PermissionDenied, why.to_owned())),
+            _ if self.age_of_frame(now).is_some() => {
+                let text = "it came too long ago; repeat it".to_owned();
+                Err((ParameterError::PermissionDenied, text))
+            }
             (_, _, None) => Err((ParameterError::ReadOnly, "it can only be read".to_owned())),
             (_, None, _) => {
                 let kind = match parameter.kind() {
@@ -99,7 +107,10 @@ impl Gateway {
                 self.settings.take_off_m = value.number();
                 return Ok(Some(value));
             }
-            let asked = now;
+            let asked = self.frame.came;
+            if parameter.name == SPEED {
+                self.commands.order(Some(sender), Subject::Speed, false, self.frame);
+            }
             let write = Write {
                 by: sender,
                 index,

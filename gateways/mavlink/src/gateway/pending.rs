@@ -20,6 +20,8 @@ pub struct Pending {
     /// The waypoints of [`OrderKind::Path`].
     pub path: Vec<WaypointPosition>,
     pub issued: MonotonicNs,
+    /// Until when the bridge must have answered.
+    pub answer_by: MonotonicNs,
     pub is_answered: bool,
     /// The request that it is to the bridge; 0 before the first report.
     pub request_id: u64,

@@ -57,7 +57,7 @@ pub fn check_mission(
         result: unreadable(items),
         text: error.to_string(),
     })?;
-    let site = conditions.site(from);
+    let site = conditions.site(&plan, from);
     let flight = Flight::new(&plan, &site);
     let of_rules = |port| conditions.rules.and_then(|rules| configured(rules, port));
     let endurance = Endurance {
@@ -81,7 +81,8 @@ pub fn check_mission(
 }
 
 impl Conditions<'_> {
-    fn site(&self, from: u32) -> Site {
+    /// While home is not known, and nothing is flown yet, it is taken to be below the mission's first place.
+    fn site(&self, plan: &Plan, from: u32) -> Site {
         let at = |position: WaypointPosition| Waypoint {
             latitude_deg: position.latitude_deg,
             longitude_deg: position.longitude_deg,
@@ -92,8 +93,14 @@ impl Conditions<'_> {
             Some(_) => HomeSource::Robot,
             None => HomeSource::Assumed,
         };
-        let shown = home.or(self.here.map(|(here, _)| at(here)));
-        let home = shown.unwrap_or_default();
+        let first = plan.items.iter().find_map(|item| item.action.position());
+        let below_first = first.map(|first| Waypoint {
+            latitude_deg: first.latitude_deg,
+            longitude_deg: first.longitude_deg,
+            altitude_m: 0.0,
+        });
+        let here = self.here.map(|(here, _)| at(here));
+        let home = home.or(here).or(below_first).unwrap_or_default();
         Site {
             home,
             is_home_altitude_known: home_source == HomeSource::Robot,
@@ -133,9 +140,8 @@ fn result_of(finding: &Finding, items: &[Item]) -> MissionResult {
         "altitude-missing" | "altitude-range" | "take-off-altitude" | "fence-floor"
         | "fence-ceiling" => MissionResult::InvalidParam7,
         "speed" => MissionResult::InvalidParam2,
-        "fence-exclusion" | "fence-inclusion" | "fence-unjudgeable" | "max-distance" => {
-            MissionResult::InvalidParam5
-        }
+        "fence-exclusion" | "fence-inclusion" | "fence-unjudgeable" | "fence-ahead"
+        | "max-distance" => MissionResult::InvalidParam5,
         "already-flying" | "not-flying" => MissionResult::InvalidSequence,
         _ => MissionResult::Invalid,
     }
@@ -317,6 +323,29 @@ mod tests {
         assert_eq!(nothing.result, Invalid, "{}", nothing.text);
         let camera_too = checked(&[take_off(), camera], &no_fence, None).unwrap();
         assert!(camera_too.remarks[0].contains("DO_SET_CAM_TRIGG_DIST (206)"));
+    }
+
+    #[test]
+    fn while_home_is_not_known_a_mission_is_checked_from_its_first_place_and_is_not_flown() {
+        let items = [waypoint(6, NORTH, 15.0), waypoint(6, HERE, 20.0)];
+        let seen = WaypointPosition {
+            altitude_m: 50.0,
+            ..home()
+        };
+        let rules = rules("");
+        for home in [Home::Unknown, Home::FirstHeard(seen)] {
+            let mut conditions = Conditions {
+                settings: &Settings::default(),
+                rules: Some(&rules),
+                home: &home,
+                here: None,
+            };
+            let mission = Mission::new(items.to_vec());
+            assert!(check_mission(&mission, 1, &conditions).is_ok(), "{home:?}");
+            conditions.here = Some((seen, true));
+            let refusal = check_mission(&mission, 1, &conditions).unwrap_err();
+            assert!(refusal.text.contains("home is not known"), "{}", refusal.text);
+        }
     }
 
     #[test]

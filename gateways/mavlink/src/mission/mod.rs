@@ -129,14 +129,59 @@ pub struct Missions {
     pub asked_type: u8,
     /// What has come and waits for the check.
     pub spare: Option<(StationAddress, Mission)>,
-    /// Whether one is on its way to the disk.
-    pub is_saving: bool,
+    /// Until when the disk has to take the one that is on its way to it.
+    pub saving: Option<MonotonicNs>,
     pub run: Option<Run>,
     /// The item that the next start begins with, from 1.
     pub next: u32,
     /// Who has chosen it on the ground, and until when that holds.
     pub primed: Option<(StationAddress, MonotonicNs)>,
     pub starting: Option<Starting>,
+    /// What is kept of its progress, and since when.
+    pub kept: (KeptProgress, Option<MonotonicNs>),
+    /// Whether the gateway before has flown it, and it was not begun again since.
+    is_interrupted: bool,
+}
+
+/// Longest file of a progress.
+pub const MAX_PROGRESS_BYTES: usize = 64;
+
+/// How the file of a progress begins, and its version.
+const HEAD: [&str; 2] = ["ril-progress", "1"];
+
+/// How far a mission is, kept over restarts of the gateway.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct KeptProgress {
+    /// The mission's id.
+    mission: u32,
+    /// The item that the next start begins with, from 1; 0 if there is no mission.
+    next: u32,
+}
+
+impl KeptProgress {
+    /// The file: one line.
+    pub fn encode(&self) -> String {
+        let [head, version] = HEAD;
+        format!("{head} {version} {} {}\n", self.mission, self.next)
+    }
+
+    /// The progress in a file.
+    ///
+    /// # Errors
+    ///
+    /// Why there is none, as a clause.
+    pub fn decode(bytes: &[u8]) -> Result<KeptProgress, String> {
+        let text = str::from_utf8(bytes).map_err(|_| "it is no text".to_owned())?;
+        let words: Vec<&str> = text.split_whitespace().collect();
+        let number = |word: &str| word.parse().map_err(|_| format!("`{word}` is no number"));
+        match words.as_slice() {
+            [head, version, mission, next] if [*head, *version] == HEAD => Ok(KeptProgress {
+                mission: number(mission)?,
+                next: number(next)?,
+            }),
+            _ => Err("it is no progress of a mission".to_owned()),
+        }
+    }
 }
 
 impl Missions {
@@ -147,11 +192,13 @@ impl Missions {
             transfer: Transfer::new(MAX_ITEMS),
             asked_type: 0,
             spare: None,
-            is_saving: false,
+            saving: None,
             run: None,
             next: 1,
             primed: None,
             starting: None,
+            kept: (KeptProgress::default(), None),
+            is_interrupted: false,
         }
     }
 
@@ -159,6 +206,39 @@ impl Missions {
     pub fn set(&mut self, mission: Mission) {
         self.mission = mission;
         (self.run, self.next, self.primed, self.starting) = (None, 1, None, None);
+        self.is_interrupted = false;
+    }
+
+    /// How far it is.
+    pub fn progress(&self) -> KeptProgress {
+        let running = self.run.as_ref().filter(|run| run.executor.is_running());
+        let next = running.map_or(self.next, |run| run.executor.next_item().unwrap_or(1));
+        match self.mission.count() {
+            0 => KeptProgress::default(),
+            _ => KeptProgress {
+                mission: self.mission.id(),
+                next,
+            },
+        }
+    }
+
+    /// How far it was before a restart, unless that is said of another mission.
+    pub fn restore_progress(&mut self, progress: KeptProgress) {
+        self.kept.0 = progress;
+        let KeptProgress { mission, next } = progress;
+        let is_within = (2..=u32::from(self.mission.count())).contains(&next);
+        if is_within && mission == self.mission.id() {
+            (self.next, self.is_interrupted) = (next, true);
+        }
+    }
+
+    /// What stations are told of a mission that the gateway before has flown.
+    pub fn interrupted(&self) -> Option<String> {
+        let next = self.next;
+        let is_told = self.is_interrupted && self.run.is_none();
+        is_told.then(|| {
+            format!("mission paused: the gateway was started anew; item {next} is the next one")
+        })
     }
 
     pub fn is_running(&self) -> bool {
@@ -181,6 +261,7 @@ impl Missions {
         let progress = self.run.as_ref().map(|run| run.executor.progress());
         let state = match progress {
             _ if total == 0 => MissionState::None,
+            None if self.is_interrupted => MissionState::Paused,
             None | Some(Progress::Ready) => MissionState::NotStarted,
             Some(Progress::Step) => MissionState::Active,
             Some(Progress::Paused | Progress::Failed(_)) => MissionState::Paused,
@@ -207,7 +288,7 @@ impl Missions {
         let hover = self.run.as_ref().and_then(|run| run.executor.deadline());
         let primed = self.primed.map(|(_, until)| until);
         let starting = self.starting.map(|starting| starting.until);
-        [hover, primed, starting, self.transfer.deadline()]
+        [hover, primed, starting, self.saving, self.transfer.deadline()]
             .into_iter()
             .flatten()
             .min()

@@ -1,21 +1,24 @@
 //! `ril run mavlink`: the process in the foreground.
 
 use std::io::ErrorKind;
-use std::net::{SocketAddr, UdpSocket};
+use std::net::SocketAddr;
 use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use ipc_types::payload::MavlinkStations;
 use ipc_types::{MonotonicNs, Topic};
 use mavlink_gateway::{
-    Gateway, KeptHome, MAX_FILE_BYTES, MAX_HOME_BYTES, Mission, Signing, SigningKey,
+    Gateway, KeptHome, KeptProgress, MAX_FILE_BYTES, MAX_HOME_BYTES, MAX_PROGRESS_BYTES, Mission,
+    Signing, SigningKey,
 };
 use module_kit::{SetUp, process};
 use runtime::args::CommonArgs;
 use runtime::config::resulting::Resulting;
+use runtime::datagrams::StampedSocket;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::fence;
+use super::keeper::{Keeper, KeptFiles};
 use super::ports::Ports;
 use super::shell::{MavlinkShell, OwnTopic};
 use super::state::{
@@ -74,23 +77,23 @@ pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
     let mut gateway = Gateway::new(settings, robot.get());
     let folder = set_up.config.state_folder();
     let state = |what| StateFile::new(folder.as_deref(), robot, what);
-    let timestamp = match key {
-        Some(key) => {
-            let file = state("timestamp");
-            gateway = signing(gateway, key, &file)?;
-            Some(file)
-        }
-        None => None,
+    let files = KeptFiles {
+        mission: state("mission"),
+        home: state("home"),
+        progress: state("progress"),
+        timestamp: state("timestamp"),
     };
-    let (mission, home) = (state("mission"), state("home"));
-    restore(&mut gateway, &mission, &home, ports.bridge_run());
+    if let Some(key) = key {
+        gateway = signing(gateway, key, &files.timestamp)?;
+    }
+    restore(&mut gateway, &files, ports.bridge_run());
     if set_up.config.fence.accept
         && let Some(why) = fence::trouble(ports.bridge_file())
     {
         tracing::warn!("as it is, no fence of a station comes into force: {why}");
     }
-    let files = (mission, home, timestamp);
-    let mut shell = MavlinkShell::new(socket, ports, topic, files, gateway);
+    let keeper = Keeper::start(files).or_fail(ExitCode::Internal)?;
+    let mut shell = MavlinkShell::new(socket, ports, topic, keeper, gateway);
     tracing::info!(%address, system, "ready");
     process::run(&mut shell, &set_up.termination, &set_up.supervisor)
         .or_fail(ExitCode::Internal)?;
@@ -124,28 +127,29 @@ fn signing(mut gateway: Gateway, key: SigningKey, file: &StateFile) -> Result<Ga
 }
 
 /// Gives the gateway what one of before has kept. Without it the rest works. `bridge` numbers the bridge's run.
-fn restore(gateway: &mut Gateway, mission: &StateFile, home: &StateFile, bridge: Option<u64>) {
+fn restore(gateway: &mut Gateway, files: &KeptFiles, bridge: Option<u64>) {
     let decode = |bytes: &[u8]| Mission::decode(bytes).map_err(str::to_owned);
-    match mission.read(MAX_FILE_BYTES, decode) {
+    match files.mission.read(MAX_FILE_BYTES, decode) {
         Ok(Some(mission)) => gateway.restore(mission),
         Ok(None) | Err(StateError::NoFolder) => {}
         Err(why) => tracing::warn!("{why}; there is no mission"),
     }
+    match files.progress.read(MAX_PROGRESS_BYTES, KeptProgress::decode) {
+        Ok(Some(progress)) => gateway.restore_progress(progress),
+        Ok(None) | Err(StateError::NoFolder) => {}
+        Err(why) => tracing::warn!("{why}; the mission begins with its first item"),
+    }
     let decode = |bytes: &[u8]| KeptHome::decode(bytes, bridge.unwrap_or(0));
-    match home.read(MAX_HOME_BYTES, decode) {
+    match files.home.read(MAX_HOME_BYTES, decode) {
         Ok(Some(Some(home))) => gateway.restore_home(home),
         Ok(_) | Err(StateError::NoFolder) => {}
         Err(why) => tracing::warn!("{why}; home is not known before it is seen"),
     }
 }
 
-fn bind(address: SocketAddr) -> Result<UdpSocket, Failure> {
+fn bind(address: SocketAddr) -> Result<StampedSocket, Failure> {
     let port = address.port();
-    let bound = UdpSocket::bind(address).and_then(|socket| {
-        socket.set_nonblocking(true)?;
-        Ok(socket)
-    });
-    bound.map_err(|error| match error.kind() {
+    StampedSocket::bind(address).map_err(|error| match error.kind() {
         ErrorKind::AddrInUse => Failure::internal(format!("UDP port {port} is in use"))
             .with_next_step("end the other process, or set `port` in mavlink.toml"),
         _ => Failure::internal(format!("{address} (UDP) cannot be used: {error}")),

@@ -3,19 +3,18 @@
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind};
-use std::net::UdpSocket;
 use std::os::fd::AsFd;
 use std::time::Duration;
 
 use ipc_types::payload::{MavlinkStation, MavlinkStations};
 use ipc_types::{Ipc, MonotonicNs, Publisher, SchedulingRole, Source, WaitError, Wake};
-use mavlink_gateway::{Datagram, Event, Gateway, Task};
+use mavlink_gateway::{Event, Gateway, Task};
 use module_kit::process::{Process, Sources};
+use runtime::datagrams::{Datagram, StampedSocket};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::fence;
+use super::keeper::{END_LIMIT, Job, Keeper, Written};
 use super::ports::Ports;
-use super::state::{StateFile, warn_of_timestamp, write_timestamp};
 use crate::fence_file::FenceChange;
 
 /// Datagrams that are read at one wake, so that a flood cannot starve telemetry and reports.
@@ -49,37 +48,36 @@ impl From<Failure> for MavlinkError {
 
 /// See the module's documentation.
 pub(super) struct MavlinkShell {
-    socket: UdpSocket,
+    socket: StampedSocket,
     ports: Ports,
     topic: OwnTopic,
-    timestamp: Option<StateFile>,
     gateway: Gateway,
-    mission: StateFile,
-    home: StateFile,
+    keeper: Keeper,
+    /// Until when the end of the process waits for the keeper, once it is asked for.
+    end_by: Option<MonotonicNs>,
     /// The last change of the bridge's file, until the next one.
     fence: Option<FenceChange>,
     /// Answers that the socket did not take.
-    waiting: VecDeque<Datagram>,
+    waiting: VecDeque<mavlink_gateway::Datagram>,
     retry_at: Option<MonotonicNs>,
     deadline: Option<MonotonicNs>,
 }
 
 impl MavlinkShell {
     pub fn new(
-        socket: UdpSocket,
+        socket: StampedSocket,
         ports: Ports,
         topic: OwnTopic,
-        (mission, home, timestamp): (StateFile, StateFile, Option<StateFile>),
+        keeper: Keeper,
         gateway: Gateway,
     ) -> MavlinkShell {
         MavlinkShell {
             socket,
             ports,
             topic,
-            timestamp,
             gateway,
-            mission,
-            home,
+            keeper,
+            end_by: None,
             fence: None,
             waiting: VecDeque::new(),
             retry_at: None,
@@ -90,8 +88,11 @@ impl MavlinkShell {
     fn read(&mut self, now: MonotonicNs) {
         let mut buffer = [0; MAX_BYTES];
         for _ in 0..MAX_DATAGRAMS {
-            match self.socket.recv_from(&mut buffer) {
-                Ok((length, from)) => self.gateway.datagram(from, &buffer[..length], now),
+            match self.socket.receive(&mut buffer) {
+                Ok(Datagram { length, from, came }) => {
+                    let came = MonotonicNs(u64::try_from(came.as_nanos()).unwrap_or(now.0));
+                    self.gateway.datagram(from, &buffer[..length], came, now);
+                }
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return,
                 // Such as that a station which was sent something is gone.
                 Err(error) => tracing::debug!(%error, "nothing was received"),
@@ -109,21 +110,16 @@ impl MavlinkShell {
                 None => return Ok(()),
                 Some(Task::Rules) => self.ports.ask_rules(now)?,
                 Some(Task::PutFence(areas)) => {
-                    let file = self.ports.bridge_file();
-                    let put = file.and_then(|file| fence::put(&file, &areas));
-                    let areas = put.map(|change| self.fence.insert(change).areas);
-                    self.gateway.fence_put(areas, now);
+                    match self.ports.bridge_file() {
+                        Ok(file) => self.keeper.keep(Job::PutFence(file, areas)),
+                        Err(refusal) => self.gateway.fence_put(Err(refusal), now),
+                    }
                 }
-                Some(Task::RestoreFence) => {
-                    let restored = self.fence.take().map_or(Ok(()), FenceChange::take_back);
-                    let restored = restored.map_err(|error| error.to_string());
-                    self.gateway.fence_restored(restored, now);
-                }
-                Some(Task::Save(mission)) => {
-                    let written = self.mission.write(&mission.encode());
-                    let written = written.map_err(|why| why.to_string());
-                    self.gateway.saved(mission, written, now);
-                }
+                Some(Task::RestoreFence) => match self.fence.take() {
+                    Some(change) => self.keeper.keep(Job::RestoreFence(change)),
+                    None => self.gateway.fence_restored(Ok(()), now),
+                },
+                Some(Task::Save(mission)) => self.keeper.keep(Job::Mission(mission)),
             }
             self.ports.take_rules(&mut self.gateway, now);
         }
@@ -149,28 +145,34 @@ impl MavlinkShell {
         }
     }
 
-    fn keep_timestamp(&mut self) {
-        let Some(file) = &self.timestamp else {
-            return;
-        };
-        if let Some(timestamp) = self.gateway.poll_timestamp()
-            && let Err(error) = write_timestamp(file, timestamp)
-        {
-            warn_of_timestamp(&error);
+    /// Tells the gateway what is on the disk.
+    fn take_written(&mut self, now: MonotonicNs) {
+        while let Some(written) = self.keeper.written() {
+            match written {
+                Written::Mission(mission, result) => self.gateway.saved(mission, result, now),
+                Written::Fence(put) => {
+                    let areas = put.map(|change| self.fence.insert(change).areas);
+                    self.gateway.fence_put(areas, now);
+                }
+                Written::RestoredFence(restored) => self.gateway.fence_restored(restored, now),
+                Written::Other => {}
+            }
         }
     }
 
-    fn keep_home(&mut self, now: MonotonicNs) {
-        let Some(home) = self.gateway.poll_home(now) else {
-            return;
-        };
-        // Without a bridge there is no flight that it could belong to.
-        let bridge = self.ports.bridge_run();
-        let kept = home.zip(bridge);
-        let text = kept.map_or_else(String::new, |(home, bridge)| home.encode(bridge));
-        if let Err(error) = self.home.write(text.as_bytes()) {
-            let what = "a restart in flight forgets it";
-            tracing::warn!(%error, "home was not kept: {what}");
+    /// Has the disk keep what the next start needs.
+    fn keep(&mut self, now: MonotonicNs) {
+        if let Some(timestamp) = self.gateway.poll_timestamp() {
+            self.keeper.keep(Job::Timestamp(timestamp));
+        }
+        if let Some(progress) = self.gateway.poll_progress(now) {
+            self.keeper.keep(Job::Progress(progress.encode()));
+        }
+        if let Some(home) = self.gateway.poll_home(now) {
+            // Without a bridge there is no flight that it could belong to.
+            let kept = home.zip(self.ports.bridge_run());
+            let text = kept.map_or_else(String::new, |(home, bridge)| home.encode(bridge));
+            self.keeper.keep(Job::Home(text));
         }
     }
 
@@ -197,6 +199,7 @@ impl Process for MavlinkShell {
 
     fn sources<'a>(&'a mut self, sources: &mut Sources<'a>) {
         sources.descriptor((), self.socket.as_fd());
+        sources.descriptor((), self.keeper.as_fd());
         sources.port(self.topic.source());
         for port in self.ports.sources(self.gateway.has_stations()) {
             sources.port(port);
@@ -209,9 +212,9 @@ impl Process for MavlinkShell {
         self.read(now);
         self.gateway.advance(now);
         self.ports.take_rules(&mut self.gateway, now);
+        self.take_written(now);
         self.work(now)?;
-        self.keep_timestamp();
-        self.keep_home(now);
+        self.keep(now);
         self.write(now);
         self.log();
         self.topic.tend(&self.gateway, now);
@@ -222,10 +225,19 @@ impl Process for MavlinkShell {
 
     fn deadline(&self) -> Option<MonotonicNs> {
         let own = Some(self.topic.deadline());
-        [self.deadline, self.retry_at, own]
+        [self.deadline, self.retry_at, self.end_by, own]
             .into_iter()
             .flatten()
             .min()
+    }
+
+    fn may_end(&mut self, now: MonotonicNs) -> bool {
+        let end_by = *self.end_by.get_or_insert(now + END_LIMIT);
+        let is_over = now >= end_by;
+        if is_over && !self.keeper.is_idle() {
+            tracing::warn!("the disk does not answer: what was last to be kept is not");
+        }
+        is_over || self.keeper.is_idle()
     }
 }
 

@@ -17,6 +17,7 @@ use super::options::PlanFlyArgs;
 use super::progress::{StepEvent, resume};
 use super::report::PlanReport;
 use crate::fence_file::{FenceChange, FenceFileError};
+use crate::options::SenderArgs;
 use crate::render::json_line;
 use crate::render::messages::Verb;
 use crate::render::words::{columns, distance, duration};
@@ -72,6 +73,7 @@ pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
         timeout,
         steps,
         json: ask.json,
+        sender: args.sender,
         speed: CruiseSpeed::new(&session, (timeout, deadline_ms), format, before_mps),
     };
     let result = flyer.fly();
@@ -95,7 +97,8 @@ fn explain_closed_output(failure: Failure) -> Failure {
         false => failure,
         true => Failure::new(
             ExitCode::OutcomeUnknown,
-            "standard output was closed: what was sent is flown to its end, and nothing else; `ril hold` makes the helicopter hover",
+            "standard output was closed: nothing else is sent, and the bridge does with the path what `sender_lost` says: by default the \
+             helicopter hovers",
         ),
     }
 }
@@ -203,6 +206,7 @@ struct Flyer<'a> {
     timeout: Duration,
     steps: Steps,
     json: bool,
+    sender: SenderArgs,
     speed: CruiseSpeed<'a>,
 }
 
@@ -262,10 +266,12 @@ impl Flyer<'_> {
         let waypoints: Vec<_> = points.iter().map(PathPoint::position).collect();
         let path_id = fresh_request_id();
         let requests = MovementData::path(path_id, &waypoints, fresh_request_id);
-        let requests = self.steps.next(requests);
+        let requests = requests.map(|request| self.sender.complete(request));
+        let requests: Vec<_> = self.steps.next(requests);
         let format = Flyer::format(self.json);
         let mut watch = PathWatch::open(self.session, path_id, &mut self.executor, self.json)?;
         let report = Conversation::open(self.session, Verb::GoTo, self.timeout)?
+            .without_sender(self.sender.sender_lost)
             .beside(&mut watch)
             .follow(&requests, Until::Final, format)?;
         let reached = report.map_or(0, |report| report.waypoints_reached);

@@ -1,0 +1,269 @@
+//! [`Keeper`]: the thread that writes what the gateway keeps, and the fence of a station, and may wait for the disk as long as that takes.
+//! The loop hands it one job after the other, and hears how each went; it never waits for it.
+//!
+//! | a job comes | the thread is idle | it is busy |
+//! |---|---|---|
+//! | a mission, a fence, its restoration, the timestamp, home, the progress | it begins | waits, in place of an older one of its kind that waits |
+//!
+//! So at most one job is being done and one of each kind waits. A disk that does not come back keeps them there: what a station waits for
+//! the gateway gives up by itself ([`mavlink_gateway`]), and the process ends without them after [`END_LIMIT`].
+
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
+use std::thread;
+use std::time::Duration;
+
+use ipc_types::{SchedulingRole, request_slice};
+use mavlink_gateway::Mission;
+use mavlink_gateway::number::MissionRefusal;
+use plans::model::FenceArea;
+use rustix::event::{EventfdFlags, eventfd};
+
+use super::fence;
+use super::state::{StateError, StateFile, warn_of_timestamp, write_timestamp};
+use crate::fence_file::FenceChange;
+
+/// How long the end of the process waits for what is not on the disk yet: some hundred times as long as a disk needs that works.
+pub(super) const END_LIMIT: Duration = Duration::from_millis(500);
+
+/// What is to be written.
+#[derive(Debug)]
+pub(super) enum Job {
+    Mission(Mission),
+    Timestamp(u64),
+    /// Empty if none is to be kept.
+    Home(String),
+    Progress(String),
+    /// These areas into the bridge's file.
+    PutFence(PathBuf, Vec<FenceArea>),
+    RestoreFence(FenceChange),
+}
+
+impl Job {
+    /// Those with the same number replace each other; the lowest goes first.
+    fn kind(&self) -> usize {
+        match self {
+            Job::Mission(_) => 0,
+            Job::RestoreFence(_) => 1,
+            Job::PutFence(..) => 2,
+            Job::Timestamp(_) => 3,
+            Job::Home(_) => 4,
+            Job::Progress(_) => 5,
+        }
+    }
+}
+
+const KINDS: usize = 6;
+
+/// How a job went of which the gateway wants to know it.
+#[derive(Debug)]
+pub(super) enum Written {
+    Mission(Mission, Result<(), String>),
+    Fence(Result<FenceChange, MissionRefusal>),
+    RestoredFence(Result<(), String>),
+    Other,
+}
+
+/// The files.
+pub(super) struct KeptFiles {
+    pub mission: StateFile,
+    pub home: StateFile,
+    pub progress: StateFile,
+    pub timestamp: StateFile,
+}
+
+/// See the module's documentation.
+pub(super) struct Keeper {
+    /// Room for the one job that is being done, so that handing it over never waits.
+    jobs: SyncSender<Job>,
+    written: Receiver<Written>,
+    woken: Arc<OwnedFd>,
+    is_busy: bool,
+    waiting: [Option<Job>; KINDS],
+}
+
+impl Keeper {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    ///
+    /// When the system grants no thread or no descriptor.
+    pub fn start(files: KeptFiles) -> io::Result<Keeper> {
+        let (jobs, asked) = sync_channel::<Job>(1);
+        let (ended, written) = sync_channel(1);
+        let woken = Arc::new(eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?);
+        let waker = Arc::clone(&woken);
+        let body = move || {
+            request_slice(SchedulingRole::Background);
+            for job in asked {
+                if ended.send(files.write(job)).is_err() {
+                    return;
+                }
+                // It only fails when the count is at its end: then the process is awake.
+                let _ = rustix::io::write(&waker, &1_u64.to_ne_bytes());
+            }
+        };
+        thread::Builder::new().name("state".to_owned()).spawn(body)?;
+        Ok(Keeper {
+            jobs,
+            written,
+            woken,
+            is_busy: false,
+            waiting: [const { None }; KINDS],
+        })
+    }
+
+    /// Has a job done.
+    pub fn keep(&mut self, job: Job) {
+        let kind = job.kind();
+        self.waiting[kind] = Some(job);
+        self.go_on();
+    }
+
+    fn go_on(&mut self) {
+        if self.is_busy {
+            return;
+        }
+        if let Some(job) = self.waiting.iter_mut().find_map(Option::take) {
+            // A thread that is gone has panicked; `written` says so.
+            self.is_busy = self.jobs.try_send(job).is_ok();
+        }
+    }
+
+    /// Whether nothing is being written or waits for it.
+    pub fn is_idle(&self) -> bool {
+        !self.is_busy && self.waiting.iter().all(Option::is_none)
+    }
+
+    /// How the job went that was being done, once it is over. Never waits.
+    pub fn written(&mut self) -> Option<Written> {
+        let mut count = [0; 8];
+        // It has nothing most of the time, and that is no error.
+        let _ = rustix::io::read(&self.woken, &mut count);
+        let written = match self.written.try_recv() {
+            Ok(written) => written,
+            Err(TryRecvError::Empty) => return None,
+            Err(TryRecvError::Disconnected) => {
+                if self.is_busy {
+                    tracing::error!("the thread that writes to the disk has failed: nothing is kept any more");
+                }
+                self.is_busy = false;
+                return None;
+            }
+        };
+        self.is_busy = false;
+        self.go_on();
+        Some(written)
+    }
+}
+
+/// Readable when a job is over.
+impl AsFd for Keeper {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.woken.as_fd()
+    }
+}
+
+impl KeptFiles {
+    /// Does a job.
+    fn write(&self, job: Job) -> Written {
+        let kept = |what, without, written: Result<(), StateError>| {
+            if let Err(error) = written {
+                tracing::warn!(%error, "{what} was not kept: {without}");
+            }
+        };
+        match job {
+            Job::Mission(mission) => {
+                let written = self.mission.write(&mission.encode());
+                return Written::Mission(mission, written.map_err(|why| why.to_string()));
+            }
+            Job::PutFence(file, areas) => return Written::Fence(fence::put(&file, &areas)),
+            Job::RestoreFence(change) => {
+                let restored = change.take_back().map_err(|error| error.to_string());
+                return Written::RestoredFence(restored);
+            }
+            Job::Timestamp(timestamp) => {
+                if let Err(error) = write_timestamp(&self.timestamp, timestamp) {
+                    warn_of_timestamp(&error);
+                }
+            }
+            Job::Home(text) => {
+                let written = self.home.write(text.as_bytes());
+                kept("home", "a restart in flight forgets it", written);
+            }
+            Job::Progress(text) => {
+                let written = self.progress.write(text.as_bytes());
+                kept("the progress of the mission", "a restart forgets it", written);
+            }
+        }
+        Written::Other
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::Path;
+    use std::process::Command;
+
+    use ipc_types::RobotId;
+    use rustix::event::{PollFd, PollFlags, poll};
+
+    use super::*;
+
+    fn keeper(folder: &Path) -> Keeper {
+        let robot = RobotId::new(1).unwrap();
+        let file = |what| StateFile::new(Some(folder), robot, what);
+        Keeper::start(KeptFiles {
+            mission: file("mission"),
+            home: file("home"),
+            progress: file("progress"),
+            timestamp: file("timestamp"),
+        })
+        .unwrap()
+    }
+
+    fn next(keeper: &mut Keeper) -> Written {
+        loop {
+            if let Some(written) = keeper.written() {
+                return written;
+            }
+            let mut woken = [PollFd::new(&*keeper, PollFlags::IN)];
+            poll(&mut woken, None).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_disk_that_does_not_answer_holds_up_nobody_and_of_what_waits_the_newest_is_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let read = |what: &str| fs::read_to_string(folder.path().join(format!("robot-1.{what}")));
+        // Opening it for writing waits until somebody reads it.
+        let disk = folder.path().join(".robot-1.home.new");
+        let made = Command::new("mkfifo").arg(&disk).status().unwrap();
+        assert!(made.success());
+        let mut keeper = keeper(folder.path());
+        keeper.keep(Job::Home("first".to_owned()));
+        for number in 1..=3 {
+            keeper.keep(Job::Progress(number.to_string()));
+            keeper.keep(Job::Timestamp(number));
+            assert!(keeper.written().is_none() && !keeper.is_idle());
+        }
+        keeper.keep(Job::Mission(Mission::default()));
+        // The disk is back: as another one than it was, so that home is not kept.
+        drop(fs::File::open(&disk).unwrap());
+        assert!(matches!(next(&mut keeper), Written::Other));
+        let Written::Mission(mission, result) = next(&mut keeper) else {
+            panic!("a station waits for the mission");
+        };
+        assert_eq!((mission, result), (Mission::default(), Ok(())));
+        assert!(matches!(next(&mut keeper), Written::Other));
+        assert!(matches!(next(&mut keeper), Written::Other));
+        assert!(keeper.is_idle());
+        assert_eq!(read("timestamp").unwrap(), "3\n");
+        assert_eq!(read("progress").unwrap(), "3");
+        assert!(read("home").is_err());
+    }
+}
