@@ -466,3 +466,22 @@ fn of_random_steps_only_those_behind_the_last_order_are_taken() {
     }
     assert!(taken > 500 && superseded > 500, "{taken}, {superseded}");
 }
+
+#[test]
+fn no_step_follows_a_path_that_ended_with_its_sender_and_another_order_does() {
+    let (mut rig, first) = hovering();
+    let path = rig.movement(MovementData {
+        lease_ms: 1000,
+        ..to(first, 50)
+    });
+    rig.run(3000);
+    assert_eq!(rig.last(path), crate::rig::aborted(Reason::SenderLost));
+    let step = rig.movement(to(path, 6));
+    assert_eq!(rig.last(step), refused(Reason::Superseded));
+    assert_eq!(
+        rig.last_report(step).between(),
+        Some(CameBetween::SenderLost)
+    );
+    let other = rig.movement(to(0, 6));
+    assert_eq!(rig.last(other).0, Stage::Accepted);
+}
