@@ -345,7 +345,11 @@ mod tests {
             assert!(check_mission(&mission, 1, &conditions).is_ok(), "{home:?}");
             conditions.here = Some((seen, true));
             let refusal = check_mission(&mission, 1, &conditions).unwrap_err();
-            assert!(refusal.text.contains("home is not known"), "{}", refusal.text);
+            assert!(
+                refusal.text.contains("home is not known"),
+                "{}",
+                refusal.text
+            );
         }
     }
 

@@ -59,7 +59,7 @@ pub struct Run {
     pub key: CommandKey,
     /// Whether that command was answered.
     pub is_answered: bool,
-    /// When that command came, until its first step is ordered.
+    /// When that command came, until its first step is begun.
     pub issued: Option<MonotonicNs>,
     /// The order to the bridge that is open.
     pub order: Option<u64>,
@@ -288,9 +288,15 @@ impl Missions {
         let hover = self.run.as_ref().and_then(|run| run.executor.deadline());
         let primed = self.primed.map(|(_, until)| until);
         let starting = self.starting.map(|starting| starting.until);
-        [hover, primed, starting, self.saving, self.transfer.deadline()]
-            .into_iter()
-            .flatten()
-            .min()
+        [
+            hover,
+            primed,
+            starting,
+            self.saving,
+            self.transfer.deadline(),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
     }
 }

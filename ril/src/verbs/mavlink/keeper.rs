@@ -106,7 +106,9 @@ impl Keeper {
                 let _ = rustix::io::write(&waker, &1_u64.to_ne_bytes());
             }
         };
-        thread::Builder::new().name("state".to_owned()).spawn(body)?;
+        thread::Builder::new()
+            .name("state".to_owned())
+            .spawn(body)?;
         Ok(Keeper {
             jobs,
             written,
@@ -148,7 +150,9 @@ impl Keeper {
             Err(TryRecvError::Empty) => return None,
             Err(TryRecvError::Disconnected) => {
                 if self.is_busy {
-                    tracing::error!("the thread that writes to the disk has failed: nothing is kept any more");
+                    tracing::error!(
+                        "the thread that writes to the disk has failed: nothing is kept any more"
+                    );
                 }
                 self.is_busy = false;
                 return None;
@@ -196,7 +200,11 @@ impl KeptFiles {
             }
             Job::Progress(text) => {
                 let written = self.progress.write(text.as_bytes());
-                kept("the progress of the mission", "a restart forgets it", written);
+                kept(
+                    "the progress of the mission",
+                    "a restart forgets it",
+                    written,
+                );
             }
         }
         Written::Other
