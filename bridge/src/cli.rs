@@ -64,21 +64,21 @@ pub fn run(args: Args) -> Result<(), Failure> {
         return Ok(());
     };
     let ipc = set_up.join("bridge")?;
-    let explicit = args.common.settings.config.as_deref();
-    let read_fence = || {
-        runtime::config::load::<BridgeConfig>(explicit, Path::new(DEFAULT_CONFIG_FILE))
+    let explicit = args.common.settings.config.clone();
+    let read_fence = move || {
+        runtime::config::load::<BridgeConfig>(explicit.as_deref(), Path::new(DEFAULT_CONFIG_FILE))
             .map(|loaded| loaded.value.fence)
             .map_err(|error| error.to_string())
     };
     shell::run(
         &set_up.config,
-        &read_fence,
+        read_fence,
         &ipc,
         &set_up.termination,
         &set_up.supervisor,
     )
     .map_err(|error| match error {
         ShellError::NotAPort(_) => Failure::new(ExitCode::Configuration, error),
-        ShellError::Services(_) | ShellError::Wait(_) => Failure::internal(error),
+        _ => Failure::internal(error),
     })
 }

@@ -5,18 +5,21 @@
 //! ([`Bridge::deadline`]). That is all a driver needs to know, be it the shell, a simulation in virtual time or a replay of a
 //! [journal](crate::journal), which records exactly this.
 
+use std::time::Duration;
+
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ImiError, LinkState, ModuleId, Reason};
 use ipc_types::payload::{
-    ControlSender, DspErrorCounters, ModuleControl, ModuleState, MovementData, ParameterRequest,
+    ControlSender, DspErrorCounters, DspTelemetry, ModuleControl, ModuleState, MovementData,
+    ParameterRequest, RequestReport,
 };
 use module_kit::journal::{NotASnapshot, raw};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{BridgeConfig, MovementLimits, ParametersConfig};
-use crate::flight::control::{Sender, Who};
+use crate::flight::control::Sender;
 use crate::flight::request::{
-    Parsed, Request, RequestKey, parse_control, parse_movement, parse_parameter,
+    Parsed, Request, RequestKey, judged_by_clock, parse_control, parse_movement, parse_parameter,
 };
 use crate::flight::trajectory::{Trajectory, generator};
 use crate::flight::{Context, Flight};
@@ -24,7 +27,7 @@ use crate::link::last_minute::LastMinute;
 use crate::link::session::DspPath;
 use crate::link::{Link, LinkEvent};
 use crate::outline::Outline;
-use crate::outputs::Outputs;
+use crate::outputs::{Notice, Outputs};
 use crate::safety::fence::Fence;
 use crate::{errors, translate};
 
@@ -100,8 +103,12 @@ pub enum Input<'a> {
     Transmitted(usize),
     /// The kernel was made to discard what it had not sent: [`Bridge::take_discard_unsent`].
     DiscardUnsent,
-    /// The process with whose end a sender ends, [`Bridge::controller`], has ended.
-    ControllerGone(u32),
+    /// A process has ended: that with whose end a sender ends, [`Bridge::controller`], or that of [`Bridge::path_sender`].
+    ProcessEnded(u32),
+    /// The machine was suspended for so many nanoseconds since the input before, which the host's monotonic clock does not count.
+    Suspended(u64),
+    /// The sender of the path that is [leased](Bridge::lease) renewed that at this moment, host monotonic.
+    LeaseRenewed(MonotonicNs),
 }
 
 /// A geofence as its text in `bridge.toml`, or the number of the reason.
@@ -138,7 +145,7 @@ pub struct Bridge {
     #[serde(skip)]
     limits: MovementLimits,
     #[serde(skip)]
-    state_period: std::time::Duration,
+    state_period: Duration,
     link: Link,
     flight: Flight,
     #[serde(with = "raw")]
@@ -153,6 +160,120 @@ pub struct Bridge {
     is_changed: bool,
     /// The port was closed because the bridge ends, which is no trouble.
     is_closed: bool,
+    clock: CoreClock,
+}
+
+/// The core's clock: the host's monotonic one, and the time for which the machine was suspended. So whatever waits, waits no longer
+/// than it should, and a suspension is to the core as if the bridge had stood still. Requests are translated when they come, and
+/// what is published when it goes.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct CoreClock {
+    /// For how long the machine was suspended since the bridge began.
+    suspended: Duration,
+    /// The same before the last time.
+    before: Duration,
+    /// When the end of the last suspension was noticed, host monotonic.
+    resumed: MonotonicNs,
+    /// The last input, host monotonic.
+    last: MonotonicNs,
+}
+
+impl CoreClock {
+    /// The present moment. It never runs backwards: timers and comparisons of moments rest on that.
+    fn enter(&mut self, host: MonotonicNs) -> MonotonicNs {
+        debug_assert!(host >= self.last, "{host:?} after {:?}", self.last);
+        self.last = self.last.max(host);
+        host + self.suspended
+    }
+
+    fn resume(&mut self, host: MonotonicNs, slept: Duration) {
+        self.before = self.suspended;
+        self.suspended += slept;
+        self.resumed = host;
+    }
+
+    /// A moment of the core by the host's clock.
+    fn host(&self, moment: MonotonicNs) -> MonotonicNs {
+        match self.suspended.is_zero() || moment == MonotonicNs(0) {
+            true => moment,
+            // 0 stands for never.
+            false => MonotonicNs(moment.0.saturating_sub(nanos(self.suspended)).max(1)),
+        }
+    }
+
+    /// A moment by the host's clock as one by the core's.
+    fn at(&self, host: MonotonicNs) -> MonotonicNs {
+        host + match host < self.resumed {
+            true => self.before,
+            false => self.suspended,
+        }
+    }
+
+    /// The moments of a request by the core's clock: when it was issued, and until when it may begin. 0 stays what it is.
+    fn translate(&self, issued_ns: &mut u64, begin_by_ns: &mut u64) {
+        let issued = MonotonicNs(*issued_ns);
+        let suspended = nanos(self.at(issued).since(issued));
+        for moment in [issued_ns, begin_by_ns] {
+            if *moment > 0 {
+                *moment = moment.saturating_add(suspended);
+            }
+        }
+    }
+}
+
+fn nanos(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// Outputs whose moments go back to the host's clock.
+struct HostTime<'a> {
+    out: &'a mut dyn Outputs,
+    clock: CoreClock,
+}
+
+impl HostTime<'_> {
+    fn write(&self, moments: &mut [&mut u64]) {
+        for moment in moments {
+            **moment = self.clock.host(MonotonicNs(**moment)).0;
+        }
+    }
+}
+
+impl Outputs for HostTime<'_> {
+    fn telemetry(&mut self, fill: &mut dyn FnMut(&mut DspTelemetry)) {
+        let clock = self.clock;
+        self.out.telemetry(&mut |sample| {
+            fill(sample);
+            sample.received_ns = clock.host(MonotonicNs(sample.received_ns)).0;
+        });
+    }
+
+    fn state(&mut self, state: &ModuleState) {
+        let mut state = *state;
+        let (link, control) = (&mut state.link, &mut state.control);
+        self.write(&mut [
+            &mut link.last_message_ns,
+            &mut link.last_telemetry_ns,
+            &mut link.state_since_ns,
+            &mut control.since_ns,
+            &mut control.last_order_ns,
+        ]);
+        self.out.state(&state);
+    }
+
+    fn report(&mut self, to: RequestKey, report: &RequestReport) {
+        let mut report = *report;
+        self.write(&mut [&mut report.reported_ns]);
+        self.out.report(to, &report);
+    }
+
+    fn sent(&mut self, bytes: &[u8]) {
+        self.out.sent(bytes);
+    }
+
+    fn notice(&mut self, notice: &Notice) {
+        self.out.notice(notice);
+    }
 }
 
 impl Bridge {
@@ -175,6 +296,7 @@ impl Bridge {
             outline: 0,
             is_changed: true,
             is_closed: false,
+            clock: CoreClock::default(),
         }
     }
 
@@ -220,8 +342,32 @@ impl Bridge {
         self.flight.control().lives_as()
     }
 
-    /// Takes an input.
+    /// The process of the sender of the path under way, if the path depends on that.
+    pub fn path_sender(&self) -> Option<u32> {
+        self.flight.path_process()
+    }
+
+    /// The path under way whose sender renews it, and until when, host monotonic: when that has come, look whether it was renewed before
+    /// the deadlines are handled.
+    pub fn lease(&self) -> Option<(u64, MonotonicNs)> {
+        let (path_id, until) = self.flight.lease()?;
+        Some((path_id, self.clock.host(until)))
+    }
+
+    /// Takes an input at `now`, host monotonic, which is not before that of the input before.
     pub fn apply(&mut self, now: MonotonicNs, input: Input<'_>, out: &mut dyn Outputs) {
+        if let Input::Suspended(ns) = input {
+            self.clock.resume(now, Duration::from_nanos(ns));
+        }
+        let now = self.clock.enter(now);
+        let clock = self.clock;
+        match clock.suspended.is_zero() {
+            true => self.take(now, input, out),
+            false => self.take(now, input, &mut HostTime { out, clock }),
+        }
+    }
+
+    fn take(&mut self, now: MonotonicNs, input: Input<'_>, out: &mut dyn Outputs) {
         let link = &mut self.link;
         match input {
             Input::PortOpened => link.opened(now),
@@ -237,41 +383,53 @@ impl Bridge {
             Input::Control {
                 key,
                 sender,
-                request,
+                mut request,
             } => {
-                let asked = parse_control(key, &request, None, &self.limits, now);
-                self.request(now, sender, asked, out);
+                self.clock
+                    .translate(&mut request.issued_ns, &mut request.begin_by_ns);
+                let asked = parse_control((key, sender), &request, None, &self.limits);
+                self.request(now, asked, out);
             }
             Input::NewFence {
                 key,
                 sender,
-                request,
+                mut request,
                 fence,
             } => {
-                let asked = parse_control(key, &request, Some(fence), &self.limits, now);
-                self.request(now, sender, asked, out);
+                self.clock
+                    .translate(&mut request.issued_ns, &mut request.begin_by_ns);
+                let asked = parse_control((key, sender), &request, Some(fence), &self.limits);
+                self.request(now, asked, out);
             }
             Input::Movement {
                 key,
                 sender,
-                request,
+                mut request,
             } => {
-                let (header, movement) = parse_movement(key, &request, &self.limits, now);
+                self.clock
+                    .translate(&mut request.issued_ns, &mut request.begin_by_ns);
+                let (header, movement) = parse_movement((key, sender), &request, &self.limits, now);
                 let asked = (header, movement.map(Request::Movement));
-                self.request(now, sender, asked, out);
+                self.request(now, asked, out);
             }
             Input::Parameter {
                 key,
                 sender,
-                request,
+                mut request,
             } => {
-                let asked = parse_parameter(key, &request, &self.limits, now);
-                self.request(now, sender, asked, out);
+                self.clock
+                    .translate(&mut request.issued_ns, &mut request.begin_by_ns);
+                let asked = parse_parameter((key, sender), &request, &self.limits);
+                self.request(now, asked, out);
             }
             Input::SenderGone(key) => self
                 .flight
                 .sender_gone(key, &mut Context { now, link, out }),
-            Input::ControllerGone(process) => self.flight.controller_gone(process),
+            Input::ProcessEnded(process) => {
+                self.flight
+                    .process_ended(process, &mut Context { now, link, out });
+            }
+            Input::LeaseRenewed(at) => self.flight.lease_renewed(self.clock.at(at).min(now)),
             Input::Advance => self.advance(now, out),
             Input::WindDown => self.flight.wind_down(&mut Context { now, link, out }),
             Input::Close => {
@@ -281,8 +439,12 @@ impl Bridge {
                 self.next_state = now;
             }
             Input::Transmit => {
-                self.transmit(now);
+                link.transmit(now);
                 return;
+            }
+            Input::Suspended(ns) => {
+                link.suspended(now, Duration::from_nanos(ns));
+                self.advance(now, out);
             }
             Input::Transmitted(count) => {
                 let unsent = link.unsent();
@@ -304,6 +466,7 @@ impl Bridge {
 
     /// The bytes to write to the port now; [`Input::Transmitted`] says how many of them were. With none, nothing has happened.
     pub fn transmit(&mut self, now: MonotonicNs) -> &[u8] {
+        let now = self.clock.enter(now);
         self.link.transmit(now)
     }
 
@@ -320,10 +483,11 @@ impl Bridge {
 
     /// When [`Input::Advance`] has something to do. There always is a next state to publish.
     pub fn deadline(&self) -> MonotonicNs {
-        [self.link.deadline(), self.flight.deadline()]
+        let next = [self.link.deadline(), self.flight.deadline()]
             .into_iter()
             .flatten()
-            .fold(self.next_state, MonotonicNs::min)
+            .fold(self.next_state, MonotonicNs::min);
+        MonotonicNs(next.0.saturating_sub(nanos(self.clock.suspended)))
     }
 
     /// State of the link.
@@ -342,20 +506,12 @@ impl Bridge {
         self.handle_events(now, out);
     }
 
-    fn request(
-        &mut self,
-        now: MonotonicNs,
-        sender: Sender,
-        asked: Parsed<Request>,
-        out: &mut dyn Outputs,
-    ) {
+    fn request(&mut self, now: MonotonicNs, asked: Parsed<Request>, out: &mut dyn Outputs) {
         self.begin(now, out);
-        let (header, request) = asked;
-        let origin = header.issued.origin;
-        let who = Who { origin, sender };
+        let (header, request) = judged_by_clock(asked, now);
         let link = &mut self.link;
         self.flight
-            .request(&header, who, request, &mut Context { now, link, out });
+            .request(&header, request, &mut Context { now, link, out });
     }
 
     fn advance(&mut self, now: MonotonicNs, out: &mut dyn Outputs) {
@@ -423,6 +579,7 @@ impl Bridge {
         let flight = &self.flight;
         let motion = flight.motion();
         let distance = flight.distance_to_go_m(now);
+        let home = flight.home();
         let mut state = ModuleState {
             module_id: ModuleId::HeroBridge.code(),
             status: motion.status().code(),
@@ -435,8 +592,10 @@ impl Bridge {
             refused: rejected,
             dsp_errors: self.dsp_errors,
             safety: flight.safety_state(now),
-            ground_altitude_m: flight.ground_altitude_m().unwrap_or_default(),
-            ground_valid: u32::from(flight.ground_altitude_m().is_some()),
+            home_latitude_deg: home.map_or(0.0, |home| home.latitude_deg),
+            home_longitude_deg: home.map_or(0.0, |home| home.longitude_deg),
+            ground_altitude_m: home.map_or(0.0, |home| home.altitude_m),
+            ground_valid: u32::from(home.is_some()),
             last_minute,
             outline: self.outline,
             control: flight.control().published(),

@@ -59,9 +59,12 @@ impl Journaled {
         &self.writer
     }
 
-    /// See [`Bridge::apply`].
+    /// See [`Bridge::apply`]. While bytes become samples no snapshot is taken, unless nothing can be written without it: another input
+    /// follows at once.
     pub fn apply(&mut self, now: MonotonicNs, input: Input<'_>, out: &mut dyn Outputs) {
-        self.snapshot_if_due(now);
+        if !(self.writer.is_on() && matches!(input, Input::Received(_))) {
+            self.snapshot_if_due(now);
+        }
         if !self.writer.is_on() {
             return self.bridge.apply(now, input, out);
         }
@@ -139,7 +142,7 @@ impl<R: Outputs> Outputs for Tee<'_, R> {
 }
 
 /// The version of the bytes. Another version of the core has another one.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 /// A bridge and its configuration.
 ///

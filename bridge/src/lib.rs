@@ -42,5 +42,5 @@ pub mod translate;
 
 pub use config::BridgeConfig;
 pub use core::{Bridge, Input};
-pub use flight::control::Sender;
+pub use flight::control::{Sender, SenderClock};
 pub use outputs::{Output, Outputs, RequestKey};

@@ -11,6 +11,5 @@ struct Cli {
 }
 
 fn main() -> std::process::ExitCode {
-    let cli = Cli::parse();
-    runtime::exit::main_with(|| bridge::cli::run(cli.args))
+    runtime::exit::main_of(|cli: Cli| bridge::cli::run(cli.args))
 }

@@ -12,6 +12,7 @@ fn terminal(session: u32, process: u32) -> Sender {
     Sender {
         process: Some(process),
         session: Some(session),
+        ..Sender::default()
     }
 }
 
@@ -81,9 +82,9 @@ fn control_is_asked_for_passed_and_lost_by_silence_and_by_the_end_of_its_holder(
     assert_eq!(holder(&rig), Some(20));
     assert_eq!(rig.bridge.state().asker(), None);
 
-    rig.apply(Input::ControllerGone(10));
+    rig.apply(Input::ProcessEnded(10));
     assert_eq!(holder(&rig), Some(20), "it is another's end");
-    rig.apply(Input::ControllerGone(20));
+    rig.apply(Input::ProcessEnded(20));
     assert_eq!((holder(&rig), rig.bridge.controller()), (None, None));
 
     // A movement is waited for, and silence counts from its end.

@@ -48,6 +48,8 @@ fn movement(random: &mut Rng) -> MovementData {
     data.altitude_m = value(20.0);
     let begin_by_ns = [0, 1, 5_000_000_000, u64::MAX, data.begin_by_ns];
     data.begin_by_ns = random.choice(begin_by_ns).unwrap();
+    data.sender_lost = random.choice([0, 1, 2, 3, data.sender_lost]).unwrap();
+    data.lease_ms = random.choice([0, 0, 500, 60_000, data.lease_ms]).unwrap();
     data.repeat = random.choice([0, 0, 1, data.repeat]).unwrap();
     data
 }
@@ -60,6 +62,12 @@ fn control(random: &mut Rng) -> ModuleControl {
     data
 }
 
+/// The step before that a request names: mostly none, else a request that there was, or any number.
+fn after(random: &mut Rng, request_id: u64, any: u64) -> u64 {
+    let before = request_id.wrapping_sub(1);
+    random.choice([0, 0, 0, 0, before, any]).unwrap()
+}
+
 fn one_step(rig: &mut Rig, random: &mut Rng, request_id: u64) {
     match random.u64(..6) {
         0 => {
@@ -69,6 +77,7 @@ fn one_step(rig: &mut Rig, random: &mut Rng, request_id: u64) {
                 issued_ns: random
                     .choice([rig.now.0, rig.now.0, control.issued_ns])
                     .unwrap(),
+                after: after(random, request_id, control.after),
                 ..control
             };
             rig.ask_control(control);
@@ -82,6 +91,7 @@ fn one_step(rig: &mut Rig, random: &mut Rng, request_id: u64) {
                 issued_ns: random
                     .choice([rig.now.0, rig.now.0, movement.issued_ns])
                     .unwrap(),
+                after: after(random, request_id, movement.after),
                 ..movement
             };
             rig.ask_movement(movement);

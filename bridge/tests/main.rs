@@ -14,4 +14,8 @@ mod orders;
 mod parameters;
 mod paths;
 mod rig;
+mod safety;
+mod sender_lost;
+mod steps;
+mod suspended;
 mod take_off_and_landing;

@@ -2,7 +2,7 @@
 
 mod chance;
 use crate::rig::{Rig, aborted, go_to, north, refused};
-use bridge::Input;
+use bridge::{Input, SenderClock};
 use dsp_protocol::{Command, Downlink, FlowControl, port};
 use ipc_types::MonotonicNs;
 use ipc_types::code::{ControlCommand, Functionality, ModuleStatus, Reason, Stage};
@@ -269,24 +269,67 @@ fn holds_landings_and_stops_have_longer_moments() {
 }
 
 #[test]
-fn a_request_without_a_moment_or_from_the_future_is_invalid() {
-    let mut rig = Rig::flying();
-    for issued_ns in [0, rig.now.0 + 1, u64::MAX] {
+fn a_hold_a_landing_and_a_stop_are_taken_whatever_the_clock_of_their_sender_says() {
+    type Clock = (SenderClock, fn(u64) -> u64);
+    let clocks: [Clock; 6] = [
+        (SenderClock::Own, |_| 0),
+        (SenderClock::Own, |now| now + 3_000 * MS),
+        (SenderClock::Own, |_| u64::MAX),
+        (SenderClock::Other, |now| now + 3_000 * MS),
+        (SenderClock::Other, |now| now - 1_000_000 * MS),
+        (SenderClock::Unknown, |now| now - 1_000_000 * MS),
+    ];
+    for (clock, issued) in clocks {
+        let mut rig = Rig::flying();
+        rig.now = MonotonicNs(rig.now.0 + 2_000_000 * MS);
+        rig.run(1000);
+        let flown = rig.path(1, &[north(900)]);
+        rig.run(300);
+        rig.sender.clock = clock;
+        let issued_ns = issued(rig.now.0);
         let hold = rig.ordered(MovementData {
             issued_ns,
+            begin_by_ns: issued_ns.saturating_add(2_000 * MS),
             ..MovementData::hold(0)
         });
-        assert_eq!(rig.last(hold), refused(Reason::InvalidRequest));
-        let request_id = rig.request_id();
-        let control = ModuleControl {
+        rig.run(200);
+        assert_eq!(rig.last(hold).0, Stage::Done, "{clock:?} {issued_ns}");
+        assert_eq!(rig.last(flown[0]), aborted(Reason::Replaced));
+        let begin_by_ns = issued_ns.saturating_add(2_000 * MS);
+        let next = rig.ordered(MovementData {
             issued_ns,
-            ..ModuleControl::new(request_id, ControlCommand::Stop)
+            begin_by_ns,
+            ..path(&rig, 0)
+        });
+        let reason = match (clock, issued_ns) {
+            (_, 0) => Reason::InvalidRequest,
+            (SenderClock::Unknown, _) => Reason::Superseded,
+            _ => Reason::ClockDiffers,
         };
-        rig.ask_control(control);
-        assert_eq!(rig.last(request_id), refused(Reason::InvalidRequest));
+        assert_eq!(rig.last(next), refused(reason), "{clock:?} {issued_ns}");
+        let land = rig.ordered(MovementData {
+            issued_ns,
+            ..MovementData::land(0)
+        });
+        rig.run(100);
+        assert_eq!(rig.functionality(), Functionality::Landing);
+        assert_ne!(rig.last(land).0, Stage::Refused);
+        let mut rig = Rig::started();
+        rig.now = MonotonicNs(rig.now.0 + 2_000_000 * MS);
+        rig.run(1000);
+        rig.sender.clock = clock;
+        let request_id = rig.request_id();
+        rig.ask_control(ModuleControl {
+            issued_ns: issued(rig.now.0),
+            ..ModuleControl::new(request_id, ControlCommand::Stop)
+        });
+        rig.run(200);
+        assert_eq!(rig.last(request_id).0, Stage::Done);
+        // What counted is when they were read: a later order by this clock is taken.
+        rig.sender.clock = SenderClock::Own;
+        let start = rig.control(ControlCommand::Start);
+        assert_eq!(rig.last(start).0, Stage::Done, "{clock:?} {issued_ns}");
     }
-    let path = rig.preempting(4, north(9));
-    assert_eq!(rig.last(path).0, Stage::Accepted, "they did not count");
 }
 
 #[test]

@@ -110,14 +110,6 @@ fn a_path_whose_sender_stops_sending_is_given_up() {
 }
 
 #[test]
-fn a_sender_that_vanishes_does_not_stop_a_closed_path() {
-    let mut rig = Rig::flying();
-    let path = rig.path(1, &[north(3)]);
-    rig.apply(Input::SenderGone(RequestKey::Movement(path[0])));
-    assert_eq!(rig.functionality(), Functionality::FollowingPath);
-}
-
-#[test]
 fn a_lost_waypoint_is_sent_again_before_the_next() {
     let mut rig = Rig::flying();
     rig.dsp.loses = 3;

@@ -1,6 +1,5 @@
 //! The command line, for the binary `dsp-sim` and for the command `ril run sim`.
 
-use std::io::Write;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 
@@ -9,6 +8,7 @@ use runtime::args::CommonArgs;
 use runtime::config::resulting::{Resulting, given, value_of};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
+use runtime::output::standard_output;
 use runtime::signal::Termination;
 use runtime::{config, logging};
 
@@ -135,7 +135,8 @@ pub fn run(args: SimArgs) -> Result<(), Failure> {
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
     let (path, mut port) = open_port(&args, config.serial.baud_rate)?;
     let mut simulator = Simulator::new(setup);
-    print_path(&path).map_err(Failure::output)?;
+    // For the starting process: the port is open.
+    standard_output().print(format!("{}\n", path.display()));
     let supervisor = Notifier::from_env();
     supervisor.ready();
     tracing::info!(
@@ -208,13 +209,6 @@ fn open_port(args: &SimArgs, baud_rate: u32) -> Result<(PathBuf, Box<dyn Virtual
         PtyError::Occupied(_) | PtyError::Link { .. } => Failure::usage(error),
     })?;
     Ok((port.link().to_owned(), Box::new(port)))
-}
-
-/// Prints one line for the starting process: the port is open.
-fn print_path(path: &Path) -> std::io::Result<()> {
-    let mut output = std::io::stdout().lock();
-    writeln!(output, "{}", path.display())?;
-    output.flush()
 }
 
 fn speed(text: &str) -> Result<f64, String> {

@@ -7,6 +7,8 @@
 //! reach: the kernel's and then the simulator's, as in the receive queue of a serial port. When a PC opens or closes
 //! its end, unread bytes are discarded, so that the next PC reads only what the DSP sends from then on.
 
+mod claim;
+
 use std::ffi::OsString;
 use std::fs;
 use std::io;
@@ -20,6 +22,7 @@ use rustix::io::Errno;
 use rustix::pty::OpenptFlags;
 use rustix::termios::{self, OptionalActions, QueueSelector};
 
+use self::claim::Claim;
 use crate::faults::PortState;
 use crate::port::{Terminal, VirtualPort};
 
@@ -232,8 +235,9 @@ impl Drop for SymbolicLink {
 #[derive(Debug)]
 pub struct PtyPort {
     link_path: PathBuf,
-    /// Removed before the terminal is closed, which is why it stands before it.
+    /// Removed before the terminal is closed, which is why both stand before it.
     link: Option<SymbolicLink>,
+    claim: Option<Claim>,
     pty: Option<Pty>,
     /// The terminal that the port will be when it comes back elsewhere: opened while the old one is still there, or the
     /// kernel would give it the same number.
@@ -251,6 +255,7 @@ impl PtyPort {
         let mut port = PtyPort {
             link_path: link_path.to_owned(),
             link: None,
+            claim: None,
             pty: None,
             next: None,
             seen: PortState::default(),
@@ -271,6 +276,7 @@ impl PtyPort {
             self.next = Some(Pty::open()?);
         }
         self.link = None;
+        self.claim = None;
         if let Some(pty) = self.pty.take() {
             tracing::info!(port = %pty.path().display(), "the port is hung up");
         }
@@ -282,7 +288,13 @@ impl PtyPort {
             Some(pty) => pty,
             None => Pty::open()?,
         };
+        // Until the link leads to the terminal that the claim names, it is stale.
+        let claim = Claim::new(&self.link_path, pty.path()).map_err(|source| PtyError::Link {
+            path: self.link_path.clone(),
+            source,
+        })?;
         let link = SymbolicLink::create(&self.link_path, pty.path())?;
+        self.claim = Some(claim);
         tracing::info!(link = %link.path().display(), port = %pty.path().display(), "the port is there");
         self.link = Some(link);
         self.pty = Some(pty);
@@ -555,5 +567,14 @@ mod tests {
         port.follow(gone(1, false)).unwrap();
         drop(port);
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        // Another simulator takes the name over, and keeps it.
+        let (first, second) = (PtyPort::new(&path).unwrap(), PtyPort::new(&path).unwrap());
+        drop(first);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+        drop(second);
+        fs::write(&path, "precious").unwrap();
+        let error = PtyPort::new(&path).unwrap_err();
+        assert!(matches!(error, PtyError::Occupied(_)), "{error}");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -51,6 +51,8 @@ static void follow(const char *what, uint64_t id) {
                     fprintf(stderr, "%s: %s\n", what, hero_ril_reason_name(report.reason));
                     exit(1);
                 }
+                /* What comes next is a step behind this one: not when somebody else has ordered something meanwhile. */
+                hero_ril_follow(client, id);
                 return;
             }
         }

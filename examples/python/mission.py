@@ -12,6 +12,7 @@ def follow(request, what, telemetry):
         sample = telemetry.latest()
         if sample is not None:
             print(f"{sample.sequence} {sample.geodetic.altitude_m:.2f} m, flying {sample.flying}")
+    return request
 
 
 def main(altitude_m=10.0):
@@ -23,10 +24,11 @@ def main(altitude_m=10.0):
         latitude_deg = math.degrees(here.geodetic.latitude_rad)
         longitude_deg = math.degrees(here.geodetic.longitude_rad)
         north = (latitude_deg + 1e-4, longitude_deg, here.geodetic.altitude_m + altitude_m)
-        follow(robot.start(), "start", telemetry)
-        follow(robot.take_off(altitude_m), "take off", telemetry)
-        follow(robot.go_to(north), "go to", telemetry)
-        follow(robot.land(), "land", telemetry)
+        # Each is a step behind the one before: not taken when somebody else has ordered something meanwhile.
+        start = follow(robot.start(), "start", telemetry)
+        take_off = follow(robot.take_off(altitude_m, after=start), "take off", telemetry)
+        go_to = follow(robot.go_to(north, after=take_off), "go to", telemetry)
+        follow(robot.land(after=go_to), "land", telemetry)
 
 
 if __name__ == "__main__":

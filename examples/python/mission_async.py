@@ -14,10 +14,12 @@ async def print_telemetry(robot):
 async def main(altitude_m=10.0):
     with hero_ril.Robot(name="python-async") as robot:
         printing = asyncio.create_task(print_telemetry(robot))
-        await robot.start()
-        async for report in robot.take_off(altitude_m):
+        start = robot.start()
+        await start
+        take_off = robot.take_off(altitude_m, after=start)
+        async for report in take_off:
             print(f"take off: {report.stage}")
-        print(f"land: {(await robot.land()).stage}")
+        print(f"land: {(await robot.land(after=take_off)).stage}")
         printing.cancel()
 
 

@@ -17,14 +17,14 @@
 #define HERO_DSP_TELEMETRY_LAYOUT_HASH "25be95d4f5a2c01b"
 #define HERO_HERO_TELEMETRY_LAYOUT "hero.HeroTelemetry.v2"
 #define HERO_HERO_TELEMETRY_LAYOUT_HASH "cc14cf2487fae1b2"
-#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v5"
-#define HERO_MODULE_STATE_LAYOUT_HASH "9af1e6e2264f0883"
-#define HERO_MODULE_CONTROL_LAYOUT "hero.ModuleControl.v2/hero.RequestReport.v2"
-#define HERO_MODULE_CONTROL_LAYOUT_HASH "6bfcc9740509a353"
-#define HERO_MOVEMENT_LAYOUT "hero.MovementData.v3/hero.RequestReport.v2"
-#define HERO_MOVEMENT_LAYOUT_HASH "2af2c004c0511e69"
-#define HERO_PARAMETERS_LAYOUT "hero.ParameterRequest.v2/hero.RequestReport.v2"
-#define HERO_PARAMETERS_LAYOUT_HASH "76e7bccf46c20e2f"
+#define HERO_MODULE_STATE_LAYOUT "hero.ModuleState.v6"
+#define HERO_MODULE_STATE_LAYOUT_HASH "2e7fa6473468a1b8"
+#define HERO_MODULE_CONTROL_LAYOUT "hero.ModuleControl.v3/hero.RequestReport.v3"
+#define HERO_MODULE_CONTROL_LAYOUT_HASH "cf3c38b4e2124ac6"
+#define HERO_MOVEMENT_LAYOUT "hero.MovementData.v4/hero.RequestReport.v3"
+#define HERO_MOVEMENT_LAYOUT_HASH "20f642fd866688b5"
+#define HERO_PARAMETERS_LAYOUT "hero.ParameterRequest.v3/hero.RequestReport.v3"
+#define HERO_PARAMETERS_LAYOUT_HASH "8f60139dda1a192e"
 #define HERO_RELAY_LINK_LAYOUT "hero.RelayLink.v3"
 #define HERO_RELAY_LINK_LAYOUT_HASH "59df1188187319fb"
 #define HERO_RELAY_STATIONS_LAYOUT "hero.RelayStations.v4"
@@ -125,6 +125,8 @@ enum hero_safety_rule {
     HERO_SAFETY_RULE_FUEL = 7,
     HERO_SAFETY_RULE_LINK_LOSS = 8,
     HERO_SAFETY_RULE_FENCE_UNJUDGEABLE = 9,
+    HERO_SAFETY_RULE_POSITION_LOST = 10,
+    HERO_SAFETY_RULE_FENCE_AHEAD = 11,
 };
 
 enum hero_safety_action {
@@ -144,6 +146,26 @@ enum hero_port_kind {
     HERO_PORT_KIND_U16 = 1,
     HERO_PORT_KIND_I16 = 2,
     HERO_PORT_KIND_F32 = 3,
+};
+
+enum hero_sender_lost {
+    HERO_SENDER_LOST_CONTINUE = 1,
+    HERO_SENDER_LOST_HOLD = 2,
+    HERO_SENDER_LOST_LAND = 3,
+};
+
+enum hero_came_between {
+    HERO_CAME_BETWEEN_START = 1,
+    HERO_CAME_BETWEEN_STOP = 2,
+    HERO_CAME_BETWEEN_TAKEOFF = 3,
+    HERO_CAME_BETWEEN_GOTO = 4,
+    HERO_CAME_BETWEEN_LAND = 5,
+    HERO_CAME_BETWEEN_HOLD = 6,
+    HERO_CAME_BETWEEN_SAFETY_RULE = 7,
+    HERO_CAME_BETWEEN_PILOT = 8,
+    HERO_CAME_BETWEEN_LINK_LOST = 9,
+    HERO_CAME_BETWEEN_DSP_REBOOTED = 10,
+    HERO_CAME_BETWEEN_BRIDGE_BEGAN = 11,
 };
 
 enum hero_stage {
@@ -202,6 +224,9 @@ enum hero_reason {
     HERO_REASON_SUPERSEDED = 43,
     HERO_REASON_MODULE_GONE = 44,
     HERO_REASON_NOT_IN_CONTROL = 45,
+    HERO_REASON_FENCE_UNREAD = 46,
+    HERO_REASON_CLOCK_DIFFERS = 47,
+    HERO_REASON_SENDER_LOST = 48,
 };
 
 enum hero_imi_error {
@@ -773,7 +798,7 @@ HERO_ASSERT(offsetof(LastMinute, rejected) == 8);
 HERO_ASSERT(offsetof(LastMinute, commands_repeated) == 12);
 HERO_ASSERT(offsetof(LastMinute, commands_failed) == 16);
 
-#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v5"
+#define HERO_MODULE_STATE_TYPE_NAME "hero.ModuleState.v6"
 typedef struct ModuleState {
     uint64_t sequence;
     uint64_t epoch_ns;
@@ -789,13 +814,15 @@ typedef struct ModuleState {
     RefusedCounters refused;
     DspErrorCounters dsp_errors;
     SafetyState safety;
+    double home_latitude_deg;
+    double home_longitude_deg;
     double ground_altitude_m;
     uint64_t outline;
     ControlState control;
     uint32_t ground_valid;
     LastMinute last_minute;
 } ModuleState;
-HERO_ASSERT(sizeof(ModuleState) == 480);
+HERO_ASSERT(sizeof(ModuleState) == 496);
 HERO_ASSERT(offsetof(ModuleState, sequence) == 0);
 HERO_ASSERT(offsetof(ModuleState, epoch_ns) == 8);
 HERO_ASSERT(offsetof(ModuleState, published_ns) == 16);
@@ -810,37 +837,42 @@ HERO_ASSERT(offsetof(ModuleState, link) == 88);
 HERO_ASSERT(offsetof(ModuleState, refused) == 184);
 HERO_ASSERT(offsetof(ModuleState, dsp_errors) == 232);
 HERO_ASSERT(offsetof(ModuleState, safety) == 352);
-HERO_ASSERT(offsetof(ModuleState, ground_altitude_m) == 384);
-HERO_ASSERT(offsetof(ModuleState, outline) == 392);
-HERO_ASSERT(offsetof(ModuleState, control) == 400);
-HERO_ASSERT(offsetof(ModuleState, ground_valid) == 456);
-HERO_ASSERT(offsetof(ModuleState, last_minute) == 460);
+HERO_ASSERT(offsetof(ModuleState, home_latitude_deg) == 384);
+HERO_ASSERT(offsetof(ModuleState, home_longitude_deg) == 392);
+HERO_ASSERT(offsetof(ModuleState, ground_altitude_m) == 400);
+HERO_ASSERT(offsetof(ModuleState, outline) == 408);
+HERO_ASSERT(offsetof(ModuleState, control) == 416);
+HERO_ASSERT(offsetof(ModuleState, ground_valid) == 472);
+HERO_ASSERT(offsetof(ModuleState, last_minute) == 476);
 
-#define HERO_MODULE_CONTROL_TYPE_NAME "hero.ModuleControl.v2"
+#define HERO_MODULE_CONTROL_TYPE_NAME "hero.ModuleControl.v3"
 typedef struct ModuleControl {
     uint64_t request_id;
     uint64_t issued_ns;
     uint64_t begin_by_ns;
+    uint64_t after;
     uint32_t command;
     uint32_t issued_within_ns;
     uint32_t origin;
     uint32_t reserved;
 } ModuleControl;
-HERO_ASSERT(sizeof(ModuleControl) == 40);
+HERO_ASSERT(sizeof(ModuleControl) == 48);
 HERO_ASSERT(offsetof(ModuleControl, request_id) == 0);
 HERO_ASSERT(offsetof(ModuleControl, issued_ns) == 8);
 HERO_ASSERT(offsetof(ModuleControl, begin_by_ns) == 16);
-HERO_ASSERT(offsetof(ModuleControl, command) == 24);
-HERO_ASSERT(offsetof(ModuleControl, issued_within_ns) == 28);
-HERO_ASSERT(offsetof(ModuleControl, origin) == 32);
-HERO_ASSERT(offsetof(ModuleControl, reserved) == 36);
+HERO_ASSERT(offsetof(ModuleControl, after) == 24);
+HERO_ASSERT(offsetof(ModuleControl, command) == 32);
+HERO_ASSERT(offsetof(ModuleControl, issued_within_ns) == 36);
+HERO_ASSERT(offsetof(ModuleControl, origin) == 40);
+HERO_ASSERT(offsetof(ModuleControl, reserved) == 44);
 
-#define HERO_MOVEMENT_DATA_TYPE_NAME "hero.MovementData.v3"
+#define HERO_MOVEMENT_DATA_TYPE_NAME "hero.MovementData.v4"
 typedef struct MovementData {
     uint64_t request_id;
     uint64_t path_id;
     uint64_t issued_ns;
     uint64_t begin_by_ns;
+    uint64_t after;
     double latitude_deg;
     double longitude_deg;
     double altitude_m;
@@ -851,45 +883,52 @@ typedef struct MovementData {
     uint32_t origin;
     uint16_t repeat;
     uint16_t preempt;
+    uint32_t lease_ms;
+    uint32_t sender_lost;
     uint32_t reserved;
 } MovementData;
-HERO_ASSERT(sizeof(MovementData) == 80);
+HERO_ASSERT(sizeof(MovementData) == 96);
 HERO_ASSERT(offsetof(MovementData, request_id) == 0);
 HERO_ASSERT(offsetof(MovementData, path_id) == 8);
 HERO_ASSERT(offsetof(MovementData, issued_ns) == 16);
 HERO_ASSERT(offsetof(MovementData, begin_by_ns) == 24);
-HERO_ASSERT(offsetof(MovementData, latitude_deg) == 32);
-HERO_ASSERT(offsetof(MovementData, longitude_deg) == 40);
-HERO_ASSERT(offsetof(MovementData, altitude_m) == 48);
-HERO_ASSERT(offsetof(MovementData, kind) == 56);
-HERO_ASSERT(offsetof(MovementData, first) == 60);
-HERO_ASSERT(offsetof(MovementData, last) == 62);
-HERO_ASSERT(offsetof(MovementData, issued_within_ns) == 64);
-HERO_ASSERT(offsetof(MovementData, origin) == 68);
-HERO_ASSERT(offsetof(MovementData, repeat) == 72);
-HERO_ASSERT(offsetof(MovementData, preempt) == 74);
-HERO_ASSERT(offsetof(MovementData, reserved) == 76);
+HERO_ASSERT(offsetof(MovementData, after) == 32);
+HERO_ASSERT(offsetof(MovementData, latitude_deg) == 40);
+HERO_ASSERT(offsetof(MovementData, longitude_deg) == 48);
+HERO_ASSERT(offsetof(MovementData, altitude_m) == 56);
+HERO_ASSERT(offsetof(MovementData, kind) == 64);
+HERO_ASSERT(offsetof(MovementData, first) == 68);
+HERO_ASSERT(offsetof(MovementData, last) == 70);
+HERO_ASSERT(offsetof(MovementData, issued_within_ns) == 72);
+HERO_ASSERT(offsetof(MovementData, origin) == 76);
+HERO_ASSERT(offsetof(MovementData, repeat) == 80);
+HERO_ASSERT(offsetof(MovementData, preempt) == 82);
+HERO_ASSERT(offsetof(MovementData, lease_ms) == 84);
+HERO_ASSERT(offsetof(MovementData, sender_lost) == 88);
+HERO_ASSERT(offsetof(MovementData, reserved) == 92);
 
-#define HERO_PARAMETER_REQUEST_TYPE_NAME "hero.ParameterRequest.v2"
+#define HERO_PARAMETER_REQUEST_TYPE_NAME "hero.ParameterRequest.v3"
 typedef struct ParameterRequest {
     uint64_t request_id;
     uint64_t issued_ns;
     uint64_t begin_by_ns;
+    uint64_t after;
     double value;
     uint32_t port;
     uint32_t operation;
     uint32_t issued_within_ns;
     uint32_t origin;
 } ParameterRequest;
-HERO_ASSERT(sizeof(ParameterRequest) == 48);
+HERO_ASSERT(sizeof(ParameterRequest) == 56);
 HERO_ASSERT(offsetof(ParameterRequest, request_id) == 0);
 HERO_ASSERT(offsetof(ParameterRequest, issued_ns) == 8);
 HERO_ASSERT(offsetof(ParameterRequest, begin_by_ns) == 16);
-HERO_ASSERT(offsetof(ParameterRequest, value) == 24);
-HERO_ASSERT(offsetof(ParameterRequest, port) == 32);
-HERO_ASSERT(offsetof(ParameterRequest, operation) == 36);
-HERO_ASSERT(offsetof(ParameterRequest, issued_within_ns) == 40);
-HERO_ASSERT(offsetof(ParameterRequest, origin) == 44);
+HERO_ASSERT(offsetof(ParameterRequest, after) == 24);
+HERO_ASSERT(offsetof(ParameterRequest, value) == 32);
+HERO_ASSERT(offsetof(ParameterRequest, port) == 40);
+HERO_ASSERT(offsetof(ParameterRequest, operation) == 44);
+HERO_ASSERT(offsetof(ParameterRequest, issued_within_ns) == 48);
+HERO_ASSERT(offsetof(ParameterRequest, origin) == 52);
 
 #define HERO_PORT_INFO_TYPE_NAME "hero.PortInfo.v1"
 typedef struct PortInfo {
@@ -910,7 +949,7 @@ HERO_ASSERT(offsetof(PortInfo, access) == 24);
 HERO_ASSERT(offsetof(PortInfo, count) == 28);
 HERO_ASSERT(offsetof(PortInfo, name) == 32);
 
-#define HERO_REQUEST_REPORT_TYPE_NAME "hero.RequestReport.v2"
+#define HERO_REQUEST_REPORT_TYPE_NAME "hero.RequestReport.v3"
 typedef struct RequestReport {
     uint64_t request_id;
     uint64_t path_id;
@@ -928,8 +967,11 @@ typedef struct RequestReport {
     uint16_t value_valid;
     double value;
     PortInfo port;
+    uint64_t between_request_id;
+    ControlSender between_sender;
+    uint32_t between;
 } RequestReport;
-HERO_ASSERT(sizeof(RequestReport) == 136);
+HERO_ASSERT(sizeof(RequestReport) == 160);
 HERO_ASSERT(offsetof(RequestReport, request_id) == 0);
 HERO_ASSERT(offsetof(RequestReport, path_id) == 8);
 HERO_ASSERT(offsetof(RequestReport, reported_ns) == 16);
@@ -946,6 +988,9 @@ HERO_ASSERT(offsetof(RequestReport, dsp_error_valid) == 60);
 HERO_ASSERT(offsetof(RequestReport, value_valid) == 62);
 HERO_ASSERT(offsetof(RequestReport, value) == 64);
 HERO_ASSERT(offsetof(RequestReport, port) == 72);
+HERO_ASSERT(offsetof(RequestReport, between_request_id) == 136);
+HERO_ASSERT(offsetof(RequestReport, between_sender) == 144);
+HERO_ASSERT(offsetof(RequestReport, between) == 156);
 
 #define HERO_RELAY_LINK_TYPE_NAME "hero.RelayLink.v3"
 typedef struct RelayLink {

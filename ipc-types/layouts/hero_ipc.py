@@ -34,10 +34,10 @@ else:
 LAYOUTS = {
     "dsp_telemetry": ("hero.DspTelemetry.v2", "25be95d4f5a2c01b"),
     "hero_telemetry": ("hero.HeroTelemetry.v2", "cc14cf2487fae1b2"),
-    "module_state": ("hero.ModuleState.v5", "9af1e6e2264f0883"),
-    "module_control": ("hero.ModuleControl.v2/hero.RequestReport.v2", "6bfcc9740509a353"),
-    "movement": ("hero.MovementData.v3/hero.RequestReport.v2", "2af2c004c0511e69"),
-    "parameters": ("hero.ParameterRequest.v2/hero.RequestReport.v2", "76e7bccf46c20e2f"),
+    "module_state": ("hero.ModuleState.v6", "2e7fa6473468a1b8"),
+    "module_control": ("hero.ModuleControl.v3/hero.RequestReport.v3", "cf3c38b4e2124ac6"),
+    "movement": ("hero.MovementData.v4/hero.RequestReport.v3", "20f642fd866688b5"),
+    "parameters": ("hero.ParameterRequest.v3/hero.RequestReport.v3", "8f60139dda1a192e"),
     "relay/link": ("hero.RelayLink.v3", "59df1188187319fb"),
     "relay/stations": ("hero.RelayStations.v4", "4f5b96e435f46e26"),
     "mavlink/stations": ("hero.MavlinkStations.v1", "c608520ae195721a"),
@@ -134,6 +134,8 @@ class SafetyRule(enum.IntEnum):
     FUEL = 7
     LINK_LOSS = 8
     FENCE_UNJUDGEABLE = 9
+    POSITION_LOST = 10
+    FENCE_AHEAD = 11
 
 
 class SafetyAction(enum.IntEnum):
@@ -153,6 +155,26 @@ class PortKind(enum.IntEnum):
     U16 = 1
     I16 = 2
     F32 = 3
+
+
+class SenderLost(enum.IntEnum):
+    CONTINUE = 1
+    HOLD = 2
+    LAND = 3
+
+
+class CameBetween(enum.IntEnum):
+    START = 1
+    STOP = 2
+    TAKEOFF = 3
+    GOTO = 4
+    LAND = 5
+    HOLD = 6
+    SAFETY_RULE = 7
+    PILOT = 8
+    LINK_LOST = 9
+    DSP_REBOOTED = 10
+    BRIDGE_BEGAN = 11
 
 
 class Stage(enum.IntEnum):
@@ -211,6 +233,9 @@ class Reason(enum.IntEnum):
     SUPERSEDED = 43
     MODULE_GONE = 44
     NOT_IN_CONTROL = 45
+    FENCE_UNREAD = 46
+    CLOCK_DIFFERS = 47
+    SENDER_LOST = 48
 
 
 class ImiError(enum.IntEnum):
@@ -577,7 +602,8 @@ if not TYPE_CHECKING:
 class DspTelemetry(Struct):
     """One status message of the DSP, in its own units. Service `dsp_telemetry`, written by the bridge.
     
-    A group's values mean something only when its bit is set in `valid_groups`; the others are zero."""
+    A group's values mean something only when its bit is set in `valid_groups`; the others are zero. These are the DSP's: groups 1 to 3 mean
+    nothing either while group 4 says that the GPS has no fix. `HeroTelemetry` has that in its `valid_groups`."""
 
     sequence: int
     """Counts the samples of this publisher from 1; a gap is a loss."""
@@ -588,7 +614,7 @@ class DspTelemetry(Struct):
     dsp_time_ms: int
     """Milliseconds since the DSP's boot (group 0, `tiempo_local`). [ms]"""
     valid_groups: int
-    """Bit *k* is set when group *k* of the status mask is valid."""
+    """Bit *k* is set when the DSP sent group *k* of the status mask, and its values are plausible."""
     flying: int
     """1 when the helicopter is in the air (`heli_volando`), else 0."""
     gps_quality: int
@@ -1038,7 +1064,7 @@ class HeroTelemetry(Struct):
     status.
     
     A group's values mean something only when its bit is set in `valid_groups`, which has the bits of the DSP's
-    status mask; the others are zero."""
+    status mask; the others are zero. While the GPS has no fix, groups 1 to 3 are not valid: there is no position and no velocity."""
 
     sequence: int
     """Counts the samples of this publisher from 1; a gap is a loss."""
@@ -1627,8 +1653,12 @@ class ModuleState(Struct):
     """DSP errors by code."""
     safety: SafetyState
     """The rules of flight safety that the bridge enforces."""
+    home_latitude_deg: float
+    """Home: where the helicopter stands, and in the air where it took off. Latitude, degrees; meaningful when `ground_valid` is 1. [deg]"""
+    home_longitude_deg: float
+    """Longitude of home, degrees; meaningful when `ground_valid` is 1. [deg]"""
     ground_altitude_m: float
-    """Telemetry altitude of the ground on which the helicopter stood last, m; meaningful when `ground_valid` is 1. [m]"""
+    """Telemetry altitude of home, m: of the ground on which the helicopter stood last. Meaningful when `ground_valid` is 1. [m]"""
     outline: int
     """Number of the outline that holds: `number` of the pieces of the topic `bridge/outline`. To be compared for equality only."""
     control: ControlState
@@ -1639,7 +1669,7 @@ class ModuleState(Struct):
     """How the line was of late."""
 
     if TYPE_CHECKING:
-        def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., module_id: int = ..., status: int = ..., imi_error: int = ..., blocked: int = ..., functionality: int = ..., unable_to_abort: int = ..., movement: MovementState = ..., link: LinkHealth = ..., refused: RefusedCounters = ..., dsp_errors: DspErrorCounters = ..., safety: SafetyState = ..., ground_altitude_m: float = ..., outline: int = ..., control: ControlState = ..., ground_valid: int = ..., last_minute: LastMinute = ...) -> None: ...
+        def __init__(self, sequence: int = ..., epoch_ns: int = ..., published_ns: int = ..., module_id: int = ..., status: int = ..., imi_error: int = ..., blocked: int = ..., functionality: int = ..., unable_to_abort: int = ..., movement: MovementState = ..., link: LinkHealth = ..., refused: RefusedCounters = ..., dsp_errors: DspErrorCounters = ..., safety: SafetyState = ..., home_latitude_deg: float = ..., home_longitude_deg: float = ..., ground_altitude_m: float = ..., outline: int = ..., control: ControlState = ..., ground_valid: int = ..., last_minute: LastMinute = ...) -> None: ...
     else:
         _fields_ = [
             ("sequence", ctypes.c_uint64),
@@ -1656,6 +1686,8 @@ class ModuleState(Struct):
             ("refused", RefusedCounters),
             ("dsp_errors", DspErrorCounters),
             ("safety", SafetyState),
+            ("home_latitude_deg", ctypes.c_double),
+            ("home_longitude_deg", ctypes.c_double),
             ("ground_altitude_m", ctypes.c_double),
             ("outline", ctypes.c_uint64),
             ("control", ControlState),
@@ -1665,11 +1697,11 @@ class ModuleState(Struct):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.ModuleState.v5"
+        return "hero.ModuleState.v6"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(ModuleState) == 480
+    assert ctypes.sizeof(ModuleState) == 496
     assert ModuleState.sequence.offset == 0
     assert ModuleState.epoch_ns.offset == 8
     assert ModuleState.published_ns.offset == 16
@@ -1684,11 +1716,13 @@ if not TYPE_CHECKING:
     assert ModuleState.refused.offset == 184
     assert ModuleState.dsp_errors.offset == 232
     assert ModuleState.safety.offset == 352
-    assert ModuleState.ground_altitude_m.offset == 384
-    assert ModuleState.outline.offset == 392
-    assert ModuleState.control.offset == 400
-    assert ModuleState.ground_valid.offset == 456
-    assert ModuleState.last_minute.offset == 460
+    assert ModuleState.home_latitude_deg.offset == 384
+    assert ModuleState.home_longitude_deg.offset == 392
+    assert ModuleState.ground_altitude_m.offset == 400
+    assert ModuleState.outline.offset == 408
+    assert ModuleState.control.offset == 416
+    assert ModuleState.ground_valid.offset == 472
+    assert ModuleState.last_minute.offset == 476
 
 
 class ModuleControl(Struct):
@@ -1701,6 +1735,9 @@ class ModuleControl(Struct):
     the moment of sending. [ns]"""
     begin_by_ns: int
     """Until when it may begin, same clock; 0 takes the bridge's default. [ns]"""
+    after: int
+    """The request that was the step before of the same command: this one is taken only if nothing came between the two. 0 if it
+    follows no other."""
     command: int
     """A ControlCommand."""
     issued_within_ns: int
@@ -1711,12 +1748,13 @@ class ModuleControl(Struct):
     """Always zero; keeps the size a multiple of eight."""
 
     if TYPE_CHECKING:
-        def __init__(self, request_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., command: int = ..., issued_within_ns: int = ..., origin: int = ..., reserved: int = ...) -> None: ...
+        def __init__(self, request_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., after: int = ..., command: int = ..., issued_within_ns: int = ..., origin: int = ..., reserved: int = ...) -> None: ...
     else:
         _fields_ = [
             ("request_id", ctypes.c_uint64),
             ("issued_ns", ctypes.c_uint64),
             ("begin_by_ns", ctypes.c_uint64),
+            ("after", ctypes.c_uint64),
             ("command", ctypes.c_uint32),
             ("issued_within_ns", ctypes.c_uint32),
             ("origin", ctypes.c_uint32),
@@ -1725,18 +1763,19 @@ class ModuleControl(Struct):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.ModuleControl.v2"
+        return "hero.ModuleControl.v3"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(ModuleControl) == 40
+    assert ctypes.sizeof(ModuleControl) == 48
     assert ModuleControl.request_id.offset == 0
     assert ModuleControl.issued_ns.offset == 8
     assert ModuleControl.begin_by_ns.offset == 16
-    assert ModuleControl.command.offset == 24
-    assert ModuleControl.issued_within_ns.offset == 28
-    assert ModuleControl.origin.offset == 32
-    assert ModuleControl.reserved.offset == 36
+    assert ModuleControl.after.offset == 24
+    assert ModuleControl.command.offset == 32
+    assert ModuleControl.issued_within_ns.offset == 36
+    assert ModuleControl.origin.offset == 40
+    assert ModuleControl.reserved.offset == 44
 
 
 class MovementData(Struct):
@@ -1755,6 +1794,9 @@ class MovementData(Struct):
     the moment of sending. All waypoints of a path carry the moment of the path. [ns]"""
     begin_by_ns: int
     """Until when it may begin, same clock; 0 takes the bridge's default. [ns]"""
+    after: int
+    """The request that was the step before of the same command: this one is taken only if nothing came between the two. 0 if it
+    follows no other."""
     latitude_deg: float
     """Latitude of the waypoint, degrees, north positive. Go-to only. [deg]"""
     longitude_deg: float
@@ -1777,17 +1819,23 @@ class MovementData(Struct):
     preempt: int
     """1 when this may replace a path that is under way, which then ends as `replaced`; 0 refuses it as `busy`.
     In a path the flag of the closing waypoint counts."""
+    lease_ms: int
+    """The sender renews the order at least this often, ms; not renewed in time, the bridge holds. 0 if it is not renewed. [ms]"""
+    sender_lost: int
+    """What the bridge does when the process that ordered ends, a SenderLost; 0 takes the bridge's
+    default."""
     reserved: int
     """Always zero; keeps the size a multiple of eight."""
 
     if TYPE_CHECKING:
-        def __init__(self, request_id: int = ..., path_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., latitude_deg: float = ..., longitude_deg: float = ..., altitude_m: float = ..., kind: int = ..., first: int = ..., last: int = ..., issued_within_ns: int = ..., origin: int = ..., repeat: int = ..., preempt: int = ..., reserved: int = ...) -> None: ...
+        def __init__(self, request_id: int = ..., path_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., after: int = ..., latitude_deg: float = ..., longitude_deg: float = ..., altitude_m: float = ..., kind: int = ..., first: int = ..., last: int = ..., issued_within_ns: int = ..., origin: int = ..., repeat: int = ..., preempt: int = ..., lease_ms: int = ..., sender_lost: int = ..., reserved: int = ...) -> None: ...
     else:
         _fields_ = [
             ("request_id", ctypes.c_uint64),
             ("path_id", ctypes.c_uint64),
             ("issued_ns", ctypes.c_uint64),
             ("begin_by_ns", ctypes.c_uint64),
+            ("after", ctypes.c_uint64),
             ("latitude_deg", ctypes.c_double),
             ("longitude_deg", ctypes.c_double),
             ("altitude_m", ctypes.c_double),
@@ -1798,31 +1846,36 @@ class MovementData(Struct):
             ("origin", ctypes.c_uint32),
             ("repeat", ctypes.c_uint16),
             ("preempt", ctypes.c_uint16),
+            ("lease_ms", ctypes.c_uint32),
+            ("sender_lost", ctypes.c_uint32),
             ("reserved", ctypes.c_uint32),
         ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.MovementData.v3"
+        return "hero.MovementData.v4"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(MovementData) == 80
+    assert ctypes.sizeof(MovementData) == 96
     assert MovementData.request_id.offset == 0
     assert MovementData.path_id.offset == 8
     assert MovementData.issued_ns.offset == 16
     assert MovementData.begin_by_ns.offset == 24
-    assert MovementData.latitude_deg.offset == 32
-    assert MovementData.longitude_deg.offset == 40
-    assert MovementData.altitude_m.offset == 48
-    assert MovementData.kind.offset == 56
-    assert MovementData.first.offset == 60
-    assert MovementData.last.offset == 62
-    assert MovementData.issued_within_ns.offset == 64
-    assert MovementData.origin.offset == 68
-    assert MovementData.repeat.offset == 72
-    assert MovementData.preempt.offset == 74
-    assert MovementData.reserved.offset == 76
+    assert MovementData.after.offset == 32
+    assert MovementData.latitude_deg.offset == 40
+    assert MovementData.longitude_deg.offset == 48
+    assert MovementData.altitude_m.offset == 56
+    assert MovementData.kind.offset == 64
+    assert MovementData.first.offset == 68
+    assert MovementData.last.offset == 70
+    assert MovementData.issued_within_ns.offset == 72
+    assert MovementData.origin.offset == 76
+    assert MovementData.repeat.offset == 80
+    assert MovementData.preempt.offset == 82
+    assert MovementData.lease_ms.offset == 84
+    assert MovementData.sender_lost.offset == 88
+    assert MovementData.reserved.offset == 92
 
 
 class ParameterRequest(Struct):
@@ -1835,6 +1888,9 @@ class ParameterRequest(Struct):
     the moment of sending. [ns]"""
     begin_by_ns: int
     """Until when it may begin, same clock; 0 takes the bridge's default. [ns]"""
+    after: int
+    """The request that was the step before of the same command: this one is taken only if nothing came between the two. 0 if it
+    follows no other."""
     value: float
     """Write: the value. A 16-bit port takes whole numbers only."""
     port: int
@@ -1847,12 +1903,13 @@ class ParameterRequest(Struct):
     """By which clock it was issued: 0 for the robot's own; the relay gives each station a number of its own."""
 
     if TYPE_CHECKING:
-        def __init__(self, request_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., value: float = ..., port: int = ..., operation: int = ..., issued_within_ns: int = ..., origin: int = ...) -> None: ...
+        def __init__(self, request_id: int = ..., issued_ns: int = ..., begin_by_ns: int = ..., after: int = ..., value: float = ..., port: int = ..., operation: int = ..., issued_within_ns: int = ..., origin: int = ...) -> None: ...
     else:
         _fields_ = [
             ("request_id", ctypes.c_uint64),
             ("issued_ns", ctypes.c_uint64),
             ("begin_by_ns", ctypes.c_uint64),
+            ("after", ctypes.c_uint64),
             ("value", ctypes.c_double),
             ("port", ctypes.c_uint32),
             ("operation", ctypes.c_uint32),
@@ -1862,19 +1919,20 @@ class ParameterRequest(Struct):
 
     @staticmethod
     def type_name() -> str:
-        return "hero.ParameterRequest.v2"
+        return "hero.ParameterRequest.v3"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(ParameterRequest) == 48
+    assert ctypes.sizeof(ParameterRequest) == 56
     assert ParameterRequest.request_id.offset == 0
     assert ParameterRequest.issued_ns.offset == 8
     assert ParameterRequest.begin_by_ns.offset == 16
-    assert ParameterRequest.value.offset == 24
-    assert ParameterRequest.port.offset == 32
-    assert ParameterRequest.operation.offset == 36
-    assert ParameterRequest.issued_within_ns.offset == 40
-    assert ParameterRequest.origin.offset == 44
+    assert ParameterRequest.after.offset == 24
+    assert ParameterRequest.value.offset == 32
+    assert ParameterRequest.port.offset == 40
+    assert ParameterRequest.operation.offset == 44
+    assert ParameterRequest.issued_within_ns.offset == 48
+    assert ParameterRequest.origin.offset == 52
 
 
 class PortInfo(Struct):
@@ -1961,9 +2019,16 @@ class RequestReport(Struct):
     port: PortInfo
     """The port that a parameter request is about. When an area of the geofence was broken: its name, and nothing else. All zero in
     other reports."""
+    between_request_id: int
+    """Superseded: the id of the request that came between; 0 when no request did."""
+    between_sender: ControlSender
+    """Superseded: who sent the request that came between; all zero when no request did."""
+    between: int
+    """Superseded: what came between, a CameBetween; 0 in other reports. When it is a safety rule,
+    `rule` says which."""
 
     if TYPE_CHECKING:
-        def __init__(self, request_id: int = ..., path_id: int = ..., reported_ns: int = ..., stage: int = ..., reason: int = ..., imi_error: int = ..., waypoints_total: int = ..., waypoints_sent: int = ..., waypoints_reached: int = ..., rule: int = ..., waypoint: int = ..., dsp_error_code: int = ..., dsp_error_valid: int = ..., value_valid: int = ..., value: float = ..., port: PortInfo = ...) -> None: ...
+        def __init__(self, request_id: int = ..., path_id: int = ..., reported_ns: int = ..., stage: int = ..., reason: int = ..., imi_error: int = ..., waypoints_total: int = ..., waypoints_sent: int = ..., waypoints_reached: int = ..., rule: int = ..., waypoint: int = ..., dsp_error_code: int = ..., dsp_error_valid: int = ..., value_valid: int = ..., value: float = ..., port: PortInfo = ..., between_request_id: int = ..., between_sender: ControlSender = ..., between: int = ...) -> None: ...
     else:
         _fields_ = [
             ("request_id", ctypes.c_uint64),
@@ -1982,15 +2047,18 @@ class RequestReport(Struct):
             ("value_valid", ctypes.c_uint16),
             ("value", ctypes.c_double),
             ("port", PortInfo),
+            ("between_request_id", ctypes.c_uint64),
+            ("between_sender", ControlSender),
+            ("between", ctypes.c_uint32),
         ]
 
     @staticmethod
     def type_name() -> str:
-        return "hero.RequestReport.v2"
+        return "hero.RequestReport.v3"
 
 
 if not TYPE_CHECKING:
-    assert ctypes.sizeof(RequestReport) == 136
+    assert ctypes.sizeof(RequestReport) == 160
     assert RequestReport.request_id.offset == 0
     assert RequestReport.path_id.offset == 8
     assert RequestReport.reported_ns.offset == 16
@@ -2007,6 +2075,9 @@ if not TYPE_CHECKING:
     assert RequestReport.value_valid.offset == 62
     assert RequestReport.value.offset == 64
     assert RequestReport.port.offset == 72
+    assert RequestReport.between_request_id.offset == 136
+    assert RequestReport.between_sender.offset == 144
+    assert RequestReport.between.offset == 156
 
 
 class RelayLink(Struct):

@@ -21,6 +21,7 @@ use crate::doorbell::ServiceEvent;
 use crate::follow::{Follower, until_room};
 use crate::generation::{self, Generation};
 use crate::iox::{AnyRequest, RequestService, Svc};
+use crate::lease::Lease;
 use crate::open::{self, Offer, OpenError};
 use crate::payload::RequestReport;
 use crate::pollable::Pollable;
@@ -173,6 +174,8 @@ pub struct BytesClient {
     former: Vec<ClientPort>,
     /// Reports that came while a handle followed another request, or while a request was sent.
     kept: VecDeque<RequestReport>,
+    /// Of the paths that are open: renewed whenever the program looks at its client.
+    leases: Vec<Lease>,
     follower: Follower,
     pollable: Pollable,
     offer: Offer,
@@ -190,6 +193,7 @@ impl BytesClient {
             port: None,
             former: Vec::new(),
             kept: VecDeque::new(),
+            leases: Vec::new(),
             follower: Follower::new(session, &offer.key),
             pollable: Pollable::default(),
             offer,
@@ -277,6 +281,9 @@ impl BytesClient {
             0 => fresh_request_id(),
             given => given,
         };
+        let path_id = self.offer.path_offset.map(|offset| word(request, offset));
+        let path_id = path_id.unwrap_or_default();
+        let lease = self.lease(request, path_id)?;
         let pending = port.deliver(request, request_id)?;
         if pending.number_of_server_connections() == 0 {
             // It lives, but it has not read anything of this client yet, and the queue is full; or it ends at this moment.
@@ -286,14 +293,43 @@ impl BytesClient {
             });
         }
         port.requests.wake();
-        let path_id = self.offer.path_offset.map(|offset| word(request, offset));
+        self.leases.extend(lease);
         self.outstanding.push(Outstanding {
             pending,
             request_id,
-            path_id: path_id.unwrap_or_default(),
+            path_id,
             generation: port.generation.name().to_owned(),
         });
         Ok(request_id)
+    }
+
+    /// The lease that a request asks for and its path does not have yet.
+    fn lease(&self, request: &[u8], path_id: u64) -> Result<Option<Lease>, SendError> {
+        let offset = self.offer.lease_offset.unwrap_or(request.len());
+        let asks = request[offset..].iter().take(4).any(|byte| *byte != 0);
+        if !asks || self.leases.iter().any(|lease| lease.path_id() == path_id) {
+            return Ok(None);
+        }
+        match Lease::take(&self.session, path_id) {
+            Some(lease) => Ok(Some(lease)),
+            None => Err(SendError::NoPlace(
+                "no place for a lease is free".to_owned(),
+            )),
+        }
+    }
+
+    /// Those of paths of which no request is open.
+    fn drop_leases(&mut self) {
+        let open = &self.outstanding;
+        self.leases.retain(|lease| {
+            open.iter()
+                .any(|request| request.path_id == lease.path_id())
+        });
+    }
+
+    /// The program looks at its client, so it follows its paths.
+    fn renew_leases(&self) {
+        self.leases.iter().for_each(Lease::renew);
     }
 
     /// Keeps the reports that are there for the next drain: a request whose final report is among them is open no longer.
@@ -322,6 +358,7 @@ impl BytesClient {
             port.responses.take();
         }
         self.pollable.drained();
+        self.renew_leases();
         // Before the reports are read: whatever a server said before it went comes out first.
         if !self.outstanding.is_empty() {
             self.look_in_time();
@@ -345,6 +382,7 @@ impl BytesClient {
             }
             !is_closed
         });
+        self.drop_leases();
         taken
     }
 
@@ -361,6 +399,7 @@ impl BytesClient {
         self.outstanding
             .retain(|outstanding| !is_meant(outstanding));
         if self.outstanding.len() < before {
+            self.drop_leases();
             for port in self.port.iter().chain(&self.former) {
                 port.requests.wake();
             }
@@ -383,6 +422,7 @@ impl BytesClient {
 
     /// Whether draining would hand something on.
     fn has_reports(&self) -> bool {
+        self.renew_leases();
         if !self.kept.is_empty() {
             return true;
         }

@@ -115,6 +115,11 @@ codes! {
 }
 
 impl TelemetryGroup {
+    /// The bits of the groups that a GPS with a fix has measured.
+    pub const OF_A_FIX: u16 = TelemetryGroup::Geographic.bit()
+        | TelemetryGroup::Xy.bit()
+        | TelemetryGroup::GpsVelocity.bit();
+
     /// The group's bit in `valid_groups`.
     pub const fn bit(self) -> u16 {
         1 << self.code()
@@ -310,6 +315,10 @@ codes! {
         LinkLoss = 8 => "link-loss",
         /// A leg that the geofence cannot judge: too long, too near to a pole, or no number; 0 m.
         FenceUnjudgeable = 9 => "fence-unjudgeable",
+        /// The position was lost in flight, s.
+        PositionLost = 10 => "position-lost",
+        /// Too near to the geofence to stop before it, m.
+        FenceAhead = 11 => "fence-ahead",
     }
 }
 
@@ -348,6 +357,46 @@ codes! {
         I16 = 2 => "i16",
         /// 32 bits, IEEE 754.
         F32 = 3 => "f32",
+    }
+}
+
+codes! {
+    /// What the bridge does when the process that ordered a movement ends.
+    pub enum SenderLost {
+        /// The movement goes on.
+        Continue = 1 => "continue",
+        /// The helicopter hovers where it is.
+        Hold = 2 => "hold",
+        /// The helicopter lands.
+        Land = 3 => "land",
+    }
+}
+
+codes! {
+    /// What came between a step of a command and the step before, so that the bridge did not take it.
+    pub enum CameBetween {
+        /// A request to start the module.
+        Start = 1 => "start",
+        /// A request to stop the module.
+        Stop = 2 => "stop",
+        /// A take-off.
+        TakeOff = 3 => "takeoff",
+        /// A path.
+        GoTo = 4 => "goto",
+        /// A landing.
+        Land = 5 => "land",
+        /// A hold.
+        Hold = 6 => "hold",
+        /// A safety rule that ends a movement or lands.
+        SafetyRule = 7 => "safety-rule",
+        /// The pilot's switch went to manual.
+        Pilot = 8 => "pilot",
+        /// The link to the DSP was lost.
+        LinkLost = 9 => "link-lost",
+        /// The DSP rebooted.
+        DspRebooted = 10 => "dsp-rebooted",
+        /// The bridge began: it does not know the step before.
+        BridgeBegan = 11 => "bridge-began",
     }
 }
 
@@ -472,6 +521,12 @@ codes! {
         ModuleGone = 44 => "module-gone",
         /// Another sender has control of the bridge.
         NotInControl = 45 => "not-in-control",
+        /// The file with the geofence was not read in time; the one in force stays.
+        FenceUnread = 46 => "fence-unread",
+        /// The sender's clock is not the bridge's, so when its order was issued is not known.
+        ClockDiffers = 47 => "clock-differs",
+        /// The process that ordered the path ended, gave it up, or did not renew its lease.
+        SenderLost = 48 => "sender-lost",
     }
 }
 

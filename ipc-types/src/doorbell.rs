@@ -33,6 +33,7 @@ use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::thread::futex;
 
 use crate::forked::{Forked, Maker};
+use crate::lease::{LeasePlace, PLACES};
 use crate::random;
 use crate::service::{SERVICES, own};
 use crate::time::MonotonicNs;
@@ -55,10 +56,14 @@ struct DoorbellPage {
     reserved: u32,
     /// For each service, how many subscribers have joined: the publisher then has a latest sample to hand on.
     joined: [AtomicU32; SLOTS + 1],
-    also_reserved: [u32; 140],
+    /// The leases of paths: see [`lease`](crate::lease).
+    leases: [LeasePlace; PLACES],
+    also_reserved: [u32; 76],
 }
 
-const _: () = assert!(offset_of!(DoorbellPage, joined) == 16 && LEN == 640);
+const _: () = assert!(
+    offset_of!(DoorbellPage, joined) == 16 && offset_of!(DoorbellPage, leases) == 80 && LEN == 640
+);
 
 /// Which of a service's events.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -224,6 +229,11 @@ impl Doorbell {
     /// Whether a process still waits for all of `bits`: then none of them was signalled since it listened.
     pub(crate) fn is_awaited(&self, bits: Bits) -> bool {
         !self.page().sleepers.load(Ordering::SeqCst) & bits.get() == 0
+    }
+
+    /// The leases of the robot's paths.
+    pub(crate) fn leases(&self) -> &[LeasePlace; PLACES] {
+        &self.page().leases
     }
 
     /// Counts a new subscriber of the service at `slot` and wakes its publisher.

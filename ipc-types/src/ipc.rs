@@ -6,14 +6,16 @@ use crate::client::{BytesClient, Client};
 use crate::domain::Domain;
 use crate::forked::Forked;
 use crate::journal::{JournalPiece, JournalTail, LeftTail};
+use crate::lease;
 use crate::open::{Offer, OpenError};
-use crate::provider::Provider;
+use crate::provider::{Provider, namespace};
 use crate::publisher::{BytesPublisher, Publisher};
 use crate::robot::RobotId;
 use crate::server::{BytesServer, Server};
 use crate::service::{LATEST, Request, Topic};
 use crate::session::{JoinError, Session};
 use crate::subscriber::{BytesSubscriber, Subscriber};
+use crate::time::MonotonicNs;
 
 /// The environment variable that names the robot.
 const ROBOT_VARIABLE: &str = "RIL_ROBOT";
@@ -159,6 +161,19 @@ impl Ipc {
     /// a reason to look for services that are new. Costs no system call.
     pub fn generations(&self) -> u32 {
         self.session.doorbell().generations()
+    }
+
+    /// Whether the process of this number reads the monotonic clock that this one reads: in another time namespace it has another zero.
+    /// `None` if the number is not seen to be that of a process of the robot: in another PID namespace it may be another's.
+    pub fn shares_clock_with(&self, process: u32) -> Option<bool> {
+        let is_seen = self.session.membership().has_member(process);
+        let clock = |process: &str| namespace(process, "time");
+        is_seen.then(|| clock(&process.to_string()) == clock("self"))
+    }
+
+    /// When the lease of this path was last renewed by its sender, by that one's clock; `None` if it has none.
+    pub fn lease_renewed(&self, path_id: u64) -> Option<MonotonicNs> {
+        lease::renewed(self.session.doorbell().leases(), path_id)
     }
 
     pub(crate) fn session(&self) -> &Arc<Session> {

@@ -68,6 +68,7 @@ pub mod inspect;
 mod iox;
 pub mod ipc;
 pub mod journal;
+pub mod lease;
 mod limits;
 mod lock_file;
 // What the macros make is unsafe to implement by hand: they check what makes it safe.

@@ -192,7 +192,8 @@ pub(crate) fn is_same(one: &File, other: &File) -> bool {
     is_one(one.metadata(), other.metadata())
 }
 
-fn is_one(one: io::Result<Metadata>, other: io::Result<Metadata>) -> bool {
+/// Whether both are of one file.
+pub(crate) fn is_one(one: io::Result<Metadata>, other: io::Result<Metadata>) -> bool {
     match (one, other) {
         (Ok(one), Ok(other)) => one.dev() == other.dev() && one.ino() == other.ino(),
         _ => false,

@@ -162,6 +162,9 @@ const PATH_ID: &str = "path_id";
 /// Name of the field of a request that says when its order was issued.
 const ISSUED: &str = "issued_ns";
 
+/// Where a request of the contract says how often its sender renews it.
+const LEASE: &str = "lease_ms";
+
 /// Free bytes and inodes below which a failure is laid to them.
 const LOW_BYTES: u64 = 4 << 20;
 const LOW_INODES: u64 = 32;
@@ -254,6 +257,8 @@ pub struct Offer {
     pub(crate) path_offset: Option<usize>,
     /// Of a request: where its `issued_ns` lies, if it has one, bytes.
     pub(crate) issued_offset: Option<usize>,
+    /// Of a request: where its `lease_ms` lies, if it has one, bytes.
+    pub(crate) lease_offset: Option<usize>,
     /// Of a topic: subscribers that it can have.
     pub(crate) max_subscribers: usize,
 }
@@ -269,6 +274,7 @@ impl Offer {
             text,
             path_offset: None,
             issued_offset: None,
+            lease_offset: None,
             max_subscribers: subscribers_within_memory(schema.size(), wanted),
         }
     }
@@ -283,6 +289,7 @@ impl Offer {
             text,
             path_offset: schema.offset_of(PATH_ID, Number::U64),
             issued_offset: schema.offset_of(ISSUED, Number::U64),
+            lease_offset: schema.offset_of(LEASE, Number::U32),
             max_subscribers: 0,
         }
     }

@@ -57,25 +57,25 @@ impl Provider {
             pid: std::process::id(),
             process: process.to_owned(),
             since_ns,
-            pid_namespace: namespace("pid"),
-            time_namespace: namespace("time"),
+            pid_namespace: namespace("self", "pid"),
+            time_namespace: namespace("self", "time"),
         }
     }
 
     /// Whether its process id means the same process here.
     pub fn shares_pids(&self) -> bool {
-        self.pid_namespace == namespace("pid")
+        self.pid_namespace == namespace("self", "pid")
     }
 
     /// Whether its times mean the same moments here.
     pub fn shares_clock(&self) -> bool {
-        self.time_namespace == namespace("time")
+        self.time_namespace == namespace("self", "time")
     }
 }
 
-/// The number of a namespace of this process.
-fn namespace(kind: &str) -> u64 {
-    fs::metadata(format!("/proc/self/ns/{kind}")).map_or(0, |metadata| metadata.ino())
+/// The number of a namespace of a process; 0 when the operating system does not say.
+pub(crate) fn namespace(process: &str, kind: &str) -> u64 {
+    fs::metadata(format!("/proc/{process}/ns/{kind}")).map_or(0, |metadata| metadata.ino())
 }
 
 /// The one live provider of a service of a robot: an exclusive lock.

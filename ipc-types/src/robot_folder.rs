@@ -27,7 +27,7 @@ use crate::domain::Domain;
 use crate::domain_error::DomainError;
 use crate::doorbell::Doorbell;
 use crate::lock_file::{
-    LockFile, entries, flock, is_at, is_same, make_folder, make_lock_file_in, open_folder,
+    LockFile, entries, flock, is_at, is_one, is_same, make_folder, make_lock_file_in, open_folder,
     open_lock_file_in, open_to_look,
 };
 use crate::robot::RobotId;
@@ -272,6 +272,15 @@ impl Membership {
 
     pub(crate) fn doorbell(&self) -> &Doorbell {
         &self.doorbell
+    }
+
+    /// Whether the process of this number has the doorbell open. False also when the kernel does not show what it has.
+    pub(crate) fn has_member(&self, process: u32) -> bool {
+        let Ok(open) = fs::read_dir(format!("/proc/{process}/fd")) else {
+            return false;
+        };
+        open.flatten()
+            .any(|file| is_one(self.lock.metadata(), fs::metadata(file.path())))
     }
 
     /// Deletes the folder if no other process is in it. Says whether it was that.

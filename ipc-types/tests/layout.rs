@@ -11,9 +11,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use ipc_types::code::{
-    ControlCommand, DspPathState, Functionality, ImiError, LinkState, MavlinkVehicle, ModuleId,
-    ModuleStatus, MovementKind, OutlineKind, ParameterOperation, PilotSwitch, PortKind, Reason,
-    RelayLinkState, SafetyAction, SafetyRule, Stage,
+    CameBetween, ControlCommand, DspPathState, Functionality, ImiError, LinkState, MavlinkVehicle,
+    ModuleId, ModuleStatus, MovementKind, OutlineKind, ParameterOperation, PilotSwitch, PortKind,
+    Reason, RelayLinkState, SafetyAction, SafetyRule, SenderLost, Stage,
 };
 use ipc_types::payload::{
     BridgeJournal, BridgeOutline, Layout, MavlinkStations, Number, RelayLink, RelayStations,
@@ -97,6 +97,8 @@ fn codes() -> Vec<Codes> {
         of!(SafetyAction),
         of!(ParameterOperation),
         of!(PortKind),
+        of!(SenderLost),
+        of!(CameBetween),
         of!(Stage),
         of!(Reason),
         of!(ImiError),

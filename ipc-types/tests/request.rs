@@ -104,6 +104,49 @@ fn a_request_that_does_not_say_when_it_was_issued_is_issued_when_it_is_sent() {
 }
 
 #[test]
+fn a_client_that_waits_or_drains_renews_the_lease_of_its_path_until_that_ends() {
+    in_robot(|ipc| {
+        let mut server = ipc.server::<MovementData>().unwrap();
+        let mut client = ipc.client::<MovementData>().unwrap();
+        let at = WaypointPosition {
+            latitude_deg: 37.0,
+            longitude_deg: -6.0,
+            altitude_m: 20.0,
+        };
+        let [opening, closing] = [(true, false), (false, true)].map(|(first, last)| MovementData {
+            lease_ms: 500,
+            ..MovementData::waypoint(fresh_request_id(), 77, at, first, last)
+        });
+        assert_eq!(ipc.lease_renewed(77), None);
+        client.send(&opening).unwrap();
+        let sent = ipc.lease_renewed(77).expect("a lease");
+        let seen = client.wait(2 * A_MOMENT).unwrap();
+        assert_eq!(seen, Wake::TimedOut);
+        let waited = ipc.lease_renewed(77).expect("a lease");
+        assert!(waited > sent, "{waited:?} {sent:?}");
+        assert!(reports(&mut client).is_empty());
+        assert!(ipc.lease_renewed(77) > Some(waited));
+
+        client.send(&closing).unwrap();
+        for (ticket, _) in take(&mut server) {
+            assert!(ipc.lease_renewed(77).is_some());
+            server.report(ticket, &report(Stage::Done)).unwrap();
+        }
+        assert_eq!(reports(&mut client).len(), 2);
+        assert_eq!(ipc.lease_renewed(77), None);
+
+        client.send(&closing).unwrap();
+        assert!(ipc.lease_renewed(77).is_some());
+        client.give_up();
+        assert_eq!(ipc.lease_renewed(77), None);
+
+        let own = std::process::id();
+        assert_eq!(ipc.shares_clock_with(own), Some(true));
+        assert_eq!(ipc.shares_clock_with(1), None, "of no process of the robot");
+    });
+}
+
+#[test]
 fn without_a_server_nothing_is_sent() {
     in_robot(|ipc| {
         let mut client = ipc.client::<ModuleControl>().unwrap();

@@ -78,10 +78,10 @@ pub trait Work: Module + Sized {
 /// }
 /// ```
 pub fn main<W: Work>() -> std::process::ExitCode {
-    exit::main_with(|| {
-        let args = options(W::NAME, std::env::args_os()).unwrap_or_else(|error| error.exit());
-        run::<W>(&args)
-    })
+    match options(W::NAME, std::env::args_os()) {
+        Ok(args) => exit::main_with(|| run::<W>(&args)),
+        Err(error) => exit::usage(&error).into(),
+    }
 }
 
 /// The options that every module takes, from the words of its command line, the program first.

@@ -125,6 +125,14 @@ impl Flight {
                 | Step::Land { item: of } => *of == item,
             })
     }
+
+    /// The cruise speed that the plan has asked for before a step, from 0, m/s.
+    pub fn speed_before(&self, step: usize) -> Option<f64> {
+        self.steps[..step].iter().rev().find_map(|step| match step {
+            Step::Speed { speed_mps, .. } => Some(*speed_mps),
+            _ => None,
+        })
+    }
 }
 
 /// Metres along the ground.

@@ -64,6 +64,7 @@ use verbs::{
 ///
 /// Programs that start the processes of the RIL may be one of them themselves with this.
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    session::began();
     if completion::is_asked() {
         completion::answer(args);
         return ExitCode::SUCCESS;
@@ -76,7 +77,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
             if json && error.use_stderr() {
                 print_error(&ErrorObject::of_usage(&error.render().to_string()));
             }
-            error.exit()
+            return exit::usage(&error).into();
         }
     };
     let run = || {

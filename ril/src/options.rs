@@ -8,6 +8,10 @@ use std::path::Path;
 use std::time::Duration;
 
 use clap::Args;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use ipc_types::code::SenderLost;
+use ipc_types::lease::LEASES_MS;
+use ipc_types::payload::MovementData;
 use runtime::args::CommonArgs;
 use runtime::duration::{self, DurationText};
 use runtime::exit::Failure;
@@ -80,6 +84,62 @@ pub struct RequestArgs {
     /// Return on acceptance; do not wait for completion
     #[arg(long)]
     pub no_wait: bool,
+}
+
+/// What every command takes that orders a path.
+#[derive(Args, Clone, Copy, Debug, Default)]
+pub struct SenderArgs {
+    /// What becomes of the path when this command ends before it, also by SIGKILL: continue, hold or land [default: hold, or
+    /// bridge.toml; continue with --no-wait]
+    #[arg(long, value_name = "ACTION", value_parser = sender_lost())]
+    pub sender_lost: Option<SenderLost>,
+
+    /// Renew the path, at least as often as this, such as 2s: when this command hangs, or is stopped, for so long, the helicopter hovers
+    #[arg(long, value_name = "DURATION", value_parser = lease_ms)]
+    pub lease: Option<u32>,
+}
+
+impl SenderArgs {
+    /// `request` of a path with what becomes of that.
+    pub fn complete(&self, request: MovementData) -> MovementData {
+        MovementData {
+            sender_lost: self.sender_lost.map_or(0, SenderLost::code),
+            lease_ms: self.lease.unwrap_or_default(),
+            ..request
+        }
+    }
+
+    /// Those of a command that does not wait for the end of its path, which goes on.
+    ///
+    /// # Errors
+    ///
+    /// Code 2 when it should follow its path.
+    pub fn unfollowed(&self) -> Result<SenderArgs, Failure> {
+        match (self.sender_lost, self.lease) {
+            (None | Some(SenderLost::Continue), None) => Ok(SenderArgs {
+                sender_lost: Some(SenderLost::Continue),
+                lease: None,
+            }),
+            _ => Err(Failure::usage(
+                "with --no-wait the command ends before its path: leave out --sender-lost and --lease",
+            )),
+        }
+    }
+}
+
+fn sender_lost() -> impl TypedValueParser<Value = SenderLost> {
+    let names = SenderLost::ALL.map(SenderLost::name);
+    PossibleValuesParser::new(names).try_map(|name| {
+        let mut all = SenderLost::ALL.into_iter();
+        all.find(|action| action.name() == name).ok_or("no action")
+    })
+}
+
+/// Reads a lease, in whole ms.
+fn lease_ms(text: &str) -> Result<u32, String> {
+    let bounds = [*LEASES_MS.start(), *LEASES_MS.end()];
+    let bounds = bounds.map(|ms| Duration::from_millis(ms.into()));
+    Ok(within(duration::parse(text)?, bounds)?.as_millis() as u32)
 }
 
 /// Whether JSON is asked for, which holds for an error of the command line as well.

@@ -17,7 +17,7 @@ mod tests;
 use std::io::{self, Write};
 use std::time::Duration;
 
-use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::code::{ControlCommand, Reason, SenderLost, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
 use ipc_types::{Client, MonotonicNs, Request, SendError, Source, fresh_request_id};
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -235,12 +235,16 @@ impl Format {
     }
 }
 
-/// A start, a stop or a reload, to be begun within `deadline_ms` of now.
-pub(crate) fn control_request(command: ControlCommand, deadline_ms: u32) -> ModuleControl {
-    let control = ModuleControl::new(fresh_request_id(), command);
+/// A start, a stop or a reload that was issued at `issued`, to be begun within `deadline_ms` of that.
+pub(crate) fn control_request(
+    command: ControlCommand,
+    issued: MonotonicNs,
+    deadline_ms: u32,
+) -> ModuleControl {
     ModuleControl {
-        begin_by_ns: begin_by_ns(control.issued_ns, deadline_ms),
-        ..control
+        issued_ns: issued.0,
+        begin_by_ns: begin_by_ns(issued.0, deadline_ms),
+        ..ModuleControl::new(fresh_request_id(), command)
     }
 }
 
@@ -258,6 +262,59 @@ pub(crate) fn complete(request: MovementData, preempt: bool, deadline_ms: u32) -
         begin_by_ns: begin_by_ns(request.issued_ns, deadline_ms),
         preempt: u16::from(preempt),
         ..request
+    }
+}
+
+/// How long the first step of a command of several has to begin, from when it is sent: as long as the bridge gives by itself. Steps that
+/// need no order, and checks, come before it.
+const FIRST_STEP_MS: u32 = 5000;
+
+/// The steps of one command: each names the one before, so that none is done after something newer. The first one was issued with
+/// the command.
+pub(crate) struct Steps {
+    issued: MonotonicNs,
+    deadline_ms: u32,
+    /// The request that was the last step; 0 if there is none.
+    before: u64,
+}
+
+impl Steps {
+    /// None is done yet.
+    pub fn of(asked: &OrderContext) -> Steps {
+        Steps {
+            issued: asked.issued,
+            deadline_ms: asked.deadline_ms,
+            before: 0,
+        }
+    }
+
+    /// The request that was the last step, which the next one names; 0 if there is none.
+    pub fn before(&self) -> u64 {
+        self.before
+    }
+
+    /// The requests of the next step. Several are a path.
+    pub fn next(&self, requests: impl IntoIterator<Item = MovementData>) -> Vec<MovementData> {
+        let first_ms = match self.deadline_ms {
+            0 => FIRST_STEP_MS,
+            deadline_ms => deadline_ms,
+        };
+        let next = |request: MovementData| match self.before {
+            0 => MovementData {
+                issued_ns: self.issued.0,
+                begin_by_ns: begin_by_ns(request.issued_ns, first_ms),
+                ..request
+            },
+            before => complete(request.following(before), false, self.deadline_ms),
+        };
+        requests.into_iter().map(next).collect()
+    }
+
+    /// A step was done by these requests.
+    pub fn done(&mut self, requests: &[MovementData]) {
+        if let Some(last) = requests.last() {
+            self.before = last.request_id;
+        }
     }
 }
 
@@ -319,9 +376,8 @@ pub(crate) struct Conversation<'a, R: Request> {
     failed: Option<Reason>,
     /// Whether each line says which robot it is about: the command is about several.
     names_robot: bool,
-    holds_on_exit: bool,
-    /// Not what is sent because a signal came.
-    is_interruptible: bool,
+    /// Of a path: what becomes of it without this command; `None` leaves it to the bridge.
+    without_sender: Option<SenderLost>,
     companion: Option<&'a mut (dyn Companion + 'a)>,
 }
 
@@ -352,15 +408,14 @@ impl<'a, R: Request> Conversation<'a, R> {
             previous_value: None,
             failed: None,
             names_robot: false,
-            holds_on_exit: false,
-            is_interruptible: true,
+            without_sender: None,
             companion: None,
         })
     }
 
-    /// Whether a hold is sent when the command ends before its requests do.
-    pub fn hold_on_exit(mut self, holds_on_exit: bool) -> Self {
-        self.holds_on_exit = holds_on_exit;
+    /// Says what becomes of the path when the command ends before it; `None` leaves it to the bridge.
+    pub fn without_sender(mut self, action: Option<SenderLost>) -> Self {
+        self.without_sender = action;
         self
     }
 
@@ -437,16 +492,14 @@ impl<'a, R: Request> Conversation<'a, R> {
             let now = MonotonicNs::now();
             let printed = self.receive(&mut exchange, requests.len(), format, now);
             let looked = self.companion.as_mut().map_or(Ok(()), |one| one.look());
-            // A terminal that is gone must not keep a hold from being sent.
-            let is_closed = printed.is_err() || self.holds_on_exit && looked.is_err();
             match exchange.next(now) {
                 Next::Over(outcome) => return self.judge(&exchange, outcome),
-                _ if is_closed => {
+                _ if printed.is_err() => {
                     let why = "standard output was closed";
-                    return Err(self.leave(why, exchange.progress(), requests.len()));
+                    return Err(self.leave(why, &exchange));
                 }
-                _ if self.is_interruptible && self.session.termination.requested() => {
-                    return Err(self.leave("interrupted", exchange.progress(), requests.len()));
+                _ if self.session.termination.requested() => {
+                    return Err(self.leave("interrupted", &exchange));
                 }
                 _ if looked.is_err() => return looked.map(|()| None),
                 Next::Send(index) => {
@@ -575,13 +628,13 @@ impl<'a, R: Request> Conversation<'a, R> {
     }
 
     /// The command ends before the final report.
-    fn leave(&self, why: &str, progress: Progress, total: usize) -> Failure {
+    fn leave(&self, why: &str, exchange: &Exchange) -> Failure {
+        let (progress, total) = (exchange.progress(), exchange.requests.len());
         let what = match progress {
             Progress::Incomplete if total > 1 => {
                 "the path was not complete, so nothing of it is flown".to_owned()
             }
-            _ if self.holds_on_exit => self.send_hold(),
-            Progress::Taken => self.verb.goes_on().to_owned(),
+            Progress::Taken => messages::without_sender(self.verb, self.without_sender).to_owned(),
             Progress::Incomplete => {
                 "it was withdrawn before the bridge answered; `ril status` shows whether it took effect".to_owned()
             }
@@ -589,28 +642,5 @@ impl<'a, R: Request> Conversation<'a, R> {
         let name = self.verb.name();
         let text = format!("{why} before the final report about {name}: {what}");
         Failure::new(ExitCode::OutcomeUnknown, text)
-    }
-
-    /// Lets the helicopter hover where it is. Says how that went.
-    fn send_hold(&self) -> String {
-        let hold = MovementData {
-            preempt: 1,
-            ..MovementData::hold(fresh_request_id())
-        };
-        let sent = Conversation::open(self.session, Verb::Hold, self.timeout).and_then(|bridge| {
-            let mut bridge = Conversation {
-                is_interruptible: false,
-                ..bridge
-            };
-            bridge.follow(&[hold], Until::Accepted, Format::Silent)
-        });
-        match sent {
-            Ok(_) => "a hold was sent and accepted; the helicopter stops and hovers".to_owned(),
-            Err(failure) => format!(
-                "the hold that was sent failed ({}); {}",
-                failure.chain().join(": "),
-                self.verb.goes_on()
-            ),
-        }
     }
 }

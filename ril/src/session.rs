@@ -11,6 +11,7 @@ use std::io;
 use std::os::fd::AsFd;
 use std::path::Path;
 use std::rc::Rc;
+use std::sync::OnceLock;
 use std::time::Duration;
 
 use ipc_types::payload::{
@@ -22,6 +23,7 @@ use ipc_types::{
     RobotId, SchedulingRole, Source, Subscriber, Topic, Waiter, request_slice,
 };
 use runtime::args::CommonArgs;
+use runtime::config::ConfigError;
 use runtime::config::resulting::{Origin, Resulting, given};
 use runtime::duration;
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -29,10 +31,13 @@ use runtime::signal::Termination;
 
 use crate::config::{Config, DEFAULT_FILE};
 use crate::options::{AskArgs, SampleArgs, wants_json};
-use crate::render::json_line;
+use crate::render::{json_line, note};
 
 /// Most users that are named who have a domain.
 const MAX_NAMED: usize = 4;
+
+/// How long an order waits for its configuration: no disk that works takes so long, and no operator notices it.
+const READ_LIMIT: Duration = Duration::from_millis(300);
 
 /// Begins logging and reads the configuration.
 ///
@@ -40,17 +45,43 @@ const MAX_NAMED: usize = 4;
 ///
 /// Code 78 when it is wrong; the quiet end when it was only to be checked, after it was printed.
 pub(crate) fn configuration(common: &CommonArgs) -> Result<Config, Failure> {
-    runtime::logging::init(common.verbosity())?;
-    if common.settings.check_config {
-        print_configuration("ril", &resulting(common)?)?;
-        return Err(Failure::quiet_end());
-    }
+    begin(common)?;
     let loaded = runtime::config::load::<Config>(
         common.settings.config.as_deref(),
         Path::new(DEFAULT_FILE),
     )?;
     tracing::debug!(file = ?loaded.file, config = ?loaded.value, "configuration");
     Ok(loaded.value)
+}
+
+/// Begins logging, and prints the configuration if that is all that was asked for. Reads nothing else.
+fn begin(common: &CommonArgs) -> Result<(), Failure> {
+    runtime::logging::init(common.verbosity())?;
+    match common.settings.check_config {
+        false => Ok(()),
+        true => {
+            print_configuration("ril", &resulting(common)?)?;
+            Err(Failure::quiet_end())
+        }
+    }
+}
+
+/// The configuration of an order, for which it waits no longer than [`READ_LIMIT`].
+fn configuration_in_time(common: &CommonArgs) -> Result<Config, ConfigError> {
+    let (file, default) = (common.settings.config.as_deref(), Path::new(DEFAULT_FILE));
+    let loaded = runtime::config::load_within::<Config>(file, default, READ_LIMIT)?;
+    tracing::debug!(file = ?loaded.file, config = ?loaded.value, "configuration");
+    Ok(loaded.value)
+}
+
+/// The built-in values in the place of a configuration, with a warning that says why.
+fn without_configuration(error: &ConfigError) -> Config {
+    let chain = Failure::new(ExitCode::Configuration, error.to_string());
+    note(format_args!(
+        "warning: {}; the order goes on with the built-in values",
+        chain.chain().join(": ")
+    ));
+    Config::default()
 }
 
 /// What the operator's commands run with.
@@ -199,9 +230,26 @@ pub(crate) fn process_of(key: &str) -> Option<&'static str> {
     own(key).map(ServiceId::provider)
 }
 
+/// When the operator gave the command: the first call is at the beginning of the process, and later ones say the same.
+pub(crate) fn began() -> MonotonicNs {
+    static BEGAN: OnceLock<MonotonicNs> = OnceLock::new();
+    *BEGAN.get_or_init(MonotonicNs::now)
+}
+
+/// What becomes of a command whose configuration is not read in time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unread {
+    /// It goes on with the built-in values, with a warning.
+    LeftOut,
+    /// It ends with code 78: what it does depends on values of the file.
+    Refused,
+}
+
 /// What a command has that asks the bridge for something.
 pub(crate) struct OrderContext {
     pub session: Session,
+    /// When the operator gave the command, however long it takes until its request goes out.
+    pub issued: MonotonicNs,
     pub config: Config,
     /// How long the bridge has for its first answer.
     pub timeout: Duration,
@@ -212,7 +260,18 @@ pub(crate) struct OrderContext {
 impl OrderContext {
     /// Of a command that changes something, which must not guess the robot.
     pub fn of(ask: &AskArgs) -> Result<OrderContext, Failure> {
-        let config = configuration(&ask.common)?;
+        OrderContext::with(ask, Unread::LeftOut)
+    }
+
+    /// Of a command that changes something; says what becomes of it when its configuration is not read in time.
+    pub fn with(ask: &AskArgs, unread: Unread) -> Result<OrderContext, Failure> {
+        begin(&ask.common)?;
+        let config = match configuration_in_time(&ask.common) {
+            Err(error @ ConfigError::NotInTime { .. }) if unread == Unread::LeftOut => {
+                without_configuration(&error)
+            }
+            read => read?,
+        };
         refuse_to_guess(&ask.common)?;
         OrderContext::new(ask, config)
     }
@@ -225,10 +284,50 @@ impl OrderContext {
     fn new(ask: &AskArgs, config: Config) -> Result<OrderContext, Failure> {
         Ok(OrderContext {
             session: Session::join(&ask.common)?,
+            issued: began(),
             timeout: ask.timeout.unwrap_or_else(|| config.request.timeout()),
             deadline_ms: ask.deadline.unwrap_or(config.request.deadline_ms),
             config,
         })
+    }
+}
+
+/// What a command has whose order goes out before its configuration is read: one that makes the helicopter safer is not kept by a disk.
+pub(crate) struct UrgentContext<'a> {
+    ask: &'a AskArgs,
+    pub session: Session,
+}
+
+impl<'a> UrgentContext<'a> {
+    /// Of a command for one robot, which must not guess it.
+    pub fn of(ask: &'a AskArgs) -> Result<UrgentContext<'a>, Failure> {
+        begin(&ask.common)?;
+        refuse_to_guess(&ask.common)?;
+        let session = Session::join(&ask.common)?;
+        Ok(UrgentContext { ask, session })
+    }
+
+    /// Of a command for all robots.
+    pub fn of_all(ask: &'a AskArgs) -> Result<UrgentContext<'a>, Failure> {
+        begin(&ask.common)?;
+        let session = Session::join(&ask.common)?;
+        Ok(UrgentContext { ask, session })
+    }
+
+    /// Until how long after its issue the order may begin, as command line or environment say; 0 leaves it to the bridge.
+    pub fn deadline_ms(&self) -> u32 {
+        self.ask.deadline.unwrap_or_default()
+    }
+
+    /// How long the bridge has for its first answer. To be called when the order is out: the configuration may say it, and what is
+    /// wrong with that is a warning now.
+    pub fn timeout(&self) -> Duration {
+        let read = || match configuration_in_time(&self.ask.common) {
+            Ok(config) => config,
+            Err(error) => without_configuration(&error),
+        };
+        let given = self.ask.timeout;
+        given.unwrap_or_else(|| read().request.timeout())
     }
 }
 

@@ -5,7 +5,8 @@
 //!
 //! [`proof`] has what the tests of each configuration prove; [`resulting`] says for `--check-config` what a process runs with, and where each value comes from.
 //!
-//! Reading a configuration never waits for another process: the bridge does it in flight.
+//! Reading a configuration never waits for another process: the bridge does it in flight. Who must not wait for a disk either uses
+//! [`load_within`].
 
 mod error;
 mod file;
@@ -17,13 +18,14 @@ mod tests;
 use std::fmt;
 use std::ops::RangeBounds;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 pub use serde::Deserializer;
 use serde::de::{DeserializeOwned, Error};
 
 pub use error::{ConfigError, Fault, nearest};
 use error::{explain, invalid};
-use file::read_or_default;
+use file::{read_or_default, read_within};
 
 /// A configuration and where it came from.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,8 +57,29 @@ pub fn load<T: DeserializeOwned + Default>(
     explicit: Option<&Path>,
     default_file: &Path,
 ) -> Result<Loaded<T>, ConfigError> {
-    let file = explicit.unwrap_or(default_file);
-    Ok(match read_or_default(explicit, default_file)? {
+    let text = read_or_default(explicit, default_file)?;
+    loaded(text, explicit.unwrap_or(default_file))
+}
+
+/// Reads the configuration as [`load`] does, for at most `limit`: a disk that hangs keeps the caller no longer.
+///
+/// # Errors
+/// As [`load`], and [`ConfigError::NotInTime`].
+pub fn load_within<T: DeserializeOwned + Default>(
+    explicit: Option<&Path>,
+    default_file: &Path,
+    limit: Duration,
+) -> Result<Loaded<T>, ConfigError> {
+    let text = read_within(explicit, default_file, limit)?;
+    loaded(text, explicit.unwrap_or(default_file))
+}
+
+/// What the text of `file` says; `None` if there is no file.
+fn loaded<T: DeserializeOwned + Default>(
+    text: Option<String>,
+    file: &Path,
+) -> Result<Loaded<T>, ConfigError> {
+    Ok(match text {
         Some(text) => Loaded {
             value: parse(&text, file)?,
             file: Some(file.to_owned()),

@@ -3,9 +3,11 @@
 //! Nothing here ends a process by itself: `main` returns what [`main_with`] gives it, so that every destructor has run.
 
 use std::error::Error;
-use std::io::{self, Write};
+use std::fmt::Write;
+use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use crate::output;
 use crate::signal;
 
 /// Defines [`ExitCode`]: for each its number, its name, and what to do about it.
@@ -189,18 +191,20 @@ impl Failure {
         chain
     }
 
-    /// Prints the error on `to`: one line `error: …`, one line for each cause, one for the next step.
-    fn print(&self, to: &mut impl Write) -> io::Result<()> {
+    /// What is printed: one line `error: …`, one line for each cause, one for the next step.
+    fn text(&self) -> String {
+        let mut printed = String::new();
         for (depth, text) in self.chain().iter().enumerate() {
-            match depth {
-                0 => writeln!(to, "error: {text}")?,
-                _ => writeln!(to, "  caused by: {text}")?,
-            }
+            // Writing into a text cannot fail.
+            let _ = match depth {
+                0 => writeln!(printed, "error: {text}"),
+                _ => writeln!(printed, "  caused by: {text}"),
+            };
         }
         if let Some(next_step) = &self.next_step {
-            writeln!(to, "  next step: {next_step}")?;
+            let _ = writeln!(printed, "  next step: {next_step}");
         }
-        Ok(())
+        printed
     }
 }
 
@@ -232,7 +236,8 @@ struct Explained {
     cause: Box<dyn Error + Send + Sync>,
 }
 
-/// The body of `main`: runs `run`, prints its error once on standard error and gives the exit code.
+/// The body of `main`: runs `run`, prints its error once on standard error and gives the exit code. What waits for standard error is
+/// written before the process ends, for at most [`output::END_LIMIT`]: no reader keeps it from its end.
 ///
 /// A limit on the size of files is an error as others are, see [`signal::survive_file_size_limits`].
 ///
@@ -246,19 +251,23 @@ pub fn main_and_report(
     run: impl FnOnce() -> Result<(), Failure>,
     report: impl FnOnce(&Failure),
 ) -> std::process::ExitCode {
+    output::bound_panics();
     let run = || {
         signal::survive_file_size_limits()
             .or_fail_with(ExitCode::Internal, "a signal handler cannot be installed")?;
         run()
     };
     let code = match catch_unwind(AssertUnwindSafe(run)) {
-        Ok(Ok(())) => ExitCode::Ok,
+        Ok(Ok(())) => {
+            output::finish("");
+            ExitCode::Ok
+        }
         Ok(Err(failure)) => {
-            // Standard error may be closed; the exit code still says enough.
-            let _ = failure.print(&mut io::stderr().lock());
             if failure.code != ExitCode::Ok {
                 report(&failure);
             }
+            // Standard error may be closed; the exit code still says enough.
+            output::finish(failure.text());
             if let Some(signal) = failure.signal {
                 signal::end_by(signal);
             }
@@ -268,10 +277,33 @@ pub fn main_and_report(
             report(&Failure::internal(
                 "a defect ended the process; the panic is on standard error",
             ));
+            output::finish("");
             ExitCode::Internal
         }
     };
     code.code().into()
+}
+
+/// The body of `main` of a program that is its command line: reads that, and then as [`main_with`].
+pub fn main_of<A: clap::Parser>(
+    run: impl FnOnce(A) -> Result<(), Failure>,
+) -> std::process::ExitCode {
+    match A::try_parse() {
+        Ok(args) => main_with(|| run(args)),
+        Err(error) => usage(&error).into(),
+    }
+}
+
+/// Prints what the parser of the command line has to print, and gives the exit code: a usage error on standard error, for which it waits
+/// no longer than for a failure, or the help that was asked for on standard output.
+pub fn usage(error: &clap::Error) -> u8 {
+    if error.use_stderr() {
+        output::finish(error.render().to_string());
+    } else {
+        // Standard output may be closed.
+        let _ = error.print();
+    }
+    u8::try_from(error.exit_code()).unwrap_or(ExitCode::Usage.code())
 }
 
 #[cfg(test)]
@@ -279,9 +311,7 @@ mod tests {
     use super::*;
 
     fn printed(failure: &Failure) -> String {
-        let mut text = Vec::new();
-        failure.print(&mut text).unwrap();
-        String::from_utf8(text).unwrap()
+        failure.text()
     }
 
     #[test]

@@ -1,12 +1,12 @@
 //! Diagnostics: `tracing` to standard error, so that standard output carries data alone. [`LogLines`] has the same lines for a
-//! recorder: a layer of `tracing` puts each line that the filter lets pass into a bounded channel, from whatever thread it
-//! comes, and never waits: a line that finds no room is counted. While no reader wants the lines, one costs the check of a
-//! flag.
+//! recorder. A layer of `tracing` each puts the lines that the filter lets pass into a bounded queue, from whatever thread they
+//! come, and never waits: a line that finds no room is counted. What becomes of the queue to standard error: [`output`]. While no
+//! reader wants the lines, one costs [`LogLines`] the check of a flag.
 
-use std::io;
+use std::io::Write;
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
 
 use rustix::time::{ClockId, clock_gettime};
 use tracing::level_filters::LevelFilter;
@@ -17,6 +17,7 @@ use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
 use tracing_subscriber::{EnvFilter, fmt};
 
 use crate::exit::{ExitCode, Failure};
+use crate::output::{self, LossyQueue, Output};
 
 /// The environment variable that chooses what is logged, in the syntax of `tracing_subscriber::EnvFilter`, such as
 /// `info,bridge=trace`. `-v` and `-q` rule over it.
@@ -45,14 +46,15 @@ impl Verbosity {
     }
 }
 
-/// Starts logging. Only the first call of a process has an effect, so that commands which contain others need not care.
+/// Starts logging, and the thread that writes it. Only the first call of a process has an effect, so that commands which contain others need not care.
 ///
 /// # Errors
 /// `RIL_LOG` cannot be understood (exit code 78).
 pub fn init(verbosity: Verbosity) -> Result<(), Failure> {
     let filter = filter(verbosity, std::env::var(LOG_VARIABLE).ok().as_deref())?;
+    let to = output::standard_error();
     let standard_error = fmt::layer()
-        .with_writer(io::stderr)
+        .with_writer(move || Line(to))
         // Plain text everywhere: a journal, a file and a terminal show the same.
         .with_ansi(false)
         // A closed standard error must not become a panic.
@@ -63,6 +65,27 @@ pub fn init(verbosity: Verbosity) -> Result<(), Failure> {
         .with(LineLayer);
     let _ = tracing::subscriber::set_global_default(subscriber);
     Ok(())
+}
+
+/// Longest line on standard error, bytes; a longer one is cut and ends with `…`. The queue's bound in bytes follows from it.
+const MAX_LINE: usize = 8192;
+
+/// A line for standard error, which the layer writes by one call.
+struct Line(&'static Output);
+
+impl Write for Line {
+    fn write(&mut self, line: &[u8]) -> std::io::Result<usize> {
+        let mut text = String::from_utf8_lossy(line).into_owned();
+        if text.len() > MAX_LINE {
+            text = cut(text, MAX_LINE - 1) + "\n";
+        }
+        self.0.put(text);
+        Ok(line.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
 }
 
 /// This level, and of the network library only its errors: it warns about each connection that an unknown peer tries, and such a peer
@@ -100,9 +123,8 @@ static TAP: OnceLock<Tap> = OnceLock::new();
 /// Where the layer puts the lines.
 #[derive(Debug)]
 struct Tap {
-    sender: SyncSender<LogLine>,
+    queue: LossyQueue<LogLine>,
     is_wanted: AtomicBool,
-    lost: AtomicU64,
 }
 
 /// A line of the log.
@@ -130,12 +152,11 @@ impl LogLines {
     pub fn claim() -> Option<LogLines> {
         let mut receiver = None;
         let tap = TAP.get_or_init(|| {
-            let (sender, lines) = sync_channel(MAX_WAITING);
+            let (queue, lines) = LossyQueue::new(MAX_WAITING);
             receiver = Some(lines);
             Tap {
-                sender,
+                queue,
                 is_wanted: AtomicBool::new(false),
-                lost: AtomicU64::new(0),
             }
         });
         receiver.map(|receiver| LogLines { receiver, tap })
@@ -145,12 +166,12 @@ impl LogLines {
     pub fn want(&self, is_wanted: bool) {
         self.tap.is_wanted.store(is_wanted, Ordering::Relaxed);
         self.receiver.try_iter().for_each(drop);
-        self.tap.lost.store(0, Ordering::Relaxed);
+        self.tap.queue.take_lost();
     }
 
     /// How many lines found no room since the last call.
     pub fn take_lost(&self) -> u64 {
-        self.tap.lost.swap(0, Ordering::Relaxed)
+        self.tap.queue.take_lost()
     }
 
     /// The lines that wait, oldest first.
@@ -185,17 +206,17 @@ impl<S: Subscriber> Layer<S> for LineLayer {
             at_ns: now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64,
             level: *event.metadata().level(),
             module: event.metadata().target().to_owned(),
-            text: cut(text),
+            text: cut(text, MAX_TEXT),
         };
-        if tap.sender.try_send(line).is_err() {
-            tap.lost.fetch_add(1, Ordering::Relaxed);
+        if tap.queue.offer(line).is_err() {
+            tap.queue.lose(1);
         }
     }
 }
 
-fn cut(mut text: String) -> String {
-    if text.len() > MAX_TEXT {
-        let mut end = MAX_TEXT - CUT.len();
+fn cut(mut text: String, most: usize) -> String {
+    if text.len() > most {
+        let mut end = most - CUT.len();
         while !text.is_char_boundary(end) {
             end -= 1;
         }

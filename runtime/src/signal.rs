@@ -8,8 +8,8 @@ use std::io::{self, Read, Write};
 use std::mem;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::UnixStream;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 
 use rustix::process::{Pid, Signal, getppid, set_parent_process_death_signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
@@ -24,6 +24,15 @@ const BY_HAND: usize = usize::MAX;
 
 /// Whether a [`Termination`] of this process owns the signals.
 static OWNED: AtomicBool = AtomicBool::new(false);
+
+/// Which signal came to the owner, also after it was dropped; 0 is none.
+static CAME: OnceLock<Arc<AtomicUsize>> = OnceLock::new();
+
+/// Whether a signal came since a [`Termination`] of this process owns them.
+pub(crate) fn has_come() -> bool {
+    let came = CAME.get();
+    came.is_some_and(|signal| signal.load(Ordering::Acquire) != 0)
+}
 
 /// The wish that this process end. Put [`as_fd`](AsFd::as_fd) into the wait; it becomes readable when the wish comes.
 ///
@@ -57,15 +66,23 @@ impl Termination {
         if OWNED.swap(true, Ordering::AcqRel) {
             return Err(SignalError::AlreadyOwned);
         }
+        let signal = Arc::clone(CAME.get_or_init(Arc::default));
+        signal.store(0, Ordering::Release);
         let mut termination = Termination {
             receiver,
-            signal: Arc::default(),
+            signal,
             is_owner: true,
             handlers: Vec::new(),
         };
         // From the first handler on a signal does not end the process, but what is to be done with it is not known before all are
         // registered. Until then it waits.
-        let _waiting = BlockedSignals::begin(SIGNALS)?;
+        #[allow(unsafe_code)]
+        let _waiting = BlockedSignals::begin(|set| {
+            for signal in SIGNALS {
+                // SAFETY: the set is there and the numbers are those of signals.
+                unsafe { libc::sigaddset(set, signal) };
+            }
+        })?;
         // The handlers of a signal run in the order of their registration.
         for signal in SIGNALS {
             if signal == SIGHUP && is_ignored(signal) {
@@ -122,21 +139,21 @@ impl Termination {
     }
 }
 
-/// Lets signals wait, for the calling thread, until it is dropped. Processes take their signals before they have other threads.
-struct BlockedSignals {
+/// Lets signals wait, for the calling thread, until it is dropped. Processes take their signals before they have other threads, but for
+/// those that [`block_all`] keeps away from them.
+#[derive(Debug)]
+pub(crate) struct BlockedSignals {
     before: libc::sigset_t,
 }
 
 impl BlockedSignals {
     #[allow(unsafe_code)]
-    fn begin<const N: usize>(signals: [i32; N]) -> io::Result<BlockedSignals> {
+    fn begin(fill: impl FnOnce(&mut libc::sigset_t)) -> io::Result<BlockedSignals> {
         // SAFETY: a set is filled by the call before it is read, and each call is given sets of this function alone.
         let (before, error) = unsafe {
             let (mut set, mut before) = (mem::zeroed(), mem::zeroed());
             libc::sigemptyset(&mut set);
-            for signal in signals {
-                libc::sigaddset(&mut set, signal);
-            }
+            fill(&mut set);
             let error = libc::pthread_sigmask(libc::SIG_BLOCK, &set, &mut before);
             (before, error)
         };
@@ -155,6 +172,13 @@ impl Drop for BlockedSignals {
             libc::pthread_sigmask(libc::SIG_SETMASK, &self.before, std::ptr::null_mut());
         }
     }
+}
+
+/// Lets every signal wait, for the calling thread and for threads that it starts, until what is returned is dropped.
+#[allow(unsafe_code)]
+pub(crate) fn block_all() -> io::Result<BlockedSignals> {
+    // SAFETY: the set is there.
+    BlockedSignals::begin(|set| _ = unsafe { libc::sigfillset(set) })
 }
 
 /// Whether the process that started this one had it ignore the signal.

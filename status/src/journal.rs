@@ -59,8 +59,9 @@ impl Journaled {
     /// See [`Status::apply`].
     pub fn apply(&mut self, now: MonotonicNs, input: Input) -> Option<Output> {
         self.write_pending();
-        // Between a sample and the word that it was published, the core has more than a snapshot.
-        if !matches!(input, Input::Published(_)) && self.writer.wants_snapshot(now) {
+        // Between a sample and the word that it was published, the core has more than a snapshot; and no sample waits for one.
+        let waits = self.writer.is_on() && matches!(input, Input::Sample(_));
+        if !waits && !matches!(input, Input::Published(_)) && self.writer.wants_snapshot(now) {
             let snapshot = Snapshot::take(&self.status, &self.text);
             self.writer.snapshot(now, &snapshot);
         }

@@ -2,7 +2,8 @@
 //! (`DSPHeroTelemetry2HeroTelemetry`).
 //!
 //! The source structs are taken apart without `..`, so that a new field does not compile until it is translated. A
-//! group that is not valid stays zero: nothing is made up of numbers that were never measured.
+//! group that is not valid stays zero: nothing is made up of numbers that were never measured. A position or a velocity of a GPS without
+//! a fix is such a number.
 
 use ipc_types::payload::{
     DspAcceleration, DspAngularRate, DspAttitude, DspGeographic, DspGpsVelocity, DspPanTilt,
@@ -23,7 +24,7 @@ pub fn translate(dsp: &DspTelemetry, calibration: &Calibration, now: MonotonicNs
         epoch_ns: source_epoch_ns,
         received_ns,
         dsp_time_ms,
-        valid_groups,
+        valid_groups: _,
         flying,
         gps_quality,
         dsp_boots,
@@ -55,7 +56,7 @@ pub fn translate(dsp: &DspTelemetry, calibration: &Calibration, now: MonotonicNs
         received_ns,
         published_ns: now.0,
         dsp_time_s: valid.or_zero(Group::Time, || f64::from(dsp_time_ms) / 1000.0),
-        valid_groups: u32::from(valid_groups),
+        valid_groups: u32::from(dsp.measured_groups()),
         flying: u32::from(flying),
         dsp_boots,
         dsp_errors,
@@ -385,6 +386,21 @@ mod tests {
                 assert!(lens(empty).iter().all(|&value| value == 0.0));
             }
         }
+    }
+
+    #[test]
+    fn without_a_fix_there_is_no_position_and_no_velocity() {
+        let mut dsp = full_sample();
+        dsp.gps_quality = 0;
+        let hero = hero(&dsp);
+        for (group, lens) in lenses() {
+            let is_of_a_fix = Group::OF_A_FIX & group.bit() != 0;
+            assert_eq!(hero.valid(group), !is_of_a_fix, "{group:?}");
+            if is_of_a_fix {
+                assert!(lens(&hero).iter().all(|&value| value == 0.0), "{group:?}");
+            }
+        }
+        assert_eq!(hero.valid_groups, u32::from(!Group::OF_A_FIX));
     }
 
     /// Gives the values of one group.

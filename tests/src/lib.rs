@@ -123,6 +123,7 @@ pub mod sandbox;
 pub mod script;
 pub mod stand_in;
 pub mod stranger;
+pub mod unread;
 pub mod watchdog;
 
 pub use domain::TestDomain;
@@ -138,4 +139,5 @@ pub use stand_in::{
     Answer, PortTable, Publishing, Received, StandInBridge, StandInPort, StandInServer,
     StandInStatus, StandInTopic,
 };
+pub use unread::UnreadPipe;
 pub use watchdog::Watchdog;

@@ -1,87 +1,209 @@
-//! From the bytes of the serial line to the sample of robot telemetry nothing is allocated, once the link is up.
+//! From the bytes of the serial line to the sample of robot telemetry nothing is allocated, once the link is up: by the real shells of
+//! bridge and status, on a pseudo-terminal and shared memory, while both journals are followed.
 //!
-//! The cores alone, against the simulator in virtual time; `ipc-types/tests/allocation.rs` has what shared memory costs.
+//! iceoryx2 0.10 itself keeps a handle of 104 bytes on the heap from the loan of a sample to its sending; `ipc-types/tests/allocation.rs`
+//! has it alone.
 
+use std::fs::File;
+use std::io::{Read, Write};
+use std::sync::atomic::Ordering;
+use std::thread;
 use std::time::Duration;
 
-use bridge::{Bridge, BridgeConfig, Input, Outputs, RequestKey};
+use bridge::BridgeConfig;
 use dsp_sim::simulator::{Setup, Simulator};
-use ipc_types::MonotonicNs;
-use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RequestReport};
-use status::calibration::Calibration;
-use status::core::{Output, Status};
-use status::log::Logs;
+use ipc_types::payload::{BridgeJournal, DspTelemetry, HeroTelemetry, ModuleState, StatusJournal};
+use ipc_types::{Ipc, StateOf, StatusModule, Subscriber, Topic};
+use ril_tests::{TestDomain, pty};
+use runtime::notify::Notifier;
+use runtime::signal::Termination;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use status::shell::Shell;
 
-use crate::bytes::heap::Heap;
+use crate::bytes::heap::Watched;
 
-/// Status behind the bridge, as in two processes.
-struct Behind {
-    status: Status,
-    now: MonotonicNs,
-    samples: u64,
-    latest: HeroTelemetry,
+/// Bytes of what iceoryx2 allocates for a sample.
+const HANDLE: usize = 104;
+
+/// How much the simulated clock advances in a round, and how long a round waits for bytes.
+const ROUND: Duration = Duration::from_millis(10);
+const BYTES_COME: Timespec = Timespec {
+    tv_sec: 0,
+    tv_nsec: 2_000_000,
+};
+
+/// Samples until all buffers have their size, and samples of the measurement.
+const WARM_UP: u64 = 500;
+const SAMPLES: u64 = 1_000;
+
+static BRIDGE: Watched = Watched::new();
+static STATUS: Watched = Watched::new();
+
+/// A DSP at the other end of the line.
+struct Dsp {
+    simulator: Simulator,
+    now: Duration,
+    line: File,
 }
 
-impl Outputs for Behind {
-    fn notice(&mut self, _: &bridge::outputs::Notice) {}
-
-    fn telemetry(&mut self, fill: &mut dyn FnMut(&mut DspTelemetry)) {
-        let mut sample = DspTelemetry::default();
-        fill(&mut sample);
-        self.samples += 1;
-        (sample.sequence, sample.epoch_ns) = (self.samples, 1);
-        let translated = self.status.apply(self.now, status::Input::Sample(sample));
-        if let Some(Output::Telemetry(hero)) = translated {
-            self.latest = hero;
+impl Dsp {
+    fn round(&mut self) {
+        self.now += ROUND;
+        self.simulator.advance(self.now);
+        let mut line = &self.line;
+        self.simulator
+            .transmit(|bytes| line.write(bytes).expect("a terminal"));
+        let mut ready = [PollFd::new(&self.line, PollFlags::IN)];
+        if poll(&mut ready, Some(&BYTES_COME)) == Ok(1) {
+            let mut bytes = [0; 4096];
+            let count = line.read(&mut bytes).expect("a terminal");
+            self.simulator.receive(self.now, &bytes[..count]);
         }
-        self.status
-            .apply(self.now, status::Input::Published(Ok(())));
+    }
+}
+
+/// All that bridge and status publish in a flight.
+struct Consumer {
+    dsp: Subscriber<DspTelemetry>,
+    hero: Subscriber<HeroTelemetry>,
+    bridge: (Subscriber<BridgeJournal>, Subscriber<ModuleState>),
+    status: (Subscriber<StatusJournal>, Subscriber<StateOf<StatusModule>>),
+    /// How often a journal had a snapshot, which is made when no sample waits for it.
+    snapshots: u64,
+}
+
+impl Consumer {
+    fn new(ipc: &Ipc) -> Consumer {
+        fn subscribe<T: Topic>(ipc: &Ipc) -> Subscriber<T> {
+            ipc.subscriber().expect("a subscriber")
+        }
+        Consumer {
+            dsp: subscribe(ipc),
+            hero: subscribe(ipc),
+            bridge: (subscribe(ipc), subscribe(ipc)),
+            status: (subscribe(ipc), subscribe(ipc)),
+            snapshots: 0,
+        }
     }
 
-    fn state(&mut self, _state: &ModuleState) {}
+    /// Samples that were published so far: of robot telemetry, of the bridge, of status.
+    fn drain(&mut self) -> [u64; 3] {
+        fn drain<T: Topic>(from: &mut Subscriber<T>, mut sample: impl FnMut(&T)) -> u64 {
+            from.drain(|it| sample(it)).expect("samples");
+            let losses = from.losses();
+            losses.received + losses.lost
+        }
+        let dsp = drain(&mut self.dsp, |_| {});
+        let hero = drain(&mut self.hero, |_| {});
+        let snapshots = &mut self.snapshots;
+        let bridge = drain(&mut self.bridge.0, |piece| {
+            *snapshots += u64::from(piece.begins != 0)
+        }) + drain(&mut self.bridge.1, |_| {});
+        let status = drain(&mut self.status.0, |piece| {
+            *snapshots += u64::from(piece.begins != 0)
+        }) + drain(&mut self.status.1, |_| {});
+        [hero, dsp + bridge, hero + status]
+    }
+}
 
-    fn report(&mut self, _to: RequestKey, _report: &RequestReport) {}
+/// What a process did in a measurement.
+struct Figures {
+    allocations: u64,
+    longest: usize,
+    /// Samples of all its topics.
+    published: u64,
+}
+
+/// Measures both processes, unless a journal has a snapshot meanwhile.
+fn measure(dsp: &mut Dsp, consumer: &mut Consumer) -> Option<[(&'static str, Figures); 2]> {
+    let processes = [("bridge", &BRIDGE), ("status", &STATUS)];
+    let allocations = || processes.map(|(_, it)| it.allocations.load(Ordering::Relaxed));
+    let before = (consumer.drain(), allocations(), consumer.snapshots);
+    for (_, watched) in processes {
+        watched.longest.store(0, Ordering::Relaxed);
+    }
+    let mut after = before.0;
+    while after[0] < before.0[0] + SAMPLES {
+        dsp.round();
+        after = consumer.drain();
+    }
+    let allocated = allocations();
+    // What was allocated just now may be for a sample that comes with the next round.
+    dsp.round();
+    after = consumer.drain();
+    let figures = |index: usize| Figures {
+        allocations: allocated[index] - before.1[index],
+        longest: processes[index].1.longest.load(Ordering::Relaxed),
+        published: after[index + 1] - before.0[index + 1],
+    };
+    let [bridge, status] = processes.map(|(name, _)| name);
+    (consumer.snapshots == before.2).then(|| [(bridge, figures(0)), (status, figures(1))])
 }
 
 #[test]
 fn nothing_is_allocated_between_the_line_and_the_consumer() {
-    const WARM_UP: Duration = Duration::from_secs(3);
-    const END: Duration = Duration::from_secs(13);
-    let mut dsp = Simulator::new(Setup::default());
-    let mut bridge = Bridge::new(&BridgeConfig::default());
-    let mut behind = Behind {
-        status: Status::new(Calibration::default(), Logs::default(), MonotonicNs(1)),
-        now: MonotonicNs::default(),
-        samples: 0,
-        latest: HeroTelemetry::default(),
-    };
-    bridge.apply(MonotonicNs(1), Input::PortOpened, &mut behind);
-    let (mut now, mut line) = (Duration::ZERO, Vec::with_capacity(4096));
-    let (mut allocations, mut counted_from) = (0, 0);
-    while now < END {
-        now += Duration::from_millis(1);
-        behind.now = MonotonicNs(1) + now;
-        dsp.advance(now);
-        line.clear();
-        dsp.transmit(|bytes| {
-            line.extend_from_slice(bytes);
-            bytes.len()
+    let domain = TestDomain::new();
+    let (line, port) = pty::open();
+    let mut config = BridgeConfig::default();
+    config.serial.port = port;
+    let (bridge_end, end_bridge) = Termination::by_hand().expect("a pair of sockets");
+    let (status_end, end_status) = Termination::by_hand().expect("a pair of sockets");
+    thread::scope(|scope| {
+        scope.spawn(|| {
+            BRIDGE.watch();
+            let ipc = domain.join("bridge");
+            let no_fence = || Err("there is no file".to_owned());
+            let supervisor = Notifier::from_env();
+            bridge::shell::run(&config, no_fence, &ipc, &bridge_end, &supervisor)
+                .expect("a bridge");
         });
-        let before = Heap::now();
-        bridge.apply(behind.now, Input::Received(&line), &mut behind);
-        bridge.apply(behind.now, Input::Advance, &mut behind);
-        let count = bridge.transmit(behind.now).len();
-        if now > WARM_UP {
-            allocations += before.since().allocations;
-        } else {
-            counted_from = behind.samples;
+        scope.spawn(|| {
+            STATUS.watch();
+            let shell = Shell::open(domain.join("status"), &status::config::Config::default());
+            let ended = shell.and_then(|shell| shell.run(&status_end, &Notifier::from_env()));
+            ended.expect("a status");
+        });
+        // Both end with this, whatever fails.
+        let (_end_bridge, _end_status) = (end_bridge, end_status);
+        let mut consumer = Consumer::new(&domain.join("consumer"));
+        let mut dsp = Dsp {
+            simulator: Simulator::new(Setup::default()),
+            now: Duration::ZERO,
+            line,
+        };
+        let mut seen = [0; 3];
+        while seen[0] < WARM_UP {
+            dsp.round();
+            seen = consumer.drain();
         }
-        let taken = dsp.receive(now, bridge.transmit(behind.now));
-        assert_eq!(taken, count);
-        bridge.apply(behind.now, Input::Transmitted(taken), &mut behind);
-    }
-    let samples = behind.samples - counted_from;
-    assert!(samples >= 400, "{samples} samples");
-    assert_eq!(behind.latest.source_sequence, behind.samples);
-    assert_eq!(allocations, 0, "over {samples} samples");
+        // Another one who joins makes both journals have a snapshot, after which no buffer may be a new one.
+        let mut second = Consumer::new(&domain.join("consumer"));
+        while second.drain()[0] < WARM_UP {
+            dsp.round();
+            consumer.drain();
+        }
+        let mut measured = None;
+        while measured.is_none() {
+            measured = measure(&mut dsp, &mut consumer);
+            second.drain();
+        }
+        for (
+            name,
+            Figures {
+                allocations,
+                longest,
+                published,
+            },
+        ) in measured.into_iter().flatten()
+        {
+            println!(
+                "{name}: {allocations} allocations of at most {longest} bytes, {published} samples"
+            );
+            assert!(
+                allocations <= published,
+                "{name}: {allocations} for {published} samples"
+            );
+            assert!(longest <= HANDLE, "{name}: {longest} bytes");
+        }
+    });
 }

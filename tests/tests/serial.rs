@@ -6,9 +6,9 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::path::Path;
 
 use bridge::config::SerialConfig;
-use bridge::shell::serial::SerialPort;
+use bridge::shell::serial::{OpenError, SerialPort};
 use dsp_sim::port::Terminal;
-use dsp_sim::pty::{Pty, SymbolicLink};
+use dsp_sim::pty::{Pty, PtyPort, SymbolicLink};
 use ril_tests::process::WAIT_LIMIT;
 use ril_tests::{PtyFolder, Watchdog};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -94,6 +94,40 @@ fn every_byte_and_every_pair_of_bytes_passes_both_ways() {
         |buffer| port.read(buffer).expect("a port"),
     );
     nothing_is_left(&port, &sender);
+}
+
+/// The kernel gives the terminal of a simulator that was killed to another program: here to this test.
+#[test]
+fn the_link_of_a_simulator_that_was_killed_is_not_opened() {
+    let _watchdog = Watchdog::start();
+    let folder = PtyFolder::new();
+    let (link, kept) = (folder.path().join("dsp"), folder.path().join("kept"));
+    let owner = folder.path().join("dsp.owner");
+    let config = SerialConfig {
+        port: link.clone(),
+        ..SerialConfig::default()
+    };
+    let killed = PtyPort::new(&link).expect("a port");
+    drop(open(&link));
+    std::fs::copy(&owner, &kept).expect("the file of the simulator");
+    drop(killed);
+    // What a kill leaves: the file without its lock, and the link.
+    std::fs::rename(&kept, &owner).expect("a folder");
+    let other = Pty::open().expect("a pty");
+    let left = SymbolicLink::create(&link, other.path()).expect("a link");
+    let error = SerialPort::open(&config).expect_err("another one's terminal");
+    assert!(matches!(error, OpenError::Stale(_)), "{error}");
+    // A simulator that lives, but whose terminal is another one.
+    let again = PtyPort::new(&link).expect("a port");
+    open(&link);
+    std::fs::remove_file(&link).expect("a link");
+    let turned = SymbolicLink::create(&link, other.path()).expect("a link");
+    let error = SerialPort::open(&config).expect_err("another one's terminal");
+    assert!(matches!(error, OpenError::Stale(_)), "{error}");
+    drop((left, turned, again));
+    // Made by hand.
+    let _by_hand = SymbolicLink::create(&link, other.path()).expect("a link");
+    open(&link);
 }
 
 #[test]

@@ -198,6 +198,16 @@ int hero_ril_take_off(hero_ril_client *client, double altitude_m, uint64_t *requ
 int hero_ril_land(hero_ril_client *client, int preempt, uint64_t *request_id);
 int hero_ril_hold(hero_ril_client *client, uint64_t *request_id);
 
+/* The client's next start, stop, take-off, landing, hold or path is the next step of the command whose last step is `request_id`: the
+ * bridge takes it only if nothing came between, and else refuses it as `superseded`, with what did (`between` of the report). Between:
+ * an order of any program, the pilot, a safety rule, a loss of the link. hero_ril_send takes the field `after` of the struct instead. */
+int hero_ril_follow(hero_ril_client *client, uint64_t request_id);
+
+/* From now on a path of hero_ril_go_to() says what becomes of it when this program ends, or closes the client: a HERO_SENDER_LOST_...,
+ * or 0 for the bridge's default, which is hold. With a `lease_ms` of 500 to 60000, the helicopter hovers also when this program does not
+ * call a function that looks at the client's reports for so long; 0 is no lease. */
+int hero_ril_when_lost(hero_ril_client *client, int sender_lost, int lease_ms);
+
 /* Flies a path of 1 to 1024 waypoints. The id is that of the last waypoint, or of the first one that was refused. */
 int hero_ril_go_to(hero_ril_client *client, const hero_ril_waypoint *waypoints, size_t count, int preempt, uint64_t *request_id);
 

@@ -320,11 +320,20 @@ class Client {
         handle_.reset(client);
     }
 
+    /* The next order is the next step behind this one, see hero_ril_follow: client.after(take_off).go_to(path). */
+    Client &after(const Request &step) {
+        detail::check(hero_ril_follow(handle_.get(), step.id()));
+        return *this;
+    }
+
     Request start() { return sent(hero_ril_start); }
     Request stop() { return sent(hero_ril_stop); }
     Request hold() { return sent(hero_ril_hold); }
     Request take_off(double altitude_m) { return sent(hero_ril_take_off, altitude_m); }
     Request land(bool preempt = false) { return sent(hero_ril_land, preempt ? 1 : 0); }
+    /* What becomes of the paths that follow when this program ends (0: the bridge's default), or hangs for the lease (0: none). */
+    void when_lost(int sender_lost, int lease_ms = 0) { detail::check(hero_ril_when_lost(handle_.get(), sender_lost, lease_ms)); }
+
     Request go_to(const std::vector<Waypoint> &path, bool preempt = false) {
         return sent(hero_ril_go_to, path.data(), path.size(), preempt ? 1 : 0);
     }

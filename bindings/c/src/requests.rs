@@ -4,7 +4,8 @@ use std::collections::VecDeque;
 use std::os::fd::{AsRawFd, RawFd};
 use std::time::{Duration, Instant};
 
-use ipc_types::code::{ControlCommand, Reason, Stage};
+use ipc_types::code::{ControlCommand, Reason, SenderLost, Stage};
+use ipc_types::lease::LEASES_MS;
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport, WaypointPosition};
 use ipc_types::waiter::SAFETY_BOUND;
 use ipc_types::{
@@ -35,6 +36,10 @@ pub struct Requests {
     waiting: VecDeque<RequestReport>,
     /// Waypoints of paths before the last one, of whose reports only a refusal is handed on.
     quiet: Vec<u64>,
+    /// What becomes of the paths of [`Requests::go_to`] without this program: a number of `SenderLost`, and a lease.
+    when_lost: (u32, u32),
+    /// The step before of the next request; 0 if it follows no other.
+    before: u64,
     waiter: Waiter,
 }
 
@@ -57,6 +62,8 @@ impl Requests {
             clients: Vec::new(),
             waiting: VecDeque::new(),
             quiet: Vec::new(),
+            when_lost: (0, 0),
+            before: 0,
             waiter: Waiter::new(),
         }
     }
@@ -102,6 +109,17 @@ impl Requests {
         }
     }
 
+    /// The next start, stop or movement is the step of a command whose step before is the request `before`: it is taken only if
+    /// nothing came between.
+    pub fn follow(&mut self, before: u64) {
+        self.before = before;
+    }
+
+    fn movement(&mut self, movement: MovementData) -> Result<u64, Error> {
+        let before = std::mem::take(&mut self.before);
+        self.send_own(&movement.following(before))
+    }
+
     /// Sends a request of the robot's own.
     fn send_own<R: Request>(&mut self, request: &R) -> Result<u64, Error> {
         self.send(&ServiceName::of_key(R::KEY), request.bytes())
@@ -113,7 +131,10 @@ impl Requests {
     ///
     /// When the request was not sent.
     pub fn control(&mut self, command: ControlCommand) -> Result<u64, Error> {
-        self.send_own(&ModuleControl::new(0, command))
+        self.send_own(&ModuleControl {
+            after: std::mem::take(&mut self.before),
+            ..ModuleControl::new(0, command)
+        })
     }
 
     /// Takes off and climbs to this height above take-off, m.
@@ -122,7 +143,7 @@ impl Requests {
     ///
     /// When the request was not sent.
     pub fn take_off(&mut self, altitude_m: f64) -> Result<u64, Error> {
-        self.send_own(&MovementData::take_off(0, altitude_m))
+        self.movement(MovementData::take_off(0, altitude_m))
     }
 
     /// Lands; with `preempt` out of a path that is under way.
@@ -132,7 +153,7 @@ impl Requests {
     /// When the request was not sent.
     pub fn land(&mut self, preempt: bool) -> Result<u64, Error> {
         let land = MovementData::land(0);
-        self.send_own(&if preempt { land.preempting() } else { land })
+        self.movement(if preempt { land.preempting() } else { land })
     }
 
     /// Hovers on the spot; a path that is under way ends as replaced.
@@ -141,7 +162,26 @@ impl Requests {
     ///
     /// When the request was not sent.
     pub fn hold(&mut self) -> Result<u64, Error> {
-        self.send_own(&MovementData::hold(0))
+        self.movement(MovementData::hold(0))
+    }
+
+    /// From now on a path of [`Requests::go_to`] says what becomes of it when this program ends: a `SenderLost`, or 0 for the bridge's
+    /// default. With a lease that is not 0, ms, the same when this program does not look at its reports for so long.
+    ///
+    /// # Errors
+    ///
+    /// When the contract has no such action, or lease.
+    pub fn when_lost(&mut self, action: u32, lease_ms: u32) -> Result<(), Error> {
+        let is_known = action == 0 || SenderLost::from_code(action).is_some();
+        if !is_known || lease_ms != 0 && !LEASES_MS.contains(&lease_ms) {
+            return Err(Error::Invalid(format!(
+                "a path says 0 to 3, and has a lease of {} to {} ms, or of 0; {action} and {lease_ms} were given",
+                LEASES_MS.start(),
+                LEASES_MS.end()
+            )));
+        }
+        self.when_lost = (action, lease_ms);
+        Ok(())
     }
 
     /// Flies a path. Returns the id of the request to follow: that of the last waypoint, or of the one that was refused.
@@ -153,15 +193,22 @@ impl Requests {
     ///
     /// When a waypoint was not sent.
     pub fn go_to(&mut self, path: &[WaypointPosition], preempt: bool) -> Result<u64, Error> {
+        let before = std::mem::take(&mut self.before);
         check_waypoints(path.len())?;
         let last = path.len() - 1;
         let path_id = fresh_request_id();
         for (index, waypoint) in MovementData::path(path_id, path, fresh_request_id).enumerate() {
+            let waypoint = waypoint.following(before);
             let waypoint = match preempt {
                 true => waypoint.preempting(),
                 false => waypoint,
             };
-            let id = self.send_own(&waypoint)?;
+            let (sender_lost, lease_ms) = self.when_lost;
+            let id = self.send_own(&MovementData {
+                sender_lost,
+                lease_ms,
+                ..waypoint
+            })?;
             if index == last {
                 return Ok(id);
             }

@@ -104,6 +104,10 @@ fn null_pointers_and_senseless_arguments_are_errors() {
             -1,
             "service",
         );
+        assert_eq!(hero_ril_when_lost(client, 3, 60_000), 0);
+        for (action, lease_ms) in [(4, 0), (-1, 0), (2, 499), (2, -500)] {
+            refused(hero_ril_when_lost(client, action, lease_ms), -1, "lease");
+        }
         refused(
             hero_ril_go_to(client, null(), 1, 0, null_mut()),
             -1,

@@ -28,6 +28,7 @@ use ipc_types::{
 };
 use module_kit::runtime::config::Fault;
 use module_kit::runtime::exit::{self, ExitCode, Failure};
+use module_kit::runtime::output;
 use module_kit::runtime::signal::Termination;
 use module_kit::{OnStop, SetUp};
 use pyo3::exceptions::{PySystemExit as SystemExit, PyValueError};
@@ -511,6 +512,11 @@ impl Client {
         self.sent(py, |requests| requests.send(&service, request))
     }
 
+    fn follow(&mut self, before: u64) -> PyResult<()> {
+        self.requests.get()?.follow(before);
+        Ok(())
+    }
+
     fn start(&mut self, py: Python<'_>) -> PyResult<u64> {
         self.sent(py, |requests| requests.control(ControlCommand::Start))
     }
@@ -529,6 +535,10 @@ impl Client {
 
     fn hold(&mut self, py: Python<'_>) -> PyResult<u64> {
         self.sent(py, Requests::hold)
+    }
+
+    fn when_lost(&mut self, py: Python<'_>, action: u32, lease_ms: u32) -> PyResult<u64> {
+        self.sent(py, |requests| requests.when_lost(action, lease_ms).map(|()| 0))
     }
 
     fn go_to(
@@ -702,8 +712,7 @@ impl Module {
         // Once in a process.
         let leaked: &'static str = name.to_owned().leak();
         let args = module_kit::options(leaked, words).map_err(|error| {
-            let _ = error.print();
-            SystemExit::new_err(error.exit_code())
+            SystemExit::new_err(exit::usage(&error))
         })?;
         let mut raised = None;
         let set_up =
@@ -717,9 +726,10 @@ impl Module {
         if let Some(error) = raised {
             return Err(error);
         }
-        let set_up = set_up
-            .map_err(end)?
-            .ok_or_else(|| SystemExit::new_err(ExitCode::Ok.code()))?;
+        let set_up = set_up.map_err(end)?.ok_or_else(|| {
+            output::finish("");
+            SystemExit::new_err(ExitCode::Ok.code())
+        })?;
         let ipc = py.detach(|| join(&set_up.domain, set_up.robot.get(), name));
         let ipc = ipc.map_err(|error| end(Failure::internal(error)))?;
         let module = Module::of(py, &ipc, name, id, Some(set_up.termination));
@@ -801,6 +811,8 @@ impl Module {
 
     fn close(&mut self, py: Python<'_>) {
         self.module.close(py);
+        // The interpreter does not wait for threads that are not its own.
+        py.detach(|| output::finish(""));
     }
 }
 
@@ -868,6 +880,7 @@ fn wait_for(py: Python<'_>, descriptor: i32, timeout_s: Option<f64>) -> PyResult
 
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    output::bound_panics();
     module.add_class::<Robot>()?;
     module.add_class::<Subscriber>()?;
     module.add_class::<Publisher>()?;

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
+use ipc_types::code::SenderLost;
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -105,6 +106,27 @@ pub struct MovementLimits {
     /// Highest altitude of a waypoint.
     #[serde(deserialize_with = "altitude_m")]
     pub max_altitude_m: f64,
+    /// What becomes of a path whose sender is lost, when its request does not say.
+    #[serde(with = "by_name")]
+    pub sender_lost: SenderLost,
+}
+
+/// As the name that people write.
+mod by_name {
+    use super::SenderLost;
+    use serde::de::{Deserialize, Deserializer, Error};
+    use serde::ser::Serializer;
+
+    pub fn serialize<S: Serializer>(value: &SenderLost, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(value.name())
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<SenderLost, D::Error> {
+        let name = String::deserialize(from)?;
+        let mut all = SenderLost::ALL.into_iter();
+        all.find(|value| value.name() == name)
+            .ok_or_else(|| D::Error::custom(format!("`{name}` is none of continue, hold, land")))
+    }
 }
 
 impl Default for MovementLimits {
@@ -116,6 +138,7 @@ impl Default for MovementLimits {
             max_distance_m: 10_000.0,
             min_altitude_m: -1000.0,
             max_altitude_m: 20_000.0,
+            sender_lost: SenderLost::Hold,
         }
     }
 }

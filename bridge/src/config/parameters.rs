@@ -9,6 +9,8 @@ use serde::de::{Error as _, MapAccess, Visitor};
 use serde::ser::SerializeMap;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::safety::fence::Speeds;
+
 /// `[parameters]`: values for the ports of `docs/protocol.md` section 6, by name; written
 /// in the order of the port numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -45,16 +47,26 @@ impl ParametersConfig {
         written.or(at_boot).unwrap_or_default()
     }
 
-    /// The radius in which the DSP takes a waypoint for reached: the one that was written, or that of its boot.
+    /// The radius in which the DSP takes a waypoint for reached.
     pub fn acceptance_radius_m(&self) -> f64 {
+        self.value_32(port::ACCEPTANCE_RADIUS_M)
+    }
+
+    /// How fast the DSP flies a path.
+    pub fn speeds(&self) -> Speeds {
+        Speeds {
+            cruise_mps: self.value_32(port::CRUISE_SPEED_MPS),
+            climb_mps: self.value_32(port::CLIMB_SPEED_MPS),
+        }
+    }
+
+    /// The value of a 32-bit port: the one that was written, or that of the DSP's boot.
+    fn value_32(&self, number: u16) -> f64 {
         let written = self.0.iter().find_map(|write| match write {
-            Command::Write32 {
-                port: port::ACCEPTANCE_RADIUS_M,
-                value,
-            } => Some(*value),
+            Command::Write32 { port, value } if *port == number => Some(*value),
             _ => None,
         });
-        let at_boot = port::port32(port::ACCEPTANCE_RADIUS_M).map(|port| port.boot);
+        let at_boot = port::port32(number).map(|port| port.boot);
         f64::from(written.or(at_boot).unwrap_or_default())
     }
 

@@ -5,10 +5,11 @@ use std::time::Duration;
 
 use dsp_protocol::downlink::Geographic;
 use dsp_protocol::{Command, port};
-use ipc_types::code::{ImiError, MovementKind, Reason, SafetyAction, Stage};
+use ipc_types::code::{CameBetween, ImiError, MovementKind, Reason, SafetyAction, Stage};
 use ipc_types::payload::MovementState;
 
 use super::dsp_order::{Doubt, DspOrder};
+use super::last_order::{LastOrder, movement};
 use super::motion::{Action, Event, Motion, MovementOrder, PathStep, Rest};
 use super::report::{Detail, Verdict};
 use super::route::Counted;
@@ -18,7 +19,7 @@ use crate::link::FlightCommand;
 use crate::link::commands::ALWAYS;
 use crate::link::session::DspPath;
 use crate::outputs::Notice;
-use crate::safety::{AreaName, Intervention};
+use crate::safety::{AreaName, Intervention, Judged};
 
 /// Pause between two looks at the port of a take-off or landing, while the order is not confirmed or the rotor runs down.
 const LOOK_PERIOD: Duration = Duration::from_millis(250);
@@ -176,7 +177,12 @@ impl Flight {
         let paths = [self.motion.path_step(), motion.path_step()];
         self.is_outline_changed |= paths.iter().any(Option::is_some);
         self.motion = motion;
-        for timer in [FlightTimer::Begin, FlightTimer::Limit, FlightTimer::Step] {
+        for timer in [
+            FlightTimer::Begin,
+            FlightTimer::Limit,
+            FlightTimer::Step,
+            FlightTimer::Lease,
+        ] {
             self.timers.stop(timer);
         }
         self.refusal = ImiError::None;
@@ -202,9 +208,10 @@ impl Flight {
             let begin_by = cx.now + self.config.movement.begin_within();
             return self.timers.arm(FlightTimer::Begin, begin_by);
         };
-        self.answers.take(&header);
         self.timers.arm(FlightTimer::Begin, header.begin_by);
         if !is_accepted {
+            let kind = motion.kind().unwrap_or(MovementKind::Hold);
+            self.answers.take(&header, movement(kind));
             let reason = match motion {
                 Motion::Deferred { .. } => Reason::LinkDown,
                 _ => Reason::None,
@@ -306,8 +313,10 @@ impl Flight {
     ) -> Result<(), Verdict> {
         // The helicopter may have moved since the first waypoint came.
         let ground_m = self.observation.ground_altitude_m();
+        let speeds = cx.link.parameters().speeds();
         if let Some(first) = self.assembler.waypoints().first().copied()
-            && let Err(refusal) = self.safety.check_leg(&here(position), &first, 1, ground_m)
+            && let Err(refusal) =
+                (self.safety).check_leg(&here(position), &first, 1, &speeds, ground_m)
         {
             self.break_path(Reason::PathBroken, cx);
             return Err(refusal.into());
@@ -318,6 +327,9 @@ impl Flight {
         let count = self.assembler.waypoints().len();
         let step = PathStep::AwaitingEmpty;
         self.begin(Motion::Following { order, step }, count, cx);
+        if let Some(lease) = order.requester.and_then(|header| header.lost.lease) {
+            self.timers.arm(FlightTimer::Lease, cx.now + lease);
+        }
         match cx.link.path() {
             DspPath::Empty => self.begin_path(cx),
             // The link is emptying it.
@@ -507,9 +519,17 @@ impl Flight {
         let flying = self.observation.flying(cx.now) == Some(true);
         // Take-off and landing pass every altitude; they are vertical, and the fence was asked before.
         let is_flown = flying && !self.motion.unable_to_abort();
+        let judged = Judged {
+            fence: is_flown,
+            ahead: is_flown && self.motion.path_step().is_some(),
+            position: flying && !matches!(self.motion, Motion::TakingOff { .. }),
+        };
         let facts = self.observation.safety_facts(cx.now);
-        let is_new = self.safety.look(&facts, cx.now, is_flown);
+        let is_new = self.safety.look(&facts, cx.now, judged);
         let present = self.safety.present;
+        if self.safety.is_taken_over(&facts) {
+            self.happened(CameBetween::Pilot, cx);
+        }
         if is_new {
             self.is_changed = true;
             cx.out.notice(&Notice::Safety {
@@ -526,12 +546,16 @@ impl Flight {
                 violation,
                 area: AreaName::default(),
             });
-            if violation.is_some_and(|violation| violation.action == SafetyAction::Land) {
+            if let Some(violation) = violation.filter(|one| one.action == SafetyAction::Land) {
+                self.answers.take_event(LastOrder::rule(&violation), cx.now);
                 self.happen(Event::SafetyLand, cx);
             }
         }
         let Some(violation) = present else { return };
         if let SafetyAction::Hold | SafetyAction::Land = violation.action {
+            if is_new {
+                self.answers.take_event(LastOrder::rule(&violation), cx.now);
+            }
             self.break_path(violation.reason(), cx);
             self.happen(Event::SafetyHold(violation), cx);
         }
@@ -542,6 +566,8 @@ impl Flight {
 
     /// Ends the movement because of a rule that is broken. The module stays started.
     pub(super) fn intervene(&mut self, intervention: Intervention, cx: &mut Context<'_>) {
+        let event = LastOrder::rule(&intervention.violation);
+        self.answers.take_event(event, cx.now);
         let refusal = Verdict::from(intervention);
         self.give_up(&refusal.at(Stage::Aborted), Rest::Ready, cx);
     }

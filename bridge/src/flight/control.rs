@@ -35,6 +35,20 @@ pub struct Sender {
     pub process: Option<u32>,
     /// The number of its session, when the process that began it lives.
     pub session: Option<u32>,
+    /// Which clock it reads.
+    pub clock: SenderClock,
+}
+
+/// The monotonic clock of the process that sent a request. In another time namespace it has another zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum SenderClock {
+    /// The bridge's own.
+    #[default]
+    Own,
+    /// Another one.
+    Other,
+    /// The process is not seen from here: it may be another one.
+    Unknown,
 }
 
 /// The identity of a sender: which station, or which session or process.
@@ -55,7 +69,8 @@ impl Who {
         }
     }
 
-    fn published(&self) -> ControlSender {
+    /// As it is published.
+    pub fn published(&self) -> ControlSender {
         ControlSender {
             origin: self.origin,
             session: self.sender.session.unwrap_or_default(),
@@ -259,6 +274,7 @@ mod tests {
             sender: Sender {
                 process: Some(process),
                 session: Some(session),
+                clock: SenderClock::Own,
             },
         }
     }
@@ -269,6 +285,7 @@ mod tests {
             sender: Sender {
                 process: Some(900),
                 session: Some(901),
+                clock: SenderClock::Own,
             },
         }
     }
@@ -377,7 +394,7 @@ mod tests {
             origin: 0,
             sender: Sender {
                 process: Some(process),
-                session: None,
+                ..Sender::default()
             },
         };
         let table = [

@@ -9,6 +9,7 @@ pub mod arrival;
 pub mod assembly;
 pub mod control;
 pub mod dsp_order;
+pub mod last_order;
 pub mod motion;
 pub mod observation;
 pub mod parameters;
@@ -20,7 +21,7 @@ pub mod trajectory;
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ImiError, Reason, Stage};
+use ipc_types::code::{CameBetween, ImiError, ParameterOperation, Reason, SenderLost, Stage};
 use ipc_types::payload::{MovementState, RequestReport, SafetyState};
 use module_kit::journal::{NotASnapshot, raw};
 use serde::{Deserialize, Serialize};
@@ -32,12 +33,13 @@ use crate::link::session::DspPath;
 use crate::link::{FlightCommand, Link, LinkEvent};
 use crate::outputs::{Notice, Outputs};
 use crate::safety::Safety;
-use crate::safety::fence::Fence;
+use crate::safety::fence::{Fence, Speeds};
 use crate::timers::{TimerTable, timers};
 use assembly::Assembler;
-use control::{Asks, Control, Who};
+use control::{Asks, Control, SenderClock};
+use last_order::LastOrder;
 use motion::{Action, Asked, Event, Facts, Motion, MovementOrder, Rest};
-use observation::{Observation, known_position};
+use observation::Observation;
 use parameters::ParameterRequests;
 use report::{Answers, Detail, Verdict, in_time};
 use request::{Movement, Request, RequestHeader, RequestKey, Segment};
@@ -59,6 +61,8 @@ timers! {
         Parameter,
         /// The end of the time that the holder of control may be silent.
         Control,
+        /// The end of the lease of the path under way.
+        Lease,
     }
 }
 
@@ -149,7 +153,7 @@ impl Flight {
                 self.observation.take(sample, cx.link.status_fresh_for());
                 let event = Event::Status {
                     flying: sample.status.flying,
-                    position: known_position(&sample.status),
+                    position: self.observation.latest(),
                 };
                 self.happen(event, cx);
                 self.enforce_safety(cx);
@@ -182,9 +186,11 @@ impl Flight {
                 }
             }
             LinkEvent::Rebooted => {
+                self.happened(CameBetween::DspRebooted, cx);
                 self.dsp_vanished(ImiError::HeroDspFatalError, Reason::DspRebooted, cx);
             }
             LinkEvent::Lost => {
+                self.happened(CameBetween::LinkLost, cx);
                 let error = ImiError::CommunicationFatalError;
                 self.dsp_vanished(error, Reason::CommunicationFatalError, cx);
             }
@@ -199,6 +205,11 @@ impl Flight {
         if let Motion::Deferred { .. } = self.motion {
             self.happen(Event::Reachable, cx);
         }
+    }
+
+    /// Something that no request ordered, and that no step of a command outlives.
+    fn happened(&mut self, what: CameBetween, cx: &Context<'_>) {
+        self.answers.take_event(LastOrder::event(what), cx.now);
     }
 
     /// What the DSP was doing has an outcome, and at rest nothing is lost.
@@ -229,6 +240,7 @@ impl Flight {
                 }
                 self.arm_control();
             }
+            FlightTimer::Lease => self.sender_lost(cx),
         }
         true
     }
@@ -242,14 +254,13 @@ impl Flight {
     pub fn request(
         &mut self,
         header: &RequestHeader,
-        who: Who,
         request: Result<Request, Reason>,
         cx: &mut Context<'_>,
     ) {
         if !self.is_new(header, cx) {
             return;
         }
-        let carried_out = |request| self.carry_out(header, who, request, cx);
+        let carried_out = |request| self.carry_out(header, request, cx);
         let outcome = request.map_err(Verdict::from).and_then(carried_out);
         self.is_changed = true;
         self.arm_control();
@@ -271,11 +282,12 @@ impl Flight {
     fn carry_out(
         &mut self,
         header: &RequestHeader,
-        who: Who,
         request: Request,
         cx: &mut Context<'_>,
     ) -> Result<(), Verdict> {
-        let asks = request.asks();
+        // First: a step that is outdated is no order, and changes nothing.
+        self.answers.follows(header)?;
+        let (who, asks) = (header.who(), request.asks());
         let is_movement = matches!(request, Request::Movement(_));
         if let Request::Control(_) = request {
             in_time(header, cx.now)?;
@@ -294,6 +306,9 @@ impl Flight {
             } => {
                 let facts = self.facts(cx);
                 let verdict = (self.parameters).take(header, operation, port, value, &facts)?;
+                if operation == ParameterOperation::Write {
+                    self.answers.wrote(header);
+                }
                 self.report(header, &verdict, cx);
                 self.parameter_ended(None, cx);
             }
@@ -310,7 +325,7 @@ impl Flight {
             return Err(Reason::LinkDown.into());
         }
         let rest = self.motion.standing().start()?;
-        self.answers.take(header);
+        self.answers.take(header, CameBetween::Start);
         self.change_motion(Motion::Idle(rest));
         self.report(header, &Verdict::DONE, cx);
         Ok(())
@@ -318,7 +333,7 @@ impl Flight {
 
     fn stop(&mut self, header: &RequestHeader, cx: &mut Context<'_>) -> Result<(), Verdict> {
         // It counts even when it is refused.
-        self.answers.take(header);
+        self.answers.take(header, CameBetween::Stop);
         in_time(header, cx.now)?;
         let then = self.motion.standing().stop()?;
         self.break_path(Reason::Stopped, cx);
@@ -379,7 +394,11 @@ impl Flight {
             }
             // They count even when they are refused.
             Movement::Land | Movement::Hold => {
-                self.answers.take(header);
+                let what = match movement {
+                    Movement::Land => CameBetween::Land,
+                    _ => CameBetween::Hold,
+                };
+                self.answers.take(header, what);
                 in_time(header, cx.now)?;
             }
         }
@@ -421,6 +440,9 @@ impl Flight {
         if !self.known_flying(cx)? {
             return Err(Reason::NotFlying.into());
         }
+        if !segment.first && !self.assembler.continues(segment) {
+            return Err(Reason::PathWithoutHead.into());
+        }
         let position = self.known_position(cx)?;
         let distance_m = ground_distance_m(&position, &segment.waypoint);
         let most_m = self.config.movement.max_distance_m;
@@ -434,7 +456,7 @@ impl Flight {
         }
         let header = self.part_of_path(header, segment, cx.now)?;
         // First, so that a waypoint that is refused disturbs no path of another client.
-        self.check_leg_to(segment, &position)?;
+        self.check_leg_to(segment, &position, &cx.link.parameters().speeds())?;
         if segment.first {
             self.break_path(Reason::PathReplaced, cx);
         }
@@ -489,7 +511,12 @@ impl Flight {
     }
 
     /// The leg that ends at this waypoint, against the geofence and the ground.
-    fn check_leg_to(&mut self, segment: &Segment, position: &Geographic) -> Result<(), Verdict> {
+    fn check_leg_to(
+        &mut self,
+        segment: &Segment,
+        position: &Geographic,
+        speeds: &Speeds,
+    ) -> Result<(), Verdict> {
         let leg = self.number_in_path(segment);
         let from = match self.assembler.waypoints().last() {
             Some(last) if leg > 1 => *last,
@@ -497,7 +524,7 @@ impl Flight {
         };
         let ground_m = self.observation.ground_altitude_m();
         self.safety
-            .check_leg(&from, &segment.waypoint, leg, ground_m)?;
+            .check_leg(&from, &segment.waypoint, leg, speeds, ground_m)?;
         Ok(())
     }
 
@@ -509,8 +536,8 @@ impl Flight {
         self.observation.flying(cx.now).ok_or(Reason::NoPosition)
     }
 
-    /// The sender of a request is gone. A path that it was still sending is broken; a movement goes on to its end,
-    /// which is a hover or the ground.
+    /// The sender of a request is gone, or has given it up. A path that it was still sending is broken, and of one that is flown the
+    /// sender is lost. Another movement goes on to its end, which is a hover or the ground.
     pub fn sender_gone(&mut self, key: RequestKey, cx: &mut Context<'_>) {
         if self
             .assembler
@@ -519,12 +546,65 @@ impl Flight {
         {
             self.break_path(Reason::PathBroken, cx);
         }
+        if self.path_followed().is_some_and(|header| header.key == key) {
+            self.sender_lost(cx);
+        }
     }
 
-    /// The processes of a sender have ended, who may have had control.
-    pub fn controller_gone(&mut self, process: u32) {
+    /// A process has ended: one with which a sender ends, who may have had control, or that of the path's sender.
+    pub fn process_ended(&mut self, process: u32, cx: &mut Context<'_>) {
         self.is_changed |= self.control.gone(process);
         self.arm_control();
+        if self.path_process() == Some(process) {
+            self.sender_lost(cx);
+        }
+    }
+
+    /// The request of the path under way, if that does not go on without its sender.
+    pub fn path_followed(&self) -> Option<&RequestHeader> {
+        self.path_request()
+            .filter(|header| header.lost.then != SenderLost::Continue)
+    }
+
+    /// The process of the sender of that path, if its end can be seen.
+    pub fn path_process(&self) -> Option<u32> {
+        let sender = self.path_followed()?.sender;
+        (sender.process).filter(|_| sender.clock != SenderClock::Unknown)
+    }
+
+    fn path_request(&self) -> Option<&RequestHeader> {
+        self.motion.path_step()?;
+        self.motion.requester()
+    }
+
+    /// The path under way whose sender renews it, and until when.
+    pub fn lease(&self) -> Option<(u64, MonotonicNs)> {
+        let until = self.timers.due(FlightTimer::Lease)?;
+        self.path_request().map(|header| (header.path_id, until))
+    }
+
+    /// The sender renewed the path at this moment.
+    pub fn lease_renewed(&mut self, at: MonotonicNs) {
+        let lease = self.path_request().and_then(|header| header.lost.lease);
+        if let Some((lease, due)) = lease.zip(self.timers.due(FlightTimer::Lease)) {
+            self.timers.arm(FlightTimer::Lease, due.max(at + lease));
+        }
+    }
+
+    /// The path under way ends without its sender: the helicopter hovers, or lands.
+    fn sender_lost(&mut self, cx: &mut Context<'_>) {
+        let lands =
+            (self.path_request()).is_some_and(|header| header.lost.then == SenderLost::Land);
+        self.happen(Event::SenderLost, cx);
+        let Motion::Idle(then) = self.motion else {
+            return;
+        };
+        let requester = None;
+        match (lands, cx.link.is_up()) {
+            (false, _) => {}
+            (true, true) => self.order_landing(MovementOrder { requester, then }, cx),
+            (true, false) => self.defer(MovementOrder { requester, then }, true, cx),
+        }
     }
 
     /// The holder's silence is counted from another moment, or there is none.
@@ -740,9 +820,9 @@ impl Flight {
         }
     }
 
-    /// Telemetry altitude of the ground on which the helicopter stood last, m.
-    pub fn ground_altitude_m(&self) -> Option<f64> {
-        self.observation.ground_altitude_m()
+    /// Where the helicopter stands, and in the air where it took off.
+    pub fn home(&self) -> Option<Geographic> {
+        self.observation.home()
     }
 
     /// The safety rules as they stand.

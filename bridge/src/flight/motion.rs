@@ -38,6 +38,7 @@
 //! | time limit | fatal | fatal | – | – | – |
 //! | safety rule: hold | aborted, by the pilot's switch only | aborted | – | – | – |
 //! | safety rule: land | – | – | → landing | – | – |
+//! | sender lost | – | aborted, unless it has been flown | – | – | – |
 //! | bridge winds down | – | aborted if not begun, else its buffer is emptied | – | – | – |
 //! | bridge closes | unknown | unknown | unknown | aborted | unknown |
 //!
@@ -200,6 +201,8 @@ pub enum Event {
     SafetyHold(Violation),
     /// A safety rule that is broken lands the helicopter.
     SafetyLand,
+    /// The sender of the path is lost, and the path does not go on without it.
+    SenderLost,
     /// The bridge is about to end.
     WindDown,
     /// The bridge ends: every request gets its final report.
@@ -401,6 +404,10 @@ impl Motion {
             }
             (M::Idle(then), E::SafetyLand) => self.safety_landing(then, facts),
             (M::Holding { .. }, E::SafetyLand) => self.safety_landing(Rest::Ready, facts),
+            (M::Following { step, .. }, E::SenderLost) => match step {
+                PathStep::Finishing | PathStep::BridgeEnding => Action::None,
+                _ => Action::GiveUp(Verdict::aborted(Reason::SenderLost), Rest::Ready),
+            },
             (M::Following { step, .. }, E::WindDown) => match step {
                 // The DSP has nothing of it.
                 PathStep::AwaitingEmpty | PathStep::Ready => {

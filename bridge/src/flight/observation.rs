@@ -7,11 +7,19 @@ use dsp_protocol::downlink::{Geographic, Supply};
 use ipc_types::MonotonicNs;
 use serde::{Deserialize, Serialize};
 
+use crate::geodesy::{distance_m, here};
 use crate::link::StatusSample;
 use crate::safety::SafetyFacts;
+use crate::safety::fence::Velocity;
 
 /// NMEA fix quality without a fix (`docs/protocol.md` section 4.1).
 const GPS_NO_FIX: u8 = 0;
+
+/// No helicopter is faster, m/s.
+const FASTEST_MPS: f64 = 100.0;
+
+/// A position that leaps farther than the fastest flight and this is not plausible, m. A better fix moves it by less.
+const LEAP_M: f64 = 500.0;
 
 /// What was last seen. A value that is too old is not known any more; how old that is, the link's observed status period
 /// says ([`Link::status_fresh_for`](crate::link::Link::status_fresh_for)).
@@ -22,8 +30,13 @@ pub struct Observation {
     /// Samples received before this moment do not say whether it is in the air.
     flying_since: MonotonicNs,
     position: Option<(Geographic, MonotonicNs)>,
-    /// Telemetry altitude of the ground on which it stood last, m.
-    ground_altitude_m: Option<f64>,
+    /// Where it stood last.
+    home: Option<Geographic>,
+    /// The position of the last sample, if it has one that is plausible.
+    latest: Option<Geographic>,
+    /// What the last position was said to be, plausible or not.
+    said: Option<(Geographic, MonotonicNs)>,
+    velocity: Option<(Velocity, MonotonicNs)>,
     supply: Option<(Supply, MonotonicNs)>,
 }
 
@@ -37,10 +50,22 @@ impl Observation {
         if at >= self.flying_since {
             self.flying = Some((sample.status.flying, at));
         }
-        if let Some(position) = known_position(&sample.status) {
+        self.latest = known_position(&sample.status).filter(|said| self.is_plausible(said, at));
+        if let Some(said) = known_position(&sample.status) {
+            self.said = Some((said, at));
+        }
+        if let Some(position) = self.latest {
+            self.velocity = sample.status.gps_velocity.map(|measured| {
+                let velocity = Velocity {
+                    ground_mps: measured.horizontal_speed_mps.into(),
+                    course_deg: measured.heading_deg.into(),
+                    up_mps: measured.vertical_speed_mps.into(),
+                };
+                (velocity, at)
+            });
             self.position = Some((position, at));
             if !sample.status.flying {
-                self.ground_altitude_m = Some(position.altitude_m);
+                self.home = Some(position);
             }
         }
         if let Some(supply) = sample.status.supply {
@@ -76,9 +101,28 @@ impl Observation {
         self.fresh(self.position, now)
     }
 
-    /// Telemetry altitude of the ground on which the helicopter stood last, m: its take-off was there. It does not age.
+    /// Where the helicopter stands, and in the air where it took off, if it was seen there. It does not age.
+    pub fn home(&self) -> Option<Geographic> {
+        self.home
+    }
+
+    /// The position in the last sample, if it has one that is plausible.
+    pub fn latest(&self) -> Option<Geographic> {
+        self.latest
+    }
+
+    /// Whether a helicopter can have come to this position, which is said to be its own at `now`. One that leapt is plausible when
+    /// the next one is near it.
+    fn is_plausible(&self, position: &Geographic, now: MonotonicNs) -> bool {
+        self.said.is_none_or(|(before, seen)| {
+            let farthest_m = LEAP_M + FASTEST_MPS * now.since(seen).as_secs_f64();
+            distance_m(&here(position), &here(&before)) <= farthest_m
+        })
+    }
+
+    /// Telemetry altitude of home, m.
     pub fn ground_altitude_m(&self) -> Option<f64> {
-        self.ground_altitude_m
+        self.home.map(|home| home.altitude_m)
     }
 
     /// Battery, fuel and the pilot's switch, if they are known.
@@ -90,6 +134,8 @@ impl Observation {
     pub fn safety_facts(&self, now: MonotonicNs) -> SafetyFacts {
         SafetyFacts {
             position: self.position(now),
+            has_position: self.latest.is_some(),
+            velocity: self.fresh(self.velocity, now),
             supply: self.supply(now),
         }
     }
@@ -100,7 +146,7 @@ impl Observation {
 }
 
 /// The position in a status, unless the status says that the GPS has no fix: what stands there then was never measured.
-pub fn known_position(status: &Status) -> Option<Geographic> {
+fn known_position(status: &Status) -> Option<Geographic> {
     status
         .geographic
         .filter(|_| status.gps_quality != Some(GPS_NO_FIX))

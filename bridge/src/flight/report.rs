@@ -3,16 +3,18 @@
 use dsp_protocol::DspErrorCode;
 use dsp_protocol::port::{Access, PORTS_16, PORTS_32, Port};
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ImiError, PortKind, Reason, Stage};
+use ipc_types::code::{CameBetween, ImiError, PortKind, Reason, Stage};
 use ipc_types::payload::{PortInfo, RequestReport};
 use module_kit::answers::Completed;
 use module_kit::rules::Refused;
 use serde::{Deserialize, Serialize};
 
+use super::control::Who;
+use super::last_order::LastOrder;
 use super::request::{IssueMark, RequestHeader};
 use crate::safety::{AreaName, Intervention, Violation};
 
-/// Final reports that are remembered: of two whole paths of 1024 waypoints, 280 KiB.
+/// Final reports that are remembered: of two whole paths of 1024 waypoints, 320 KiB.
 const REMEMBERED: usize = 2048;
 
 /// How far a request has come, and why. As an error it is a refusal.
@@ -46,6 +48,8 @@ pub struct Detail {
     pub port: Option<Port>,
     /// How many metres away the waypoint may be; 0 when the reason is another one.
     pub most_m: f64,
+    /// What came between the request and the step before, or after it was issued.
+    pub between: Option<LastOrder>,
 }
 
 impl Verdict {
@@ -69,6 +73,7 @@ impl Verdict {
                 value: None,
                 port: None,
                 most_m: 0.0,
+                between: None,
             },
         }
     }
@@ -125,11 +130,14 @@ impl Verdict {
             value,
             port,
             most_m,
+            between,
         } = self.detail;
         report.stage = self.stage.code();
         report.reason = self.reason.code();
         report.imi_error = self.error.code();
-        report.rule = violation.map_or(0, |violation| violation.rule.code());
+        let rule = violation.map(|violation| violation.rule);
+        let rule = rule.or_else(|| between.and_then(|last| last.rule));
+        report.rule = rule.map_or(0, |rule| rule.code());
         report.waypoint = waypoint;
         report.dsp_error_code = dsp_error.map_or(0, |code| code.0.into());
         report.dsp_error_valid = dsp_error.is_some().into();
@@ -142,6 +150,10 @@ impl Verdict {
             ..PortInfo::default()
         };
         report.port = port.map_or(of_limit, info);
+        report.between = between.map_or(0, |last| last.what.code());
+        report.between_request_id = between.map_or(0, |last| last.request_id);
+        let sender = between.and_then(|last| last.sender);
+        report.between_sender = sender.as_ref().map(Who::published).unwrap_or_default();
     }
 }
 
@@ -222,6 +234,7 @@ fn info(port: Port) -> PortInfo {
 pub struct Answers {
     completed: Completed,
     mark: IssueMark,
+    last: LastOrder,
 }
 
 /// None. All memory that they will ever need is taken here.
@@ -230,6 +243,7 @@ impl Default for Answers {
         Answers {
             completed: Completed::with_capacity(REMEMBERED),
             mark: IssueMark::default(),
+            last: LastOrder::default(),
         }
     }
 }
@@ -245,9 +259,40 @@ impl Answers {
         self.completed.note(report);
     }
 
-    /// An order was taken.
-    pub fn take(&mut self, header: &RequestHeader) {
+    /// An order was taken as `what`.
+    pub fn take(&mut self, header: &RequestHeader, what: CameBetween) {
         self.mark.take(&header.issued);
+        self.last = LastOrder::request(header, what);
+    }
+
+    /// Something happened that no request ordered, and that no step and no order of before outlives.
+    pub fn take_event(&mut self, event: LastOrder, now: MonotonicNs) {
+        self.mark.take_event(now);
+        self.last = event;
+    }
+
+    /// A parameter write was taken.
+    pub fn wrote(&mut self, header: &RequestHeader) {
+        self.last.wrote(header);
+    }
+
+    /// Whether the request, if it is a step, follows the last order.
+    ///
+    /// # Errors
+    /// What came between.
+    pub fn follows(&self, header: &RequestHeader) -> Result<(), Verdict> {
+        match self.last.is_before(header) {
+            true => Ok(()),
+            false => Err(self.superseded()),
+        }
+    }
+
+    /// The last order came first.
+    fn superseded(&self) -> Verdict {
+        Verdict::from(Reason::Superseded).about(Detail {
+            between: Some(self.last),
+            ..Detail::default()
+        })
     }
 
     /// Whether an order may begin at `now`, or begin on the DSP after it was accepted.
@@ -276,6 +321,7 @@ impl Answers {
             mark.take(&newest.issued);
         }
         match mark.supersedes(&header.issued) {
+            true if self.mark.supersedes(&header.issued) => Err(self.superseded()),
             true => Err(Reason::Superseded.into()),
             false => in_time(header, now),
         }

@@ -12,11 +12,12 @@ use std::time::Duration;
 
 use dsp_protocol::{Waypoint, port};
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason};
+use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason, SenderLost};
+use ipc_types::lease::LEASES_MS;
 use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
 use serde::{Deserialize, Serialize};
 
-use super::control::Asks;
+use super::control::{Asks, Sender, SenderClock, Who};
 use crate::config::{MovementLimits, STOP_WITHIN};
 pub use crate::outputs::RequestKey;
 use crate::safety::fence::Fence;
@@ -33,11 +34,6 @@ pub struct Issued {
 }
 
 impl Issued {
-    /// Whether it says a moment that has been. What comes from the future, or says no moment, has no place among the orders.
-    pub fn is_past(&self, now: MonotonicNs) -> bool {
-        self.at > MonotonicNs(0) && self.at <= now
-    }
-
     /// The moment of two parts of one order.
     #[must_use]
     pub fn with(&self, other: &Issued) -> Issued {
@@ -64,6 +60,15 @@ impl IssueMark {
     /// Whether a later order than this one was taken.
     pub fn supersedes(&self, issued: &Issued) -> bool {
         issued.at < self.floor(issued)
+    }
+
+    /// Something came between at `now` that no request ordered: orders that were issued before are not carried out any more.
+    pub fn take_event(&mut self, now: MonotonicNs) {
+        self.take(&Issued {
+            origin: 0,
+            at: now,
+            latest: now,
+        });
     }
 
     /// Takes an order. One by another clock that is surely not the last changes nothing.
@@ -97,12 +102,61 @@ pub struct RequestHeader {
     pub path_id: u64,
     /// When its order was issued.
     pub issued: Issued,
+    /// What is known of the process that sent it.
+    pub sender: Sender,
+    /// The request that was the step before of the same command; 0 if it follows no other.
+    pub after: u64,
     /// Until when it may begin on the DSP.
     pub begin_by: MonotonicNs,
     /// It was sent before, and its outcome is not known to the sender.
     pub repeat: bool,
     /// It may replace a path that is under way.
     pub preempt: bool,
+    /// What becomes of its path without its sender.
+    pub lost: WhenLost,
+}
+
+/// What becomes of a path when its sender is lost: its process ends, or it gives the path up, or does not renew its lease.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct WhenLost {
+    /// What follows.
+    pub then: SenderLost,
+    /// How often the sender renews the path; `None` if it does not.
+    pub lease: Option<Duration>,
+}
+
+impl WhenLost {
+    /// Nothing is lost with the sender.
+    pub const NOTHING: WhenLost = WhenLost {
+        then: SenderLost::Continue,
+        lease: None,
+    };
+
+    /// As a movement says; without an action, it is the default.
+    fn read(data: &MovementData, default: SenderLost) -> Result<WhenLost, Reason> {
+        let lease = Duration::from_millis(data.lease_ms.into());
+        let then = match data.sender_lost {
+            0 => Some(default),
+            code => SenderLost::from_code(code),
+        };
+        match (then, data.lease_ms) {
+            (Some(then), ms) if ms == 0 || LEASES_MS.contains(&ms) => Ok(WhenLost {
+                then,
+                lease: (ms > 0).then_some(lease),
+            }),
+            _ => Err(Reason::InvalidRequest),
+        }
+    }
+}
+
+impl RequestHeader {
+    /// Who sent it.
+    pub fn who(&self) -> Who {
+        Who {
+            origin: self.issued.origin,
+            sender: self.sender,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -116,9 +170,16 @@ impl RequestHeader {
             at: MonotonicNs(1),
             latest: MonotonicNs(1),
         },
+        sender: Sender {
+            process: None,
+            session: None,
+            clock: SenderClock::Own,
+        },
+        after: 0,
         begin_by: MonotonicNs(u64::MAX),
         repeat: false,
         preempt: false,
+        lost: WhenLost::NOTHING,
     };
 }
 
@@ -198,13 +259,12 @@ impl Request {
 /// A request as it was read, with what is asked for or why that cannot be.
 pub type Parsed<R> = (RequestHeader, Result<R, Reason>);
 
-/// Reads a control request at `now`; `fence` is the geofence of the configuration, for the request that asks to read it again.
+/// Reads a control request of `sender`; `fence` is the geofence of the configuration, for the request that asks to read it again.
 pub fn parse_control(
-    key: RequestKey,
+    (key, sender): (RequestKey, Sender),
     control: &ModuleControl,
     fence: Option<Result<Fence, Reason>>,
     limits: &MovementLimits,
-    now: MonotonicNs,
 ) -> Parsed<Request> {
     let command = ControlCommand::from_code(control.command);
     let within = match command {
@@ -217,12 +277,14 @@ pub fn parse_control(
         request_id: control.request_id,
         path_id: 0,
         issued,
+        sender,
+        after: control.after,
         begin_by: begin_by(control.begin_by_ns, issued.at, within),
         // To start or stop a module twice is the same as once.
         repeat: false,
         preempt: false,
+        lost: WhenLost::NOTHING,
     };
-    let command = command.filter(|_| issued.is_past(now));
     let command = command.ok_or(Reason::InvalidRequest);
     let request = match (fence, command) {
         (Some(fence), command) => Ok(Request::NewFence(command.and(fence))),
@@ -238,15 +300,20 @@ pub fn parse_control(
     (header, request)
 }
 
-/// Reads a movement request at `now`.
+/// Reads a movement request of `sender` at `now`.
 pub fn parse_movement(
-    key: RequestKey,
+    (key, sender): (RequestKey, Sender),
     data: &MovementData,
     limits: &MovementLimits,
     now: MonotonicNs,
 ) -> Parsed<Movement> {
     let kind = MovementKind::from_code(data.kind);
     let issued = issued(data.issued_ns, data.issued_within_ns, data.origin);
+    // Of another movement nothing depends on its sender.
+    let lost = match kind {
+        Some(MovementKind::GoToWaypoint) => WhenLost::read(data, limits.sender_lost),
+        _ => Ok(WhenLost::NOTHING),
+    };
     let (from, within) = match kind {
         Some(MovementKind::Land | MovementKind::Hold) => (issued.at, STOP_WITHIN),
         // The path's sender lives: it has waited for the answer to the waypoint before this one.
@@ -258,12 +325,15 @@ pub fn parse_movement(
         request_id: data.request_id,
         path_id: data.path_id,
         issued,
+        sender,
+        after: data.after,
         begin_by: begin_by(data.begin_by_ns, from, within),
         repeat: data.repeat != 0,
         preempt: data.preempt != 0,
+        lost: lost.unwrap_or(WhenLost::NOTHING),
     };
     let movement = match kind {
-        _ if !issued.is_past(now) => Err(Reason::InvalidRequest),
+        _ if lost.is_err() => Err(Reason::InvalidRequest),
         Some(MovementKind::TakeOff) => take_off(data.altitude_m),
         Some(MovementKind::Land) => Ok(Movement::Land),
         Some(MovementKind::Hold) => Ok(Movement::Hold),
@@ -273,12 +343,11 @@ pub fn parse_movement(
     (header, movement)
 }
 
-/// Reads a parameter request at `now`.
+/// Reads a parameter request of `sender`.
 pub fn parse_parameter(
-    key: RequestKey,
+    (key, sender): (RequestKey, Sender),
     request: &ParameterRequest,
     limits: &MovementLimits,
-    now: MonotonicNs,
 ) -> Parsed<Request> {
     let issued = issued(request.issued_ns, request.issued_within_ns, request.origin);
     let header = RequestHeader {
@@ -286,18 +355,50 @@ pub fn parse_parameter(
         request_id: request.request_id,
         path_id: 0,
         issued,
+        sender,
+        after: request.after,
         begin_by: begin_by(request.begin_by_ns, issued.at, limits.begin_within()),
         // To read or write a port twice is the same as once.
         repeat: false,
         preempt: false,
+        lost: WhenLost::NOTHING,
     };
-    let operation = request.operation().filter(|_| issued.is_past(now));
+    let operation = request.operation();
     let port = |operation| Request::Port {
         operation,
         port: request.port,
         value: request.value,
     };
     (header, operation.map(port).ok_or(Reason::InvalidRequest))
+}
+
+/// What becomes of a request by the clock that its sender reads. Its moments mean nothing by another clock, nor do those from the future, nor
+/// none at all: they have no place among the orders. A hold, a landing or a stop is taken all the same, as issued when it is read.
+pub fn judged_by_clock(asked: Parsed<Request>, now: MonotonicNs) -> Parsed<Request> {
+    let (mut header, request) = asked;
+    let clock = header.sender.clock;
+    let says_none = header.issued.at == MonotonicNs(0);
+    let differs = clock == SenderClock::Other || header.issued.at > now;
+    let is_stop = |request: &Request| {
+        let on_the_spot = matches!(request, Request::Movement(Movement::Land | Movement::Hold));
+        on_the_spot || *request == Request::Stop
+    };
+    match request {
+        Ok(request) if is_stop(&request) => {
+            if says_none || differs || clock == SenderClock::Unknown {
+                let within = match says_none {
+                    true => STOP_WITHIN,
+                    false => header.begin_by.since(header.issued.at),
+                };
+                (header.issued.at, header.issued.latest) = (now, now);
+                header.begin_by = now + within;
+            }
+            (header, Ok(request))
+        }
+        Ok(_) if says_none => (header, Err(Reason::InvalidRequest)),
+        Ok(_) if differs => (header, Err(Reason::ClockDiffers)),
+        request => (header, request),
+    }
 }
 
 fn issued(at_ns: u64, within_ns: u32, origin: u32) -> Issued {
@@ -383,7 +484,13 @@ mod tests {
     fn parse(change: impl FnOnce(&mut MovementData)) -> Result<Movement, Reason> {
         let mut data = goto();
         change(&mut data);
-        parse_movement(KEY, &data, &MovementLimits::default(), NOW).1
+        parse_movement(
+            (KEY, Sender::default()),
+            &data,
+            &MovementLimits::default(),
+            NOW,
+        )
+        .1
     }
 
     #[test]
@@ -441,7 +548,12 @@ mod tests {
         let mut data = goto();
         data.kind = 77;
         data.begin_by_ns = 250;
-        let (header, movement) = parse_movement(KEY, &data, &MovementLimits::default(), NOW);
+        let (header, movement) = parse_movement(
+            (KEY, Sender::default()),
+            &data,
+            &MovementLimits::default(),
+            NOW,
+        );
         assert_eq!(movement, Err(Reason::InvalidRequest));
         assert_eq!((header.request_id, header.path_id), (9, 4));
         assert_eq!(header.begin_by, MonotonicNs(250));
@@ -465,7 +577,10 @@ mod tests {
                 ..ModuleControl::default()
             };
             let limits = MovementLimits::default();
-            assert_eq!(parse_control(KEY, &control, None, &limits, NOW).1, expected);
+            assert_eq!(
+                parse_control((KEY, Sender::default()), &control, None, &limits).1,
+                expected
+            );
         }
     }
 
@@ -518,8 +633,5 @@ mod tests {
     fn the_parts_of_an_order_have_its_earliest_moment() {
         let whole = order(7, 100, 50).with(&order(7, 90, 80));
         assert_eq!(whole, order(7, 90, 80));
-        assert!(whole.is_past(MonotonicNs(90)));
-        assert!(!whole.is_past(MonotonicNs(89)));
-        assert!(!order(0, 0, 0).is_past(MonotonicNs(89)));
     }
 }

@@ -8,7 +8,7 @@ use module_kit::journal::{Entry, JournalReader};
 use proptest::prelude::*;
 
 use super::*;
-use crate::Sender;
+use crate::{Sender, SenderClock};
 
 const START: MonotonicNs = MonotonicNs(86_400_000_000_000);
 
@@ -113,6 +113,7 @@ fn inputs() -> Vec<Input<'static>> {
     let sender = Sender {
         process: Some(4711),
         session: Some(300),
+        clock: SenderClock::Unknown,
     };
     let key = RequestKey::Movement(u64::MAX);
     let request = ModuleControl {
@@ -162,7 +163,9 @@ fn inputs() -> Vec<Input<'static>> {
         Input::Transmit,
         Input::Transmitted(300),
         Input::DiscardUnsent,
-        Input::ControllerGone(300),
+        Input::ProcessEnded(300),
+        Input::Suspended(u64::MAX),
+        Input::LeaseRenewed(START),
     ]
 }
 

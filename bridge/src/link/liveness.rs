@@ -217,6 +217,21 @@ impl Link {
         }
     }
 
+    /// The machine was suspended for `slept`, which `now` counts. When the DSP may have taken the PC for gone, it may also have booted
+    /// meanwhile: the link was lost, and the start-up begins.
+    pub fn suspended(&mut self, now: MonotonicNs, slept: Duration) {
+        let is_started = matches!(self.state, State::Up(_) | State::Silent(_));
+        if is_started && slept >= self.standstill() {
+            self.events.push_back(LinkEvent::Lost);
+            self.begin_start_up(now);
+        }
+    }
+
+    /// After so long a pause of the bridge no path goes on. There is an input at least for each state that is published.
+    fn standstill(&self) -> Duration {
+        (self.config.link.pc_timeout()).max(2 * self.config.state.period())
+    }
+
     /// Whether the path is not under way any more: the DSP may have taken the PC for gone and emptied its path buffer by itself,
     /// or the bridge stood still for that long, after which no path goes on by itself, whichever DSP it is.
     pub(super) fn may_have_dropped_path(&self, now: MonotonicNs) -> bool {
@@ -224,12 +239,10 @@ impl Link {
             return false;
         };
         let pc_timeout = self.config.link.pc_timeout();
-        // There is an input at least for each state that is published.
-        let standstill = pc_timeout.max(2 * self.config.state.period());
         session.path == DspPath::Ours
             && !pc_timeout.is_zero()
             && (session.may_have_dropped_path(now, pc_timeout)
-                || now.since(self.grants.last_input()) >= standstill)
+                || now.since(self.grants.last_input()) >= self.standstill())
     }
 
     /// First of every input, before a flow control that waited is answered.

@@ -18,6 +18,11 @@ pub struct SafetyConfig {
     pub below_take_off: bool,
     /// What happens when the helicopter itself is outside the geofence.
     pub fence_breach: BreachAction,
+    /// What happens when the position is lost in flight.
+    pub position_lost: BreachAction,
+    /// How long the position must be unknown before it is lost, and known again before it is found.
+    #[serde(deserialize_with = "seconds")]
+    pub position_lost_s: f64,
     /// What happens when the link comes back after it was lost in flight.
     pub link_loss: BreachAction,
     /// How long a supply must be below a limit before the rule acts.
@@ -37,6 +42,10 @@ impl Default for SafetyConfig {
             pilot_switch: true,
             below_take_off: false,
             fence_breach: BreachAction::Hold,
+            // What PX4 (descend) and ArduPilot (FS_EKF_ACTION) do: a hover without a position drifts without a bound.
+            position_lost: BreachAction::Land,
+            // For so long PX4 goes on without aid (EKF2_NOAID_TOUT).
+            position_lost_s: 5.0,
             link_loss: BreachAction::Hold,
             supply_for_s: 2.0,
             battery_v: SupplyLimits::default(),
@@ -45,7 +54,7 @@ impl Default for SafetyConfig {
     }
 }
 
-/// What is done about a breach in flight.
+/// What is done about a broken rule in flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BreachAction {

@@ -9,6 +9,7 @@
 //! * Each point must lie inside at least one inclusion area, if there is any. Inclusion areas that only touch have a gap
 //!   between them; let them overlap where the helicopter shall pass.
 //! * No point may lie inside an exclusion area. It may pass above its ceiling and below its floor.
+//! * A flight must leave room to stop before the boundary ([`Fence::check_flight`], [`Fence::check_ahead`]).
 //! * **Touching is a breach**, also of floors and ceilings. Closer than [`TOUCH_M`] counts as touching.
 //! * Edges of a polygon are straight in latitude and longitude, like the legs. So nothing that is computed about them
 //!   depends on a map projection. Circles and amounts are measured on a flat map around the middle of their area: at
@@ -37,9 +38,11 @@
 //! # Ok::<(), runtime::config::ConfigError>(())
 //! ```
 
+mod ahead;
 mod area;
 mod config;
 mod leg;
+mod room;
 
 use std::cmp::Ordering;
 
@@ -49,6 +52,7 @@ use serde::{Deserialize, Serialize};
 pub use area::{Area, AreaConfig, AreaKind};
 pub use config::{FenceConfig, MAX_AREAS, MAX_VERTICES};
 pub use leg::{MAX_EXTENT_M, MAX_LATITUDE_DEG, TOUCH_M};
+pub use room::{Room, Speeds, Velocity};
 
 use area::Band;
 use leg::{Span, ground_length_m, point_between, rest, where_between};
@@ -65,6 +69,7 @@ const REFINEMENTS: u32 = 32;
 pub struct Fence {
     band: Band,
     areas: Vec<Area>,
+    room: Room,
 }
 
 /// How a leg breaks the fence.
@@ -125,6 +130,8 @@ pub enum FenceRule {
     Exclusion,
     /// Not inside any inclusion area.
     Inclusion,
+    /// Inside, but with too little room to stop before the boundary ([`Fence::check_flight`]).
+    Ahead,
 }
 
 /// A rule that a leg breaks, and where: never without a span.
@@ -148,6 +155,9 @@ impl From<Fence> for FenceConfig {
         FenceConfig {
             floor_m,
             ceiling_m,
+            margin_m: fence.room.margin_m,
+            braking_mps2: fence.room.braking_mps2,
+            reaction_s: fence.room.reaction_s,
             area: fence.areas,
         }
     }
@@ -157,8 +167,8 @@ impl TryFrom<FenceConfig> for Fence {
     type Error = String;
 
     fn try_from(config: FenceConfig) -> Result<Fence, String> {
-        let (band, areas) = config.checked()?;
-        Ok(Fence { band, areas })
+        let (band, areas, room) = config.checked()?;
+        Ok(Fence { band, areas, room })
     }
 }
 
@@ -184,9 +194,15 @@ impl Fence {
         if !self.can_judge(from, to) {
             return Some(Breach::UNJUDGEABLE);
         }
+        self.first_breach(from, to, 0.0)
+    }
+
+    /// First breach along a leg that can be judged, of the fence drawn in by `margin_m`.
+    fn first_breach(&self, from: &Waypoint, to: &Waypoint, margin_m: f64) -> Option<Breach> {
         // `min_by` returns the first one of equals, which is the order of the rules.
-        let first = self.broken_rules(from, to).min_by(BrokenRule::by_place)?;
-        Some(self.measure(&first, from, to))
+        let broken_rules = self.broken_rules(from, to, margin_m);
+        let first = broken_rules.min_by(BrokenRule::by_place)?;
+        Some(self.measure(&first, from, to, margin_m))
     }
 
     /// Every breach along the same leg, one for each rule and exclusion area, in the order in which the leg meets them: for
@@ -198,9 +214,9 @@ impl Fence {
         if !self.can_judge(from, to) {
             return vec![Breach::UNJUDGEABLE];
         }
-        let mut broken_rules: Vec<BrokenRule> = self.broken_rules(from, to).collect();
+        let mut broken_rules: Vec<BrokenRule> = self.broken_rules(from, to, 0.0).collect();
         broken_rules.sort_by(BrokenRule::by_place);
-        let measure = |broken| self.measure(broken, from, to);
+        let measure = |broken| self.measure(broken, from, to, 0.0);
         broken_rules.iter().map(measure).collect()
     }
 
@@ -252,20 +268,27 @@ impl Fence {
                 || (on_map(from) && on_map(to) && ground_length_m(from, to) <= MAX_EXTENT_M))
     }
 
-    fn broken_rules(&self, from: &Waypoint, to: &Waypoint) -> impl Iterator<Item = BrokenRule> {
-        self.altitude_rules(from, to)
-            .chain(self.exclusion_rules(from, to))
-            .chain(self.inclusion_rule(from, to))
+    fn broken_rules(
+        &self,
+        from: &Waypoint,
+        to: &Waypoint,
+        margin_m: f64,
+    ) -> impl Iterator<Item = BrokenRule> {
+        let margin_m = TOUCH_M + margin_m;
+        self.altitude_rules(from, to, margin_m)
+            .chain(self.exclusion_rules(from, to, margin_m))
+            .chain(self.inclusion_rule(from, to, margin_m))
     }
 
     fn altitude_rules(
         &self,
         from: &Waypoint,
         to: &Waypoint,
+        margin_m: f64,
     ) -> impl Iterator<Item = BrokenRule> + use<> {
         let (start_m, climb_m) = (from.altitude_m, to.altitude_m - from.altitude_m);
-        let too_low_m = self.band.floor_m + TOUCH_M;
-        let too_high_m = self.band.ceiling_m - TOUCH_M;
+        let too_low_m = self.band.floor_m + margin_m;
+        let too_high_m = self.band.ceiling_m - margin_m;
         let infinity = f64::INFINITY;
         [
             (
@@ -287,11 +310,16 @@ impl Fence {
         })
     }
 
-    fn exclusion_rules(&self, from: &Waypoint, to: &Waypoint) -> impl Iterator<Item = BrokenRule> {
+    fn exclusion_rules(
+        &self,
+        from: &Waypoint,
+        to: &Waypoint,
+        margin_m: f64,
+    ) -> impl Iterator<Item = BrokenRule> {
         self.of_kind(AreaKind::Exclusion)
-            .filter_map(|(index, area)| {
+            .filter_map(move |(index, area)| {
                 let mut spans = Vec::new();
-                area.where_inside(from, to, &mut spans);
+                area.where_inside(from, to, margin_m, &mut spans);
                 (!spans.is_empty()).then_some(BrokenRule {
                     rule: FenceRule::Exclusion,
                     area: Some(index),
@@ -300,11 +328,11 @@ impl Fence {
             })
     }
 
-    fn inclusion_rule(&self, from: &Waypoint, to: &Waypoint) -> Option<BrokenRule> {
+    fn inclusion_rule(&self, from: &Waypoint, to: &Waypoint, margin_m: f64) -> Option<BrokenRule> {
         self.of_kind(AreaKind::Inclusion).next()?;
         let mut inside = Vec::new();
         for (_, area) in self.of_kind(AreaKind::Inclusion) {
-            area.where_inside(from, to, &mut inside);
+            area.where_inside(from, to, margin_m, &mut inside);
         }
         let spans = rest(&mut inside);
         (!spans.is_empty()).then_some(BrokenRule {
@@ -321,19 +349,31 @@ impl Fence {
             .filter(move |(_, area)| area.kind() == kind)
     }
 
-    fn measure(&self, broken: &BrokenRule, from: &Waypoint, to: &Waypoint) -> Breach {
+    fn measure(
+        &self,
+        broken: &BrokenRule,
+        from: &Waypoint,
+        to: &Waypoint,
+        margin_m: f64,
+    ) -> Breach {
         let BrokenRule { rule, area, spans } = broken;
         let mut area = *area;
         let amount_m = match (rule, area) {
-            (FenceRule::Floor, _) => self.band.floor_m - from.altitude_m.min(to.altitude_m),
-            (FenceRule::Ceiling, _) => from.altitude_m.max(to.altitude_m) - self.band.ceiling_m,
+            (FenceRule::Floor, _) => {
+                self.band.floor_m + margin_m - from.altitude_m.min(to.altitude_m)
+            }
+            (FenceRule::Ceiling, _) => {
+                from.altitude_m.max(to.altitude_m) + margin_m - self.band.ceiling_m
+            }
             (_, Some(index)) => {
-                let depth_m =
-                    |fraction| self.areas[index].depth_m(&point_between(from, to, fraction));
+                let depth_m = |fraction| {
+                    self.areas[index].depth_m(&point_between(from, to, fraction), margin_m)
+                };
                 depth_m(worst_point(spans, depth_m))
             }
             (_, None) => {
-                let nearest = |fraction| self.nearest_inclusion(&point_between(from, to, fraction));
+                let nearest =
+                    |fraction| self.nearest_inclusion(&point_between(from, to, fraction), margin_m);
                 let worst = worst_point(spans, |fraction| nearest(fraction).1);
                 let (index, amount_m) = nearest(worst);
                 area = index;
@@ -348,9 +388,9 @@ impl Fence {
     }
 
     /// The inclusion area that is nearest to a point, and metres from it to there.
-    fn nearest_inclusion(&self, at: &Waypoint) -> (Option<usize>, f64) {
+    fn nearest_inclusion(&self, at: &Waypoint, margin_m: f64) -> (Option<usize>, f64) {
         self.of_kind(AreaKind::Inclusion)
-            .map(|(index, area)| (Some(index), area.excess_m(at)))
+            .map(|(index, area)| (Some(index), area.excess_m(at, margin_m)))
             .min_by(|a, b| a.1.total_cmp(&b.1))
             .unwrap_or((None, 0.0))
     }

@@ -1,5 +1,5 @@
 //! The rules of flight safety that the bridge enforces itself, whatever a module asks for (requirement H7; `docs/safety.md`): the pilot's
-//! switch, the geofence, battery and fuel, and the reaction to a lost link.
+//! switch, the geofence, battery and fuel, and the reaction to a lost position or link.
 //!
 //! A pure judge: it is given positions, supplies and requests, and says which rule is broken and what is to be done.
 //! [`Flight`](crate::flight::Flight) does it. `config` has the limits; [`fence`] judges points and legs. Nothing is enforced against a landing
@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 pub use config::{BreachAction, SafetyConfig, SupplyLimits};
 
 use crate::geodesy::here;
-use fence::{Breach, Fence, FenceRule};
+use fence::{Breach, Fence, FenceRule, Speeds, Velocity};
 
 /// The name of an area of the geofence as it lies in a report: what does not fit is cut off.
 pub type AreaName = [u8; 32];
@@ -45,9 +45,11 @@ impl Violation {
             | SafetyRule::FenceExclusion
             | SafetyRule::FenceFloor
             | SafetyRule::FenceCeiling
-            | SafetyRule::FenceUnjudgeable => Reason::FenceBreach,
+            | SafetyRule::FenceUnjudgeable
+            | SafetyRule::FenceAhead => Reason::FenceBreach,
             SafetyRule::Battery | SafetyRule::Fuel => Reason::SupplyLow,
             SafetyRule::LinkLoss => Reason::LinkLost,
+            SafetyRule::PositionLost => Reason::NoPosition,
         }
     }
 }
@@ -57,8 +59,23 @@ impl Violation {
 pub struct SafetyFacts {
     /// Where it is.
     pub position: Option<Geographic>,
+    /// The last sample had a position.
+    pub has_position: bool,
+    /// How it moves.
+    pub velocity: Option<Velocity>,
     /// Battery, fuel and the pilot's switch.
     pub supply: Option<Supply>,
+}
+
+/// What is judged now of the rules about places.
+#[derive(Clone, Copy, Debug)]
+pub struct Judged {
+    /// Whether the helicopter is inside the geofence.
+    pub fence: bool,
+    /// Whether it could stop before it is outside.
+    pub ahead: bool,
+    /// Whether its position is lost.
+    pub position: bool,
 }
 
 /// A movement that a broken rule refuses or ends.
@@ -82,8 +99,11 @@ pub struct Safety {
     pub(crate) fence: Fence,
     battery: SupplyWatch,
     fuel: SupplyWatch,
+    position: PositionWatch,
     /// When a path was lost with the link; `None` once the reaction has begun.
     path_lost: Option<MonotonicNs>,
+    /// The pilot's switch was on manual when the helicopter was last looked at.
+    is_manual: bool,
     /// The most severe rule that is broken now.
     pub(crate) present: Option<Violation>,
     interventions: u32,
@@ -97,7 +117,9 @@ impl Safety {
             fence: fence.clone(),
             battery: SupplyWatch::new(SafetyRule::Battery, config.battery_v),
             fuel: SupplyWatch::new(SafetyRule::Fuel, config.fuel_percent),
+            position: PositionWatch::default(),
             path_lost: None,
+            is_manual: false,
             present: None,
             interventions: 0,
         }
@@ -149,6 +171,12 @@ impl Safety {
         if let Some(violation) = self.pilot(facts) {
             return Err(self.intervene(violation, 0, AreaName::default()));
         }
+        if let Some(violation) = self.position.violation
+            && violation.action != SafetyAction::Warn
+            && !is_hold_or_landing
+        {
+            return Err(self.intervene(violation, 0, AreaName::default()));
+        }
         match self.present {
             Some(violation) if !is_hold_or_landing && is_about_supply(violation) => {
                 Err(self.intervene(violation, 0, AreaName::default()))
@@ -181,11 +209,12 @@ impl Safety {
         from: &Waypoint,
         to: &Waypoint,
         leg: usize,
+        speeds: &Speeds,
         ground_m: Option<f64>,
     ) -> Result<(), Intervention> {
         let ground_m = ground_m.filter(|_| !self.config.below_take_off);
         let into_ground = ground_m.and_then(|ground_m| Breach::of_ground(to, ground_m));
-        match into_ground.or_else(|| self.fence.check_leg(from, to)) {
+        match into_ground.or_else(|| self.fence.check_flight(from, to, speeds)) {
             Some(breach) => Err(self.breach(breach, leg)),
             None => Ok(()),
         }
@@ -213,11 +242,15 @@ impl Safety {
         }
     }
 
-    /// The area of the geofence, if that is the rule that is broken now: the one that the helicopter is in, or the one that it left.
+    /// The area of the geofence, if that is the rule that is broken now: the one that the helicopter is in or left, or comes near to.
     pub(crate) fn present_area(&self, facts: &SafetyFacts) -> AreaName {
         let is_fence = |violation: &Violation| violation.reason() == Reason::FenceBreach;
         let breach = self.present.filter(is_fence).zip(facts.position);
-        let breach = breach.and_then(|(_, position)| self.fence.check_point(&here(&position)));
+        let breach = breach.and_then(|(_, position)| {
+            let at = here(&position);
+            let ahead = || self.fence.check_ahead(&at, &facts.velocity?);
+            self.fence.check_point(&at).or_else(ahead)
+        });
         breach.map_or(AreaName::default(), |breach| self.name_of(&breach))
     }
 
@@ -233,7 +266,7 @@ impl Safety {
 
     /// Looks at the helicopter for the most severe rule that is broken, and returns whether that is another one. Amounts change all the
     /// time.
-    pub(crate) fn look(&mut self, facts: &SafetyFacts, now: MonotonicNs, is_flown: bool) -> bool {
+    pub(crate) fn look(&mut self, facts: &SafetyFacts, now: MonotonicNs, judged: Judged) -> bool {
         let key = |violation: Violation| (violation.rule, violation.action);
         let before = self.present.map(key);
         let supply = facts.supply;
@@ -244,13 +277,24 @@ impl Safety {
             self.pilot(facts),
             self.battery.look(battery_v, now, hold_for),
             self.fuel.look(fuel_percent, now, hold_for),
-            self.position(facts).filter(|_| is_flown),
+            self.look_for_position(facts, now, judged.position),
+            self.outside(facts).filter(|_| judged.fence),
+            self.ahead(facts, judged.ahead),
         ];
+        // The first of several that are as severe.
         self.present = violations
             .into_iter()
+            .rev()
             .flatten()
             .max_by_key(|violation| violation.action.code());
         before != self.present.map(key)
+    }
+
+    /// Looks whether the pilot has just taken over, whatever rule is the most severe one.
+    pub(crate) fn is_taken_over(&mut self, facts: &SafetyFacts) -> bool {
+        let is_manual = self.pilot(facts).is_some();
+        let was_manual = std::mem::replace(&mut self.is_manual, is_manual);
+        is_manual && !was_manual
     }
 
     fn pilot(&self, facts: &SafetyFacts) -> Option<Violation> {
@@ -261,7 +305,45 @@ impl Safety {
         })
     }
 
-    fn position(&self, facts: &SafetyFacts) -> Option<Violation> {
+    /// Whether the position is lost. While the pilot flies, nobody else needs it.
+    fn look_for_position(
+        &mut self,
+        facts: &SafetyFacts,
+        now: MonotonicNs,
+        is_judged: bool,
+    ) -> Option<Violation> {
+        let lasts = Duration::from_secs_f64(self.config.position_lost_s);
+        let lost_for = self.position.look(facts.has_position, now, lasts);
+        let is_judged = is_judged && switch(facts) != PilotSwitch::Manual;
+        let lost_for = lost_for.filter(|_| is_judged);
+        self.position.violation = lost_for.map(|lost_for| Violation {
+            rule: SafetyRule::PositionLost,
+            action: action_of(self.config.position_lost),
+            amount: lost_for.as_secs_f64(),
+        });
+        self.position.violation
+    }
+
+    /// Whether the helicopter stops before it is outside of the fence. It is held, and not landed: it is inside. What was found of a path
+    /// is shown until it is over.
+    fn ahead(&self, facts: &SafetyFacts, is_judged: bool) -> Option<Violation> {
+        let was_found =
+            self.present.map(|violation| violation.rule) == Some(SafetyRule::FenceAhead);
+        let breach = self
+            .fence
+            .check_ahead(&here(&facts.position?), &facts.velocity?);
+        let breach = breach.filter(|_| is_judged || was_found)?;
+        let action = match self.config.fence_breach {
+            BreachAction::Warn => SafetyAction::Warn,
+            BreachAction::Hold | BreachAction::Land => SafetyAction::Hold,
+        };
+        Some(Violation {
+            action,
+            ..refuse(breach)
+        })
+    }
+
+    fn outside(&self, facts: &SafetyFacts) -> Option<Violation> {
         let position = facts.position?;
         let breach = self.fence.check_point(&here(&position))?;
         Some(Violation {
@@ -281,6 +363,40 @@ impl Safety {
             interventions: self.interventions,
             reserved: 0,
         }
+    }
+}
+
+/// Whether the position is lost: it was not known for a time. It is found when it was known for as long.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+struct PositionWatch {
+    /// Since when it is lost, or seems to be.
+    missing_since: Option<MonotonicNs>,
+    /// Since when it is known; `None` while it is not.
+    known_since: Option<MonotonicNs>,
+    /// It was known once: what never was cannot be lost.
+    was_known: bool,
+    is_lost: bool,
+    /// What the rule says now.
+    violation: Option<Violation>,
+}
+
+impl PositionWatch {
+    /// For how long it has been lost; `None` if it is not.
+    fn look(&mut self, is_known: bool, now: MonotonicNs, lasts: Duration) -> Option<Duration> {
+        self.was_known |= is_known;
+        if is_known {
+            let since = *self.known_since.get_or_insert(now);
+            if !self.is_lost || now.since(since) >= lasts {
+                self.is_lost = false;
+                self.missing_since = None;
+            }
+        } else if self.was_known {
+            self.known_since = None;
+            let since = *self.missing_since.get_or_insert(now);
+            self.is_lost |= now.since(since) >= lasts;
+        }
+        let since = self.missing_since.filter(|_| self.is_lost)?;
+        Some(now.since(since))
     }
 }
 
@@ -360,6 +476,7 @@ fn refuse(breach: Breach) -> Violation {
         FenceRule::Floor => SafetyRule::FenceFloor,
         FenceRule::Ceiling => SafetyRule::FenceCeiling,
         FenceRule::Unjudgeable => SafetyRule::FenceUnjudgeable,
+        FenceRule::Ahead => SafetyRule::FenceAhead,
     };
     Violation {
         rule,
@@ -406,5 +523,32 @@ mod tests {
             assert_eq!(found, expected, "second {second}");
         }
         assert_eq!(watch.look(None, at(11), hold_for), None);
+    }
+
+    #[test]
+    fn a_position_is_lost_and_found_after_a_time() {
+        let lasts = Duration::from_secs(5);
+        // Second, whether it is known, for how long it has been lost.
+        let table = [
+            (0, false, None),
+            (9, false, None),
+            (10, true, None),
+            (11, false, None),
+            (15, false, None),
+            (16, false, Some(5)),
+            (17, true, Some(6)),
+            (21, true, Some(10)),
+            (21, false, Some(10)),
+            (22, true, Some(11)),
+            (27, true, None),
+            (28, false, None),
+            (29, true, None),
+            (33, false, None),
+        ];
+        let mut watch = PositionWatch::default();
+        for (second, is_known, expected) in table {
+            let found = watch.look(is_known, at(second), lasts);
+            assert_eq!(found, expected.map(Duration::from_secs), "second {second}");
+        }
     }
 }

@@ -1,42 +1,78 @@
-//! Who sends, as the kernel knows it, and the end of the one who commands: a descriptor of its process, which wakes the bridge.
+//! Who sends, as the kernel knows it, and the end of the one who commands and of the one who ordered the path: a descriptor of its
+//! process, which wakes the bridge.
 //!
-//! Numbers of processes mean something in one PID namespace only. Of a process in another one the session is not known, and its end
-//! may not be seen: then silence ends its control.
+//! Numbers of processes mean something in one PID namespace only. A process in another one, whose number may be another's here, is
+//! not known: it is a sender by itself, silence ends its control, and the end of its path's client is noticed within two seconds.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
+use ipc_types::Ipc;
 use runtime::session::session_of;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::process::{Pid, PidfdFlags, pidfd_open, test_kill_process};
 
-use crate::flight::control::Sender;
+use crate::flight::control::{Sender, SenderClock};
 
-/// What is known of the process with this number.
-pub fn sender_of(process: Option<u32>) -> Sender {
+/// Says what is known of senders.
+pub struct Senders {
+    ipc: Ipc,
+    /// The last one. To look whether a number is that of a process of the robot takes some 30 system calls.
+    last: Watched,
+    clock: SenderClock,
+}
+
+impl Senders {
+    /// Of these processes.
+    pub fn of(ipc: &Ipc) -> Senders {
+        Senders {
+            ipc: ipc.clone(),
+            last: Watched::default(),
+            clock: SenderClock::Unknown,
+        }
+    }
+
+    /// What is known of the process with this number.
+    pub fn sender_of(&mut self, process: Option<u32>) -> Sender {
+        let lives = self.last.descriptor().is_some() && self.last.ended().is_none();
+        if self.last.process != process || !lives {
+            self.last = Watched::default();
+            self.last.follow(process);
+            self.clock = match process.and_then(|process| self.ipc.shares_clock_with(process)) {
+                Some(true) => SenderClock::Own,
+                Some(false) => SenderClock::Other,
+                None => SenderClock::Unknown,
+            };
+        }
+        Sender {
+            process,
+            session: session(process),
+            clock: self.clock,
+        }
+    }
+}
+
+fn session(process: Option<u32>) -> Option<u32> {
     let leader = process
         .and_then(pid)
         .and_then(|pid| session_of(Some(pid)))
         .filter(|leader| test_kill_process(*leader) != Err(Errno::SRCH));
-    Sender {
-        process,
-        session: leader.map(|leader| leader.as_raw_nonzero().get() as u32),
-    }
+    leader.map(|leader| leader.as_raw_nonzero().get() as u32)
 }
 
 fn pid(process: u32) -> Option<Pid> {
     i32::try_from(process).ok().and_then(Pid::from_raw)
 }
 
-/// The process with whose end control ends.
+/// A process whose end the bridge must know.
 #[derive(Debug, Default)]
-pub struct Controller {
+pub struct Watched {
     process: Option<u32>,
     /// `None` if its end cannot be seen.
     watched: Option<OwnedFd>,
 }
 
-impl Controller {
+impl Watched {
     /// What wakes the bridge.
     pub fn descriptor(&self) -> Option<BorrowedFd<'_>> {
         self.watched.as_ref().map(AsFd::as_fd)
@@ -78,7 +114,7 @@ mod tests {
             .spawn()
             .expect("cat");
         let process = Some(child.id());
-        let mut controller = Controller::default();
+        let mut controller = Watched::default();
         assert_eq!(controller.follow(process), None);
         assert!(controller.descriptor().is_some());
         assert_eq!(controller.ended(), None);
@@ -92,17 +128,15 @@ mod tests {
 
     #[test]
     fn processes_of_one_session_have_one_leader() {
-        let own = std::process::id();
-        let sender = sender_of(Some(own));
+        let own = session(Some(std::process::id()));
         let mut child = Command::new("cat")
             .stdin(Stdio::piped())
             .spawn()
             .expect("cat");
-        assert_eq!(sender_of(Some(child.id())).session, sender.session);
+        assert_eq!(session(Some(child.id())), own);
         drop(child.stdin.take());
         child.wait().expect("its end");
-        let gone = sender_of(Some(child.id()));
-        assert_eq!((gone.process, gone.session), (Some(child.id()), None));
-        assert_eq!(sender_of(None), Sender::default());
+        assert_eq!(session(Some(child.id())), None);
+        assert_eq!(session(None), None);
     }
 }

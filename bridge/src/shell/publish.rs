@@ -11,7 +11,7 @@ use ipc_types::{
 };
 
 use super::audit::{Audit, AuditedSender, RelayStationNames};
-use super::controller::sender_of;
+use super::controller::Senders;
 use crate::core::Input;
 use crate::flight::control::Sender;
 use crate::outline::{Outline, Rounds};
@@ -26,6 +26,7 @@ pub struct BridgeServices {
     parameters: Server<ParameterRequest>,
     audit: Audit,
     stations: RelayStationNames,
+    senders: Senders,
 }
 
 impl BridgeServices {
@@ -39,6 +40,7 @@ impl BridgeServices {
             parameters: ipc.server()?,
             audit: Audit::default(),
             stations: RelayStationNames::open(ipc)?,
+            senders: Senders::of(ipc),
         })
     }
 
@@ -68,7 +70,7 @@ impl BridgeServices {
     /// Takes everything that is there into `inbox`, which keeps its memory.
     pub fn drain(&mut self, inbox: &mut Vec<Input<'static>>) {
         self.stations.drain();
-        let (log, stations) = (&self.audit, &self.stations);
+        let (log, stations, senders) = (&self.audit, &self.stations, &mut self.senders);
         let audited = |sender: &Sender, origin| AuditedSender {
             pid: sender.process,
             station: stations.name_of(origin),
@@ -77,6 +79,7 @@ impl BridgeServices {
             &mut self.control,
             inbox,
             log,
+            senders,
             RequestKey::Control,
             |key, sender, request| {
                 log.control(&audited(&sender, request.origin), &request);
@@ -91,6 +94,7 @@ impl BridgeServices {
             &mut self.movement,
             inbox,
             log,
+            senders,
             RequestKey::Movement,
             |key, sender, request| {
                 log.movement(&audited(&sender, request.origin), &request);
@@ -105,6 +109,7 @@ impl BridgeServices {
             &mut self.parameters,
             inbox,
             log,
+            senders,
             RequestKey::Parameter,
             |key, sender, request| {
                 log.parameter(&audited(&sender, request.origin), &request);
@@ -123,6 +128,7 @@ fn drain<R: Request>(
     server: &mut Server<R>,
     inbox: &mut Vec<Input<'static>>,
     audit: &Audit,
+    senders: &mut Senders,
     key: fn(u64) -> RequestKey,
     incoming: impl Fn(RequestKey, Sender, R) -> Input<'static>,
 ) {
@@ -135,7 +141,7 @@ fn drain<R: Request>(
     let drained: Result<usize, ServeError> =
         server.drain(|ticket, request| requests.push((ticket, *request)));
     for (ticket, request) in requests {
-        let sender = sender_of(server.sender(ticket));
+        let sender = senders.sender_of(server.sender(ticket));
         inbox.push(incoming(key(ticket.to_bits()), sender, request));
     }
     if let Err(error) = drained {

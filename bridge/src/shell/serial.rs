@@ -1,12 +1,13 @@
 //! The serial port: opened, configured, read and written without blocking, and given back as it was found.
 //!
 //! A port that another process uses is left alone. It may be a person's terminal: a link to a pseudo-terminal outlives a
-//! simulator that is killed, and the kernel gives the number to the next login. So the bridge looks for [`holders`] before
-//! it opens the device, and again before it changes anything.
+//! simulator that is killed, and the kernel gives the number to the next login. So the bridge looks for the simulator that made the
+//! link, and for [`holders`], before it opens the device, and again before it changes anything.
 //!
 //! Two descriptors of one device: `serialport` owns the lock and the configuration; ours is opened and checked before, so that
 //! the settings found can be saved, and is non-blocking, so that one wait serves everything.
 
+mod claim;
 pub mod holders;
 
 use std::fs::{File, Metadata, OpenOptions};
@@ -52,6 +53,9 @@ pub enum OpenError {
         /// Who.
         by: PortHolder,
     },
+    /// The simulator that made the link has ended, or has another terminal.
+    #[error("{port} was made by a simulator that has ended, and its terminal may be another one's by now: start it again, `ril run sim --link {port}`", port = .0.display())]
+    Stale(PathBuf),
     /// It is no terminal device.
     #[error("{} is not a serial port: `serial.port` must name a terminal device, such as /dev/ttyUSB0", .0.display())]
     NotATerminal(PathBuf),
@@ -244,6 +248,9 @@ fn configure(port: &Path, file: &File, baud_rate: u32) -> Result<TTYPort, OpenEr
 fn check_free(port: &Path, metadata: &Metadata) -> Result<(), OpenError> {
     let terminal = TerminalDevice::new(port, metadata)
         .ok_or_else(|| OpenError::NotATerminal(port.to_owned()))?;
+    if terminal.is_pty() && is_stale(port, metadata)? {
+        return Err(OpenError::Stale(port.to_owned()));
+    }
     let holders = Holders::find(&terminal).map_err(|error| cannot_open(port, error))?;
     match holders.holder(std::process::id()) {
         Some(by) => Err(OpenError::InUse {
@@ -252,6 +259,14 @@ fn check_free(port: &Path, metadata: &Metadata) -> Result<(), OpenError> {
         }),
         None => Ok(()),
     }
+}
+
+/// Whether the port is a link whose simulator has ended, or has another terminal than that with `metadata`.
+///
+/// # Errors
+/// When that cannot be seen.
+pub fn is_stale(port: &Path, metadata: &Metadata) -> Result<bool, OpenError> {
+    claim::is_stale(port, metadata).map_err(|error| cannot_open(port, error))
 }
 
 /// The error when the system refuses the port because another process holds it; that process is named if this user can see it.

@@ -36,6 +36,7 @@ impl Site {
             floor_m: self.floor_m,
             ceiling_m: self.ceiling_m,
             area: area.collect::<Result<_, _>>().unwrap(),
+            ..FenceConfig::default()
         })
         .unwrap()
     }

@@ -201,6 +201,8 @@ fn of_changes(recorded: &ModuleState, replayed: &ModuleState) -> Compared {
         },
         refused: RefusedCounters::default(),
         last_minute: LastMinute::default(),
+        home_latitude_deg: 0.0,
+        home_longitude_deg: 0.0,
         ground_altitude_m: 0.0,
         ground_valid: 0,
         movement: MovementState {

@@ -33,6 +33,8 @@ pub struct Order {
     pub begin_by: Option<MonotonicNs>,
     /// Whether it may replace a path that is under way.
     pub preempts: bool,
+    /// The request to the bridge that was the step before, of a mission or of a command of two steps; 0 if it follows no other.
+    pub after: u64,
 }
 
 /// What is wanted of the bridge.

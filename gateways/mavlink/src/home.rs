@@ -1,13 +1,6 @@
-//! [`Home`]: where the flight began, or what an operator has set as home.
+//! [`Home`]: where the helicopter stands, and in the air where it took off, as the bridge says; or what an operator has set as home.
 //!
-//! | home | on the ground | in the air | an operator sets it |
-//! |---|---|---|---|
-//! | unknown, first heard | → ground | → first heard, once | → operator |
-//! | ground | follows | → take-off | → operator |
-//! | take-off | → ground | stays | → operator |
-//! | operator | stays | stays | → operator |
-//!
-//! [`KeptHome`] outlives the gateway: that of a take-off until the helicopter lands, that of an operator as long as the bridge lives.
+//! [`KeptHome`], an operator's, outlives the gateway as long as the bridge lives.
 
 use ipc_types::MonotonicNs;
 use ipc_types::payload::WaypointPosition;
@@ -15,47 +8,28 @@ use ipc_types::payload::WaypointPosition;
 /// See the module's documentation. Altitudes have telemetry's zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Home {
-    /// No position has come yet.
+    /// The bridge has not seen the helicopter on the ground.
     #[default]
     Unknown,
-    /// Where the helicopter was when it was first heard, in the air: for display only.
-    FirstHeard(WaypointPosition),
-    /// Where it stands.
+    /// Where it stands, or took off.
     Ground(WaypointPosition),
-    /// Where it took off.
-    TakeOff(WaypointPosition),
     /// What an operator has set.
     Operator(WaypointPosition),
 }
 
 impl Home {
-    /// A position has come.
-    pub fn follow(&mut self, position: WaypointPosition, is_flying: bool) {
-        *self = match (*self, is_flying) {
-            (Home::Operator(set), _) => Home::Operator(set),
-            (_, false) => Home::Ground(position),
-            (Home::Unknown, true) => Home::FirstHeard(position),
-            (Home::Ground(ground), true) => Home::TakeOff(ground),
-            (known, true) => known,
-        };
-    }
-
-    /// What is shown.
-    pub fn shown(&self) -> Option<WaypointPosition> {
-        match *self {
-            Home::Unknown => None,
-            Home::FirstHeard(position) => Some(position),
-            _ => self.known(),
+    /// The bridge says where home is, or that it does not know.
+    pub fn follow(&mut self, home: Option<WaypointPosition>) {
+        if !matches!(self, Home::Operator(_)) {
+            *self = home.map_or(Home::Unknown, Home::Ground);
         }
     }
 
     /// What a helicopter may return to, and what heights are relative to.
     pub fn known(&self) -> Option<WaypointPosition> {
         match *self {
-            Home::Unknown | Home::FirstHeard(_) => None,
-            Home::Ground(position) | Home::TakeOff(position) | Home::Operator(position) => {
-                Some(position)
-            }
+            Home::Unknown => None,
+            Home::Ground(position) | Home::Operator(position) => Some(position),
         }
     }
 }
@@ -66,13 +40,11 @@ pub const MAX_HOME_BYTES: usize = 512;
 /// How the file of a home begins, and its version.
 const HEAD: [&str; 2] = ["ril-home", "1"];
 
-/// A home that is kept over restarts of the gateway.
+/// A home of an operator that is kept over restarts of the gateway.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KeptHome {
     /// Where it is.
     pub position: WaypointPosition,
-    /// On which ground, by telemetry's altitude, the flight began that it belongs to; `None` if an operator has set it, for all flights.
-    pub ground_altitude_m: Option<f64>,
 }
 
 impl KeptHome {
@@ -83,12 +55,8 @@ impl KeptHome {
             longitude_deg,
             altitude_m,
         } = self.position;
-        let ground = match self.ground_altitude_m {
-            Some(ground_altitude_m) => ground_altitude_m.to_string(),
-            None => "operator".to_owned(),
-        };
         let [head, version] = HEAD;
-        format!("{head} {version} {bridge} {latitude_deg} {longitude_deg} {altitude_m} {ground}\n")
+        format!("{head} {version} {bridge} {latitude_deg} {longitude_deg} {altitude_m}\n")
     }
 
     /// The home of a file; `None` if it belongs to another run of the bridge, or none is kept.
@@ -109,7 +77,7 @@ impl KeptHome {
             [head, ..] if *head == HEAD[0] => return Err("it is of another version".to_owned()),
             _ => return Err("it is no home".to_owned()),
         };
-        let [run, latitude, longitude, altitude, ground] = rest else {
+        let [run, latitude, longitude, altitude] = rest else {
             return Err("it is cut short".to_owned());
         };
         let position = WaypointPosition {
@@ -120,27 +88,18 @@ impl KeptHome {
         if position.latitude_deg.abs() > 90.0 || position.longitude_deg.abs() > 180.0 {
             return Err("that is no place".to_owned());
         }
-        let ground_altitude_m = match *ground {
-            "operator" => None,
-            ground => Some(number(ground)?),
-        };
-        let kept = KeptHome {
-            position,
-            ground_altitude_m,
-        };
+        let kept = KeptHome { position };
         Ok((*run == bridge.to_string()).then_some(kept))
     }
 }
 
-/// What of home is on the disk, and what an earlier gateway has left there.
+/// What of home is on the disk.
 #[derive(Clone, Debug, Default)]
 pub struct HomeKeeper {
     /// What is kept.
     pub kept: Option<KeptHome>,
     /// When it was.
     pub at: Option<MonotonicNs>,
-    /// What was kept of a flight before this gateway began; nothing has said yet whether that flight goes on.
-    pub before: Option<KeptHome>,
 }
 
 #[cfg(test)]
@@ -154,30 +113,26 @@ mod tests {
             longitude_deg: -6.001,
             altitude_m: 1e-9,
         };
-        for ground_altitude_m in [None, Some(-30.001)] {
-            let kept = KeptHome {
-                position,
-                ground_altitude_m,
-            };
-            let text = kept.encode(u64::MAX);
-            assert!(text.len() < MAX_HOME_BYTES);
-            let read = |bridge| KeptHome::decode(text.as_bytes(), bridge);
-            assert_eq!(read(u64::MAX), Ok(Some(kept)));
-            assert_eq!(read(7), Ok(None), "the bridge has begun anew");
-            for length in 1..text.len() - 9 {
-                let cut = KeptHome::decode(&text.as_bytes()[..length], u64::MAX);
-                assert!(cut.is_err(), "{length}");
-            }
+        let kept = KeptHome { position };
+        let text = kept.encode(u64::MAX);
+        assert!(text.len() < MAX_HOME_BYTES);
+        let read = |bridge| KeptHome::decode(text.as_bytes(), bridge);
+        assert_eq!(read(u64::MAX), Ok(Some(kept)));
+        assert_eq!(read(7), Ok(None), "the bridge has begun anew");
+        let end = text.rfind(' ').unwrap();
+        for length in 1..end {
+            let cut = KeptHome::decode(&text.as_bytes()[..length], u64::MAX);
+            assert!(cut.is_err(), "{length}");
         }
         assert_eq!(KeptHome::decode(b"", 7), Ok(None));
         for wrong in [
-            "ril-home 2 7 1 2 3 4",
-            "ril-home 1 7 NaN 2 3 4",
-            "ril-home 1 7 91 2 3 4",
-            "ril-home 1 7 1 181 3 4",
-            "ril-home 1 7 1 2 inf 4",
-            "ril-home 1 7 1 2 3 pilot",
-            "ril-home 1 7 1 2 3 4 5",
+            "ril-home 2 7 1 2 3",
+            "ril-home 1 7 NaN 2 3",
+            "ril-home 1 7 91 2 3",
+            "ril-home 1 7 1 181 3",
+            "ril-home 1 7 1 2 inf",
+            "ril-home 1 7 1 2 pilot",
+            "ril-home 1 7 1 2 3 4",
             "RILM",
             "\u{1f681}",
         ] {
@@ -187,37 +142,25 @@ mod tests {
     }
 
     #[test]
-    fn each_state_and_each_event() {
+    fn home_is_the_bridges_until_an_operator_sets_it() {
         let at = |latitude_deg| WaypointPosition {
             latitude_deg,
             longitude_deg: 0.0,
             altitude_m: 0.0,
         };
-        let (old, new) = (at(1.0), at(2.0));
-        // Before, after a position on the ground, after one in the air.
-        let table = [
-            (Home::Unknown, Home::Ground(new), Home::FirstHeard(new)),
-            (
-                Home::FirstHeard(old),
-                Home::Ground(new),
-                Home::FirstHeard(old),
-            ),
-            (Home::Ground(old), Home::Ground(new), Home::TakeOff(old)),
-            (Home::TakeOff(old), Home::Ground(new), Home::TakeOff(old)),
-            (
-                Home::Operator(old),
-                Home::Operator(old),
-                Home::Operator(old),
-            ),
-        ];
-        for (before, on_ground, in_air) in table {
-            for (is_flying, expected) in [(false, on_ground), (true, in_air)] {
-                let mut home = before;
-                home.follow(new, is_flying);
-                assert_eq!(home, expected, "{before:?}, flying: {is_flying}");
-            }
+        let mut home = Home::default();
+        for (said, expected) in [
+            (None, Home::Unknown),
+            (Some(at(1.0)), Home::Ground(at(1.0))),
+            (Some(at(2.0)), Home::Ground(at(2.0))),
+            // The bridge was started again in the air.
+            (None, Home::Unknown),
+        ] {
+            home.follow(said);
+            assert_eq!(home, expected);
         }
-        assert_eq!(Home::FirstHeard(old).known(), None);
-        assert_eq!(Home::FirstHeard(old).shown(), Some(old));
+        home = Home::Operator(at(3.0));
+        home.follow(Some(at(4.0)));
+        assert_eq!(home.known(), Some(at(3.0)));
     }
 }

@@ -58,6 +58,7 @@ fn refusal(reason: Reason) -> MavResult {
         | Reason::BridgeEnding
         | Reason::PathReplaced
         | Reason::NotInControl
+        | Reason::FenceUnread
         | Reason::RelayTooManyStations => MavResult::TemporarilyRejected,
         Reason::InvalidRequest
         | Reason::NotFinite
@@ -69,6 +70,7 @@ fn refusal(reason: Reason) -> MavResult {
         | Reason::PathWithoutHead
         | Reason::NoSuchPort
         | Reason::RelayNotPermitted
+        | Reason::ClockDiffers
         | Reason::Replayed => MavResult::Denied,
         Reason::None
         | Reason::SupplyLow
@@ -84,7 +86,7 @@ fn refusal(reason: Reason) -> MavResult {
         | Reason::LinkLost
         | Reason::RelayLinkLost
         | Reason::NotRemembered => MavResult::Failed,
-        Reason::Replaced | Reason::Stopped => MavResult::Cancelled,
+        Reason::Replaced | Reason::Stopped | Reason::SenderLost => MavResult::Cancelled,
         // Started is what was wanted.
         Reason::AlreadyRunning => MavResult::Accepted,
     }

@@ -4,9 +4,9 @@ use std::cell::Cell;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use ipc_types::MonotonicNs;
 use ipc_types::code::{Functionality, LinkState, ModuleStatus, PilotSwitch, Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, ModuleState, RequestReport};
+use ipc_types::{MonotonicNs, TelemetryGroup};
 use mavlink_gateway::message::{self, COMMAND_LONG, HEARTBEAT, MessageKind};
 use mavlink_gateway::wire::{MessageWriter, frames};
 use mavlink_gateway::{Gateway, Mission, Order, OrderKind, Settings, Task};
@@ -63,6 +63,11 @@ impl Sent {
 pub fn heartbeat() -> MessageWriter {
     let message = MessageWriter::new(HEARTBEAT).u32(0).u8(6).u8(8);
     message.u8(0).u8(4).u8(3)
+}
+
+/// The id of the request that an order becomes.
+pub fn request_of(order: &Order) -> u64 {
+    1000 + order.number
 }
 
 /// COMMAND_ACK: command, result, reason.
@@ -145,6 +150,14 @@ impl World {
         self.pass(ms);
         self.telemetry.received_ns = self.now.0;
         self.state.published_ns = self.now.0;
+        // As a bridge says it that has seen the helicopter on the ground.
+        if self.telemetry.flying == 0 && self.telemetry.valid(TelemetryGroup::Geographic) {
+            let place = self.telemetry.geodetic;
+            self.state.ground_valid = 1;
+            self.state.home_latitude_deg = place.latitude_rad.to_degrees();
+            self.state.home_longitude_deg = place.longitude_rad.to_degrees();
+            self.state.ground_altitude_m = place.altitude_m;
+        }
         self.gateway.state(&self.state, self.now);
         self.gateway.telemetry(&self.telemetry, self.now);
         self.gateway.advance(self.now);
@@ -216,7 +229,10 @@ impl World {
 
     /// The bridge reports on an order.
     pub fn report(&mut self, order: &Order, stage: Stage, reason: Reason) {
-        let report = RequestReport::new(stage, reason);
+        let report = RequestReport {
+            request_id: request_of(order),
+            ..RequestReport::new(stage, reason)
+        };
         let words = format!("{} {stage} ({reason})", order.kind.name());
         self.gateway.report(order.number, &report, &words, self.now);
         self.gateway.advance(self.now);

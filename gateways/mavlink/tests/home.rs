@@ -12,13 +12,15 @@ fn kept(world: &mut World) -> Option<Option<KeptHome>> {
     world.gateway.poll_home(now)
 }
 
-/// A helicopter that flies when its gateway starts, with the home of an earlier gateway.
-fn restarted(before: KeptHome, ground_altitude_m: f64) -> World {
+/// A helicopter that flies when its gateway starts, as an earlier gateway has known it.
+fn restarted(before: &World, kept: Option<KeptHome>) -> World {
     let mut world = World::new(Settings::default());
     // The gateway of the flight so far is gone.
     world.gateway = mavlink_gateway::Gateway::new(Settings::default(), 1);
-    world.gateway.restore_home(before);
-    (world.state.ground_valid, world.state.ground_altitude_m) = (1, ground_altitude_m);
+    if let Some(kept) = kept {
+        world.gateway.restore_home(kept);
+    }
+    world.state = before.state;
     world.state.blocked = 0;
     world.telemetry.flying = 1;
     // 111 m to the north of where it took off.
@@ -47,26 +49,17 @@ fn returns_to(world: &mut World) -> Option<f64> {
 }
 
 #[test]
-fn the_home_of_a_flight_outlives_the_gateway_and_ends_with_the_flight() {
+fn home_is_where_the_bridge_says_and_a_restart_of_the_gateway_changes_nothing() {
     let mut world = World::new(Settings::default());
-    (world.state.ground_valid, world.state.ground_altitude_m) = (1, 29.5);
     world.tick(20);
-    assert_eq!(kept(&mut world), None, "nothing is kept on the ground");
     world.telemetry.flying = 1;
-    let home = kept(&mut world).flatten().expect("a home");
-    assert_eq!(home.ground_altitude_m, Some(29.5));
-    assert!((home.position.latitude_deg - HERE.0).abs() < 1e-9);
-    assert_eq!(kept(&mut world), None, "once");
-
-    let mut again = restarted(home, 29.5);
+    assert_eq!(kept(&mut world), None, "the bridge keeps it");
+    let mut again = restarted(&world, None);
     let there = returns_to(&mut again).expect("a return");
     assert!((there - HERE.0).abs() < 1e-9, "{there}");
-    assert_eq!(kept(&mut again), None, "it is kept already");
-    // The helicopter has stood somewhere else meanwhile.
-    assert_eq!(returns_to(&mut restarted(home, 29.501)), None);
-
-    again.telemetry.flying = 0;
-    assert_eq!(kept(&mut again), Some(None), "it has landed");
+    // A bridge that was started in the air does not know it.
+    world.state.ground_valid = 0;
+    assert_eq!(returns_to(&mut restarted(&world, None)), None);
 }
 
 #[test]
@@ -86,7 +79,6 @@ fn a_home_of_an_operator_holds_for_all_flights_and_is_kept_at_most_once_a_second
     world.command(QGC, 179, set(0.1));
     let now = world.now;
     let first = world.gateway.poll_home(now).flatten().expect("a home");
-    assert_eq!(first.ground_altitude_m, None);
     world.command(QGC, 179, set(0.2));
     let now = world.now;
     assert_eq!(world.gateway.poll_home(now), None, "not at once again");
@@ -95,27 +87,6 @@ fn a_home_of_an_operator_holds_for_all_flights_and_is_kept_at_most_once_a_second
     let second = kept(&mut world).flatten().expect("a home");
     assert!(second.position.latitude_deg > first.position.latitude_deg);
     // From another ground, too.
-    let there = returns_to(&mut restarted(second, 7.0)).expect("a return");
+    let there = returns_to(&mut restarted(&world, Some(second))).expect("a return");
     assert!((there - second.position.latitude_deg).abs() < 1e-9);
-}
-
-#[test]
-fn a_boot_of_the_dsp_in_flight_leaves_home_where_the_flight_began() {
-    let mut world = World::flying();
-    (world.state.ground_valid, world.state.ground_altitude_m) = (1, 29.5);
-    let home = kept(&mut world).flatten().expect("a home");
-    let away = |world: &mut World| {
-        world.telemetry.geodetic.latitude_rad = (HERE.0 + 0.001).to_radians();
-        world.state.link.dsp_boots += 1;
-        world.tick(20);
-    };
-    // For this gateway, and for one that starts again after the boot.
-    away(&mut world);
-    assert_eq!(kept(&mut world), None, "it stays as it is");
-    let mut again = restarted(home, 29.5);
-    away(&mut again);
-    for world in [&mut world, &mut again] {
-        let there = returns_to(world).expect("a return");
-        assert!((there - HERE.0).abs() < 1e-9, "{there}");
-    }
 }

@@ -1,7 +1,7 @@
 //! Missions as a station sees them: they come whole or not at all, are checked and flown, pause, and can be read.
 
-use ipc_types::code::{PilotSwitch, Reason, Stage};
-use ipc_types::payload::RequestReport;
+use ipc_types::code::{CameBetween, PilotSwitch, Reason, Stage};
+use ipc_types::payload::{ControlSender, RequestReport};
 use mavlink_gateway::message::{
     self, MISSION_ACK, MISSION_COUNT, MISSION_CURRENT, MISSION_ITEM_INT, MISSION_ITEM_REACHED,
     MISSION_REQUEST_INT, MISSION_SET_CURRENT, SET_MODE,
@@ -11,7 +11,7 @@ use mavlink_gateway::{Mission, Mode, Order, OrderKind, Settings, StationLost};
 
 use crate::common::{
     HERE, QGC, SCRIPT, Sent, Station, World, acks, clear, count, of_kind, reposition, request_item,
-    request_list, results, texts,
+    request_list, request_of, results, texts,
 };
 
 const NAN: f32 = f32::NAN;
@@ -143,6 +143,7 @@ fn started(world: &mut World, start: &Order) {
 /// So many waypoints of the path were reached.
 fn progress(world: &mut World, order: &Order, waypoints_reached: u32) {
     let report = RequestReport {
+        request_id: request_of(order),
         waypoints_reached,
         ..RequestReport::new(Stage::Progress, Reason::None)
     };
@@ -729,4 +730,97 @@ fn a_station_that_clears_everything_does_not_change_the_answer_to_the_transfer_o
     }
     world.serve("");
     assert_eq!(answer(&world.sent()), (ACCEPTED, 0));
+}
+
+#[test]
+fn each_step_of_a_mission_names_the_one_before() {
+    let mut world = with_survey(World::with_station());
+    world.command(QGC, 300, [0.0; 7]);
+    world.serve("");
+    let start = order(&mut world);
+    assert_eq!(start.after, 0);
+    started(&mut world, &start);
+    let take_off = order(&mut world);
+    assert_eq!(take_off.after, request_of(&start));
+    done(&mut world, &take_off);
+    let path = order(&mut world);
+    assert_eq!(path.after, request_of(&take_off));
+    done(&mut world, &path);
+    world.run(255);
+    let speed = order(&mut world);
+    assert_eq!(speed.after, request_of(&path));
+    done(&mut world, &speed);
+    let path = order(&mut world);
+    assert_eq!(path.after, request_of(&speed));
+    done(&mut world, &path);
+    assert_eq!(order(&mut world).after, request_of(&path));
+
+    // The module runs already: the first step follows none, and was issued with the mission.
+    let mut world = with_survey(World::flying());
+    let issued = world.now;
+    choose_mission(&mut world, QGC);
+    let path = order(&mut world);
+    assert_eq!((path.after, path.issued), (0, issued));
+}
+
+#[test]
+fn a_mission_that_begins_with_a_hover_is_as_old_as_its_command() {
+    let mut world = World::flying();
+    let items = [item(0, 19, 20.0, (0, 0.0)), item(1, 16, 0.0, (1_000, 15.0))];
+    let sent = upload(&mut world, QGC, &items, "");
+    assert_eq!(results(&sent), [ACCEPTED], "{:?}", texts(&sent));
+    let issued = world.now;
+    choose_mission(&mut world, QGC);
+    assert_eq!(world.kinds(), []);
+    world.run(1_010);
+    let path = order(&mut world);
+    assert_eq!((path.after, path.issued), (0, issued));
+    let begin_by = path.begin_by.expect("a moment");
+    assert!(begin_by > world.now, "it is not late for its hover");
+}
+
+#[test]
+fn a_mission_that_was_superseded_says_what_came_between_and_can_be_gone_on_with() {
+    let (mut world, path) = on_path();
+    world.report(&path, Stage::Done, Reason::None);
+    world.run(255);
+    let speed = order(&mut world);
+    world.sent();
+    let refused = RequestReport {
+        request_id: request_of(&speed),
+        between: CameBetween::Hold.code(),
+        between_request_id: 77,
+        between_sender: ControlSender {
+            process: 4711,
+            ..ControlSender::default()
+        },
+        ..RequestReport::new(Stage::Refused, Reason::Superseded)
+    };
+    (world.gateway).report(speed.number, &refused, "words", world.now);
+    world.gateway.advance(world.now);
+    assert_eq!(world.kinds(), []);
+    let expected = "mission stopped at item 4: before it came a hold of process 4711";
+    let told = texts(&world.sent());
+    assert!(told.iter().any(|(_, text)| text == expected), "{told:?}");
+    // It is begun anew by a command of its own.
+    choose_mission(&mut world, QGC);
+    let again = order(&mut world);
+    assert_eq!((again.kind, again.after), (OrderKind::Speed(4.0), 0));
+}
+
+#[test]
+fn the_landing_of_a_return_and_the_take_off_of_an_arming_name_the_step_before() {
+    let mut world = World::flying();
+    world.command(QGC, 20, [0.0; 7]);
+    let path = order(&mut world);
+    assert_eq!(path.after, 0);
+    done(&mut world, &path);
+    assert_eq!(order(&mut world).after, request_of(&path));
+
+    let mut world = World::with_station();
+    world.command(QGC, 22, [NAN; 7]);
+    let start = order(&mut world);
+    assert_eq!((start.kind, start.after), (OrderKind::Start, 0));
+    done(&mut world, &start);
+    assert_eq!(order(&mut world).after, request_of(&start));
 }

@@ -399,6 +399,7 @@ fn a_mission_comes_to_a_gateway_that_began_in_the_air() {
     let mut world = World::new(Settings::default());
     world.gateway = mavlink_gateway::Gateway::new(Settings::default(), 1);
     world.state.blocked = 0;
+    world.state.ground_valid = 0;
     world.telemetry.flying = 1;
     world.tick(20);
     world.heartbeat(QGC);

@@ -6,7 +6,7 @@ use ipc_types::code::{Functionality, LinkState, MavlinkVehicle, Reason, Stage};
 use ipc_types::payload::MavlinkStations;
 use mavlink_gateway::{Order, OrderKind, Settings, StationLost};
 
-use crate::common::{HERE, QGC, SCRIPT, Sent, Station, World, acks, reposition, texts};
+use crate::common::{HERE, QGC, SCRIPT, Sent, Station, World, acks, reposition, request_of, texts};
 
 /// In the air, with two stations.
 fn flying(station_lost: StationLost) -> World {
@@ -76,7 +76,7 @@ fn the_path_of_a_lost_station_is_what_the_settings_say() {
         ),
     ] {
         let mut world = flying(station_lost);
-        go_to(&mut world, SCRIPT);
+        let path = go_to(&mut world, SCRIPT);
         world.sent();
         silence_but_of(&mut world, QGC, 9);
         assert_eq!(world.kinds(), []);
@@ -89,6 +89,8 @@ fn the_path_of_a_lost_station_is_what_the_settings_say() {
         for order in orders {
             assert!(order.preempts);
             assert_eq!(order.begin_by, None);
+            // Nothing newer is ended.
+            assert_eq!(order.after, request_of(&path));
             world.report(&order, Stage::Accepted, Reason::None);
             assert_eq!(acks(&world.sent()), [], "no station waits for it");
         }

@@ -21,8 +21,7 @@ enum Program {
 }
 
 fn main() -> std::process::ExitCode {
-    let cli = Cli::parse();
-    runtime::exit::main_with(|| match cli.command {
+    runtime::exit::main_of(|cli: Cli| match cli.command {
         Program::Relay(command) => relay::cli::run(command),
         Program::Man(args) => manual::write(Cli::command(), &args),
     })

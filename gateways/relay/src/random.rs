@@ -2,7 +2,7 @@
 
 use std::hash::{BuildHasher, RandomState};
 
-use rustix::time::{ClockId, clock_gettime};
+use ipc_types::MonotonicNs;
 
 /// A random number that is not 0.
 pub fn fresh() -> u64 {
@@ -10,12 +10,7 @@ pub fn fresh() -> u64 {
     RandomState::new().hash_one(0_u8).max(1)
 }
 
-/// How long the machine has been suspended since its boot, ns: `CLOCK_BOOTTIME` − `CLOCK_MONOTONIC`.
+/// How long the machine has been suspended since its boot, ns.
 pub fn suspended_ns() -> u64 {
-    let read_ns = |clock| {
-        let time = clock_gettime(clock);
-        time.tv_sec as u64 * 1_000_000_000 + time.tv_nsec as u64
-    };
-    let monotonic_ns = read_ns(ClockId::Monotonic);
-    read_ns(ClockId::Boottime).saturating_sub(monotonic_ns)
+    MonotonicNs::suspended().as_nanos() as u64
 }

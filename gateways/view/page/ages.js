@@ -2,8 +2,8 @@
 // age at sending alone is too small. Two bounds help: what the server sent after it had heard from the page was sent later than the
 // page spoke; so the latest such pair limits how far the clocks are apart, and with it how long each message was on its way.
 
-/** Round trips that are kept: a minute of one every two seconds. Old ones go, because clocks drift. */
-const KEPT = 30;
+/** Round trips that are kept: a minute of one a second. Old ones go, because clocks drift. */
+const KEPT = 60;
 
 /** All times are in ms: `page` of performance.now(), `server` of `sent_ms`. */
 export class Ages {

@@ -11,7 +11,7 @@ import * as lists from "./lists.js";
 import * as map from "./map.js";
 import { Model } from "./model.js";
 import * as plots from "./plots.js";
-import { parse } from "./protocol.js";
+import { orderNumber, parse } from "./protocol.js";
 import * as replay from "./replay.js";
 import * as settings from "./settings.js";
 import * as sheets from "./sheets.js";
@@ -21,7 +21,7 @@ import * as theme from "./theme.js";
 /** How often the page asks for a picture, at most. */
 const RATE_HZ = 20;
 const TICK_MS = 250;
-const PING_MS = 2000;
+const PING_MS = 1000;
 /** A page that is not seen closes its connection after so long. */
 const HIDDEN_MS = 30000;
 
@@ -29,6 +29,9 @@ const model = new Model();
 const ages = new Ages();
 const contact = new Contact();
 const token = takeToken();
+/** What this tab calls itself, also after it was loaded again. */
+const name = recall("session", "page") ?? orderNumber();
+remember("session", "page", name);
 
 /** What is to be drawn at the next frame. @type {Set<string>} */
 const dirty = new Set();
@@ -76,7 +79,7 @@ function open() {
   ages.opened(performance.now());
   opened = model.chosen;
   isAlive = false;
-  link.send({ type: "open", token, robot: opened, rate_hz: RATE_HZ });
+  link.send({ type: "open", token, robot: opened, rate_hz: RATE_HZ, page: name });
   if (document.visibilityState === "hidden") link.send({ type: "hidden", hidden: true });
   // What is on the screen is of the connection before.
   contact.wake(ping());
@@ -88,6 +91,7 @@ function ping() {
   pinged = performance.now();
   if (!link.send({ type: "ping", id })) return null;
   ages.pinged(id, pinged);
+  contact.pinged(id, pinged);
   return id;
 }
 
@@ -99,7 +103,7 @@ function choose(robot) {
   remember("session", "robot", String(robot));
   seen = null;
   opened = robot;
-  link.send({ type: "open", token, robot, rate_hz: RATE_HZ });
+  link.send({ type: "open", token, robot, rate_hz: RATE_HZ, page: name });
   map.forget();
   isReset = true;
   for (const part of ["robot", "robots", "chart", "now", "events", "past", "order"]) dirty.add(part);
@@ -229,7 +233,7 @@ function tick() {
     ages.gap();
     contact.wake(ping());
   }
-  if (at - pinged > PING_MS) ping();
+  if (at - pinged >= PING_MS) ping();
   link.look();
   if (contact.state(at) === "lost") bar.lost();
   dirty.add("tick");

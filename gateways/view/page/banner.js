@@ -95,7 +95,7 @@ export function cover(model, contact, at, heardUnixMs) {
 function drawLast(model, heardUnixMs) {
   const { now, robot } = model;
   const rows = now ? [
-    ["Last heard", clock(heardUnixMs)], ["Phase", robot?.phase ?? "unknown"], ["Place", latLon(now.position)],
+    ["Last heard", clock(heardUnixMs)], ["Phase", robot?.phase ?? "unknown"], ["Place", latLon(now.position ?? now.lost_position)],
     ["Height", `${number(now.height_m, 1)} m`], ["Battery", `${number(now.battery_v, 2)} V`],
   ] : [];
   byId("cover-last").replaceChildren(...rows.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));

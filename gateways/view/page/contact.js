@@ -3,6 +3,9 @@
 /** A page whose own clock stood still for so long was frozen, or the machine slept. */
 const GAP_MS = 1000;
 
+/** Most pings without an answer that are kept. */
+const PINGS = 30;
+
 /** @typedef {"connecting"|"live"|"lost"|"waking"|"refused"} ContactState */
 
 export class Contact {
@@ -15,15 +18,15 @@ export class Contact {
   #awaited = null;
   /** Whether a drawn message ends the cover. */
   #waking = false;
-  /** Whether this server has answered a ping. */
-  #answers = false;
+  /** Pings without an answer, the oldest first: what this page says may not reach the server, though messages come. @type {{id: string, at: number}[]} */
+  #unanswered = [];
   #ticked = NaN;
   #wall = NaN;
 
   /** A connection begins. */
   opened() {
     this.refusal = null;
-    this.#answers = false;
+    this.#unanswered = [];
     this.#awaited = null;
   }
 
@@ -32,15 +35,22 @@ export class Contact {
     this.heard = now;
   }
 
-  /** A ping was answered. @param {string} id */
+  /** A ping was sent. @param {string} id @param {number} now */
+  pinged(id, now) {
+    this.#unanswered.push({ id, at: now });
+    // Those between say nothing that the oldest and the newest do not.
+    if (this.#unanswered.length > PINGS) this.#unanswered.splice(1, 1);
+  }
+
+  /** A ping was answered, and so those before it have arrived. @param {string} id */
   ponged(id) {
-    this.#answers = true;
+    this.#unanswered.splice(0, 1 + this.#unanswered.findIndex((ping) => ping.id === id));
     if (this.#awaited === id) this.#awaited = null;
   }
 
   /** A message is on the screen. */
   drawn() {
-    if (this.#awaited === null || !this.#answers) this.#waking = false;
+    if (this.#awaited === null) this.#waking = false;
   }
 
   /**
@@ -63,7 +73,7 @@ export class Contact {
   state(now) {
     if (this.refusal !== null) return "refused";
     if (this.heard === null) return "connecting";
-    if (now - this.heard > this.staleAfterMs) return "lost";
+    if (this.silence(now) > this.staleAfterMs) return "lost";
     return this.#waking ? "waking" : "live";
   }
 
@@ -72,8 +82,10 @@ export class Contact {
     return this.state(now) === "live";
   }
 
-  /** Since when nothing was heard, in ms. @param {number} now */
+  /** For how long nothing was heard, or the server has not heard this page, in ms. @param {number} now */
   silence(now) {
-    return this.heard === null ? 0 : now - this.heard;
+    if (this.heard === null) return 0;
+    const [oldest] = this.#unanswered;
+    return now - Math.min(this.heard, oldest ? oldest.at : Infinity);
   }
 }

@@ -3,7 +3,7 @@
 
 import { byId, make, setAttribute, setHidden, setText, themed } from "./dom.js";
 import { bearing, distance, gridStep, metres, place, point } from "./geo.js";
-import { latLon, mark, metres as inMetres, number, span } from "./format.js";
+import { age, latLon, mark, metres as inMetres, number, span } from "./format.js";
 
 /** @typedef {import("./protocol.d.ts").LatLon} LatLon */
 /** @typedef {import("./model.js").Model} Model */
@@ -176,7 +176,7 @@ function origin() {
 }
 
 function keepInView() {
-  const at = model.now?.position ?? model.history.track.at(-1) ?? origin();
+  const at = model.now?.position ?? model.now?.lost_position ?? model.history.track.at(-1) ?? origin();
   if (!at) return;
   if (!isPlaced) {
     isPlaced = true;
@@ -458,6 +458,7 @@ function drawMoving() {
   if (history.track.length - drawnTrack > 100 || history.track.length < drawnTrack) setTimeout(redraw, 0);
   if (target) drawTarget(pen, now?.position ?? null, target);
   if (now?.position) drawRobot(pen, now, now.position);
+  else if (now?.lost_position) drawLost(pen, now.lost_position, now.lost_position_age_ms);
 }
 
 /** @param {CanvasRenderingContext2D} pen @param {LatLon|null} from @param {LatLon} to */
@@ -505,8 +506,21 @@ function drawRobot(pen, now, position) {
   pen.fill();
   stroke(pen, ink.robot, 2.5, old ? [3, 4] : []);
   pen.restore();
-  if (!old) return;
-  const words = `? ${freshness}`;
+  if (old) beside(pen, `? ${freshness}`, x, y);
+}
+
+/** Where the robot was when that was last known: a hollow mark with its age. @param {CanvasRenderingContext2D} pen @param {LatLon} position @param {number|null} ms */
+function drawLost(pen, position, ms) {
+  const [x, y] = pixel(position);
+  pen.beginPath();
+  pen.arc(x, y, 10, 0, 2 * Math.PI);
+  stroke(pen, ink.map, 6);
+  stroke(pen, ink.robot, 2.5, [3, 4]);
+  beside(pen, `? ${age(ms)} ago`, x, y);
+}
+
+/** Words on the side of a mark on which they fit. @param {CanvasRenderingContext2D} pen @param {string} words @param {number} x @param {number} y */
+function beside(pen, words, x, y) {
   const fits = x + 24 + pen.measureText(words).width < map.getSize().x;
   write(pen, words, fits ? x + 18 : x - 18, y + 5, ink.text, fits ? "left" : "right");
 }
@@ -531,7 +545,8 @@ export function drawWords(old) {
 export function speak() {
   const at = model.now?.position ?? null;
   const zero = origin();
-  let words = at ? `Robot ${model.chosen} at ${latLon(at)}` : "No position";
+  const lost = model.now?.lost_position ?? null;
+  let words = at ? `Robot ${model.chosen} at ${latLon(at)}` : lost ? `No position, last at ${latLon(lost)}` : "No position";
   if (at && zero && freshness !== "fresh") words += `, ${freshness}`;
   if (at && zero) words += `, ${inMetres(distance(zero, at))} ${point(bearing(zero, at))} of ${model.chart?.home ? "home" : "the first place"}`;
   setText(byId("map-words"), words);

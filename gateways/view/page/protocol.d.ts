@@ -32,7 +32,8 @@ export type Chart = {
 };
 export type Age = { freshness: Freshness; age_ms: number | null };
 export type Now = {
-  type: "now"; robot: number; n: number; sent_ms: number; telemetry: Age; bridge: Age; position: LatLon | null; altitude_m: number | null;
+  type: "now"; robot: number; n: number; sent_ms: number; telemetry: Age; bridge: Age; position: LatLon | null;
+  lost_position: LatLon | null; lost_position_age_ms: number | null; altitude_m: number | null;
   height_m: number | null; attitude: { roll_deg: number; pitch_deg: number; yaw_deg: number } | null; ground_speed_mps: number | null;
   climb_mps: number | null; course_deg: number | null; battery_v: number | null; fuel_percent: number | null; fix: string | null;
   flying: boolean | null; left_out: number;

@@ -4,6 +4,8 @@
 use std::collections::VecDeque;
 use std::net::{IpAddr, SocketAddr};
 
+use ipc_types::MonotonicNs;
+
 use crate::http::tile::FileRequest;
 use crate::page::{CheckRequest, OrderRequest, ReplayInfo, ReplayRequest, Role, TileRange};
 
@@ -25,6 +27,8 @@ pub enum Event {
         viewer: ViewerId,
         /// What is ordered.
         order: OrderRequest,
+        /// When it was given, not later than it truly was: when the values were made that the page had drawn.
+        issued: MonotonicNs,
         /// Address of the page and name of its token.
         from: String,
     },

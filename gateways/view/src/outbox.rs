@@ -16,7 +16,7 @@ const MAX_BYTES: usize = 1 << 20;
 /// Messages `now` that were sent and not seen. A browser takes all that comes into its memory, so this is what holds the server back.
 pub const MAX_UNSEEN: usize = 2;
 
-/// The numbers of `now` that were sent are remembered for so long: those that an order may name.
+/// What a page has drawn may be so old when it orders a movement by it. The numbers of `now` are remembered for so long at least.
 pub const SEEN_AGE: Duration = Duration::from_secs(2);
 
 /// Most of them: 20 a second would be 40, and as many again.
@@ -76,13 +76,15 @@ impl Outbox {
         self.period = Duration::from_secs_f64(PERIOD_PART / rate_hz);
     }
 
-    /// Forgets all about `now`: the page looks at another robot.
-    pub fn forget_now(&mut self) {
+    /// Begins `now` anew. What was sent before is forgotten if the page looks at another robot.
+    pub fn restart_now(&mut self, is_another_robot: bool) {
         self.now = None;
         self.left_out = 0;
-        self.sent.clear();
-        self.seen = 0;
         self.sent_at = None;
+        if is_another_robot {
+            self.sent.clear();
+            self.seen = 0;
+        }
     }
 
     /// Drops a `now` that waits: the page is hidden.
@@ -170,14 +172,15 @@ impl Outbox {
         let newest = self.sent.back().map_or(0, |(n, _)| *n);
         self.seen = self.seen.max(n.min(newest));
         let seen = self.seen;
+        // The newest that was drawn stays, however old: an order that has waited on its way names it.
         self.sent
-            .retain(|(n, made)| *n > seen || clock.since(*made) <= SEEN_AGE);
+            .retain(|(n, made)| *n >= seen || clock.since(*made) <= SEEN_AGE);
     }
 
-    /// Whether this one was sent, and its values are at most [`SEEN_AGE`] old.
-    pub fn is_recent(&self, n: u64, clock: MonotonicNs) -> bool {
+    /// When this one was made; `None` if it was not sent, or is forgotten.
+    pub fn made(&self, n: u64) -> Option<MonotonicNs> {
         let mut sent = self.sent.iter();
-        sent.any(|(known, made)| *known == n && clock.since(*made) <= SEEN_AGE)
+        sent.find_map(|(known, made)| (*known == n).then_some(*made))
     }
 }
 
@@ -295,25 +298,23 @@ mod tests {
     }
 
     #[test]
-    fn an_order_may_name_what_was_made_within_two_seconds_and_sent() {
+    fn an_order_names_what_was_sent_and_it_is_known_when_that_was_made() {
         let mut outbox = outbox();
         outbox.set_now(&now(7, 1000), at(1000));
-        assert!(!outbox.is_recent(7, at(1000)), "not sent yet");
+        assert_eq!(outbox.made(7), None, "not sent yet");
         outbox.next(at(1500));
-        for (n, ms, is_recent) in [
-            (7, 1500, true),
-            (7, 3000, true),
-            (7, 3001, false),
-            (6, 1500, false),
-            (8, 1500, false),
-        ] {
-            assert_eq!(outbox.is_recent(n, at(ms)), is_recent, "{n} {ms}");
-        }
-        outbox.seen(7, at(2000));
-        assert!(outbox.is_recent(7, at(3000)));
-        outbox.seen(7, at(3001));
-        assert!(outbox.sent.is_empty());
-        outbox.forget_now();
-        assert!(!outbox.is_recent(7, at(2000)));
+        let made = |outbox: &Outbox| [6, 7, 8].map(|n| outbox.made(n).map(|made| made.0 / MS));
+        assert_eq!(made(&outbox), [None, Some(1000), None]);
+        // The newest that was drawn is kept as long as no newer one is drawn.
+        outbox.seen(7, at(60_000));
+        assert_eq!(made(&outbox), [None, Some(1000), None]);
+        outbox.restart_now(false);
+        outbox.set_now(&now(8, 61_000), at(61_000));
+        outbox.next(at(61_000));
+        assert_eq!(made(&outbox), [None, Some(1000), Some(61_000)]);
+        outbox.seen(8, at(61_000));
+        assert_eq!(made(&outbox), [None, None, Some(61_000)]);
+        outbox.restart_now(true);
+        assert_eq!(made(&outbox), [None; 3]);
     }
 }

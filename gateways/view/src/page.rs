@@ -253,6 +253,10 @@ pub struct Now {
     pub bridge: Age,
     /// Latitude and longitude, degrees; `None` if it is not known.
     pub position: Option<[f64; 2]>,
+    /// The last one that was known, while `position` is not.
+    pub lost_position: Option<[f64; 2]>,
+    /// How old that is.
+    pub lost_position_age_ms: Option<u64>,
     /// `None` if it is not known.
     pub altitude_m: Option<f64>,
     /// Above the place of the take-off; `None` if it is not known.
@@ -487,31 +491,29 @@ pub struct ReplayRequest {
     pub speed: Option<f64>,
 }
 
+/// `open`: what a page says first, and when it looks at another robot.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub(crate) struct OpenRequest {
+    pub token: Option<String>,
+    pub robot: Option<u32>,
+    pub rate_hz: f64,
+    /// What the page calls itself over reloads and connections; `None` if it never comes back as the same.
+    #[serde(default)]
+    pub page: Option<String>,
+}
+
 /// A message from a page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "type", rename_all = "kebab-case")]
 pub(crate) enum Incoming {
-    Open {
-        token: Option<String>,
-        robot: Option<u32>,
-        rate_hz: f64,
-    },
-    Seen {
-        n: u64,
-    },
+    Open(OpenRequest),
+    Seen { n: u64 },
     Order(OrderRequest),
     Check(CheckRequest),
-    Lease {
-        robot: u32,
-        action: LeaseAction,
-    },
+    Lease { robot: u32, action: LeaseAction },
     Replay(ReplayRequest),
-    Hidden {
-        hidden: bool,
-    },
-    Ping {
-        id: String,
-    },
+    Hidden { hidden: bool },
+    Ping { id: String },
 }
 
 /// How bad a state is.

@@ -12,7 +12,9 @@ use crate::authority::orders::{OrderBook, is_number};
 use crate::event::{Event, Events, Peer, ViewerId};
 use crate::outbox::{NowText, Outbox};
 use crate::pace::{ORDERS_PER_S, RateLimit};
-use crate::page::{self, CheckRequest, Incoming, LeaseAction, OrderRequest, OrderStage, Outgoing};
+use crate::page::{
+    self, CheckRequest, Incoming, LeaseAction, OpenRequest, OrderRequest, OrderStage, Outgoing,
+};
 use crate::viewer::{
     ConnectedPage, Greeting, ONLY_LOOKS, OTHER_ROBOT, REPLAYED, lease_message, millis, refusal,
 };
@@ -36,6 +38,8 @@ pub(crate) struct Pages {
     robots: Vec<u32>,
     /// Of each robot that a page commands.
     leases: BTreeMap<u32, Lease>,
+    /// Of each robot that no page commands: the page that did before it was gone, silent or hidden. It commands again when it is back.
+    deserted: BTreeMap<u32, String>,
     orders: OrderBook,
     next_beat: MonotonicNs,
 }
@@ -47,6 +51,7 @@ impl Pages {
             pages: BTreeMap::new(),
             robots: Vec::new(),
             leases: BTreeMap::new(),
+            deserted: BTreeMap::new(),
             orders: OrderBook::default(),
             next_beat: MonotonicNs(0),
         }
@@ -65,7 +70,9 @@ impl Pages {
             peer,
             connected: now,
             permit: None,
+            name: None,
             robot: None,
+            looks_since: now,
             is_hidden: false,
             has_joined: false,
             orders: RateLimit::new(ORDERS_PER_S),
@@ -80,14 +87,41 @@ impl Pages {
         self.pages.remove(&viewer);
     }
 
-    /// A page looks at its robot no more.
-    fn look_away(&mut self, viewer: ViewerId, now: MonotonicNs, events: &mut Events) {
-        let Some(page) = self.pages.get_mut(&viewer) else {
+    /// A page looks at its robot no more. Gives the robot.
+    fn look_away(
+        &mut self,
+        viewer: ViewerId,
+        now: MonotonicNs,
+        events: &mut Events,
+    ) -> Option<u32> {
+        let page = self.pages.get_mut(&viewer)?;
+        page.has_joined = false;
+        let robot = page.robot.take()?;
+        self.act(robot, Act::Gone(viewer), now, events);
+        Some(robot)
+    }
+
+    /// A page is back at `robot`: if it commanded and nobody else has since, it commands again. Its former connection may be one of which the
+    /// end is not known here.
+    fn come_back(&mut self, viewer: ViewerId, robot: u32, now: MonotonicNs, events: &mut Events) {
+        let Some(page) = self.pages.get(&viewer).filter(|page| page.may_order()) else {
             return;
         };
-        page.has_joined = false;
-        if let Some(robot) = page.robot.take() {
-            self.act(robot, Act::Gone(viewer), now, events);
+        let Some(name) = page.name.clone() else {
+            return;
+        };
+        let holder = self.leases.get(&robot).and_then(|lease| lease.holder());
+        let former = holder.filter(|holder| *holder != viewer);
+        if let Some(former) = former
+            && self
+                .pages
+                .get(&former)
+                .is_some_and(|page| page.name.as_ref() == Some(&name))
+        {
+            self.act(robot, Act::Gone(former), now, events);
+        }
+        if self.deserted.get(&robot) == Some(&name) {
+            self.act(robot, Act::Want(viewer, LeaseAction::Take), now, events);
         }
     }
 
@@ -104,32 +138,25 @@ impl Pages {
         let Some(page) = self.pages.get_mut(&viewer) else {
             return Ok(());
         };
-        if page.permit.is_none() && !matches!(message, Incoming::Open { .. }) {
+        if page.permit.is_none() && !matches!(message, Incoming::Open(_)) {
             return Err(Close::MEANING);
         }
         if let Some(robot) = page.robot.filter(|_| !page.is_hidden) {
             self.act(robot, Act::Sign(viewer), now, events);
         }
         match message {
-            Incoming::Open {
-                token,
-                robot,
-                rate_hz,
-            } => {
-                return self.open(
-                    viewer,
-                    token.as_deref(),
-                    robot,
-                    rate_hz,
-                    access,
-                    now,
-                    events,
-                );
-            }
+            Incoming::Open(open) => return self.open(viewer, open, access, now, events),
             Incoming::Order(order) => return self.order(viewer, order, now, events),
             Incoming::Check(check) => return self.ask(viewer, check, now, events),
             Incoming::Lease { robot, action } => self.lease(viewer, robot, action, now, events),
-            other => self.small(viewer, other, now, events)?,
+            other => {
+                let is_shown = matches!(other, Incoming::Hidden { hidden: false });
+                let robot = self.pages.get(&viewer).and_then(|page| page.robot);
+                self.small(viewer, other, now, events)?;
+                if let Some(robot) = robot.filter(|_| is_shown) {
+                    self.come_back(viewer, robot, now, events);
+                }
+            }
         }
         Ok(())
     }
@@ -167,16 +194,10 @@ impl Pages {
         Ok(())
     }
 
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the three fields of the message, and what every message is given"
-    )]
     fn open(
         &mut self,
         viewer: ViewerId,
-        token: Option<&str>,
-        robot: Option<u32>,
-        rate_hz: f64,
+        open: OpenRequest,
         access: &Access,
         now: MonotonicNs,
         events: &mut Events,
@@ -184,9 +205,12 @@ impl Pages {
         let Some(page) = self.pages.get_mut(&viewer) else {
             return Ok(());
         };
-        page.outbox.set_rate(rate_hz);
+        if open.page.as_deref().is_some_and(|name| !is_number(name)) {
+            return Err(Close::MEANING);
+        }
+        page.outbox.set_rate(open.rate_hz);
         if page.permit.is_none() {
-            let Some(permit) = access.permit(&page.peer, token) else {
+            let Some(permit) = access.permit(&page.peer, open.token.as_deref()) else {
                 let text = "this address needs a token: open the page with `ril view`";
                 page.send(&Outgoing::Refused { text });
                 return Err(Close::TOKEN);
@@ -194,12 +218,19 @@ impl Pages {
             let is_free = access.permit(&page.peer, None).is_some();
             let hello = self.greeting.hello(permit.role, is_free, &self.robots);
             page.permit = Some(permit);
+            page.name = open.page;
             page.send(&Outgoing::Hello(&hello));
         }
-        let known = robot.filter(|robot| self.robots.contains(robot));
+        let known = open.robot.filter(|robot| self.robots.contains(robot));
         let robot = known.or_else(|| self.robots.first().copied());
         if page.robot != robot {
-            self.look_away(viewer, now, events);
+            // A page that chooses another robot does not come back to this one.
+            if let Some(left) = self.look_away(viewer, now, events) {
+                self.deserted.remove(&left);
+            }
+            if let Some(robot) = robot.filter(|_| self.greeting.replay.is_none()) {
+                self.come_back(viewer, robot, now, events);
+            }
         }
         self.look_at(viewer, robot, now);
         Ok(())
@@ -212,8 +243,12 @@ impl Pages {
         let Some(page) = self.pages.get_mut(&viewer) else {
             return;
         };
+        let is_another = page.robot != robot;
+        if is_another {
+            page.looks_since = now;
+        }
         page.robot = robot;
-        page.outbox.forget_now();
+        page.outbox.restart_now(is_another);
         let Some((robot, lease)) = lease else {
             return;
         };
@@ -251,10 +286,12 @@ impl Pages {
         };
         let from = page.from();
         let Some(text) = refusal else {
+            let issued = page.issued(order.seen);
             self.orders.begin(&order, OrderStage::Sent, "", now);
             events.push_back(Event::Order {
                 viewer,
                 order,
+                issued,
                 from,
             });
             return Ok(());
@@ -348,6 +385,15 @@ impl Pages {
         let asked = |lease| matches!(lease, Lease::Held { asked: Some(_), .. });
         let has_passed = before.holder() != after.holder();
         if has_passed {
+            self.deserted.remove(&robot);
+            let was_lost = matches!(act, Act::Gone(_) | Act::Time);
+            let former = before.holder().and_then(|viewer| self.pages.get(&viewer));
+            if let Some(name) = former.and_then(|page| page.name.clone())
+                && was_lost
+                && after == Lease::Free
+            {
+                self.deserted.insert(robot, name);
+            }
             let holder = after.holder().and_then(|viewer| self.pages.get(&viewer));
             let text = match holder {
                 Some(page) => format!("the page of {} commands", page.from()),

@@ -7,7 +7,7 @@ use ipc_types::MonotonicNs;
 use crate::authority::access::Permit;
 use crate::authority::lease::Lease;
 use crate::event::{Peer, ViewerId};
-use crate::outbox::Outbox;
+use crate::outbox::{Outbox, SEEN_AGE};
 use crate::pace::RateLimit;
 use crate::page::{self, Holder, OrderRequest, Outgoing, Role};
 
@@ -45,8 +45,12 @@ pub(crate) struct ConnectedPage {
     pub connected: MonotonicNs,
     /// What it may do; `None` until it has opened.
     pub permit: Option<Permit>,
+    /// What it calls itself, over connections; `None` if it does not say it.
+    pub name: Option<String>,
     /// What it looks at; `None` if there is nothing.
     pub robot: Option<u32>,
+    /// Since when it looks at that.
+    pub looks_since: MonotonicNs,
     pub is_hidden: bool,
     /// Whether `Event::Joined` is to be emitted.
     pub has_joined: bool,
@@ -62,6 +66,12 @@ impl ConnectedPage {
             .as_ref()
             .and_then(|permit| permit.name.as_deref());
         from(&self.peer, name)
+    }
+
+    /// When an order was given that names the values of number `seen`, not later than it truly was: they were made before the page drew them.
+    /// A page that has drawn none yet had asked for them.
+    pub fn issued(&self, seen: u64) -> MonotonicNs {
+        self.outbox.made(seen).unwrap_or(self.looks_since)
     }
 
     pub fn may_order(&self) -> bool {
@@ -115,7 +125,8 @@ pub(crate) fn refusal(
         }
         Some(_) => {}
     }
-    let is_recent = page.outbox.is_recent(order.seen, now);
+    let made = page.outbox.made(order.seen);
+    let is_recent = made.is_some_and(|made| now.since(made) <= SEEN_AGE);
     (!is_recent).then_some("what the page showed was more than 2 s old")
 }
 

@@ -289,6 +289,8 @@ pub fn values(robot: u32, n: u64, now: MonotonicNs) -> Now {
         telemetry: age.clone(),
         bridge: age,
         position: Some([48.1, 11.5]),
+        lost_position: None,
+        lost_position_age_ms: None,
         altitude_m: Some(500.0),
         height_m: None,
         attitude: None,

@@ -631,6 +631,108 @@ fn command_passes_among_pages() {
     assert_eq!(holder(&mut world, &mut two), some("none", false));
 }
 
+/// A page of this name that has opened.
+fn named(world: &mut World, name: &str, robot: u32) -> Client {
+    let client = world.viewer(own(), "/", "hero.view.v1");
+    let mut message = open(Some(SECRET), Some(robot));
+    message["page"] = json!(name);
+    world.say(&client, &message);
+    client
+}
+
+#[test]
+fn a_page_that_is_back_commands_again_unless_another_one_does() {
+    let you = Some(("you".to_owned(), false));
+    for (is_ended, away_ms) in [(true, 1000), (false, 1000), (true, 60_000), (false, 11_000)] {
+        let mut world = world();
+        let mut page = named(&mut world, "tab", 1);
+        world.say(&page, &lease(1, "take"));
+        assert_eq!(holder(&mut world, &mut page), you);
+        // It was loaded again, or its network was cut and the server does not know that yet.
+        if is_ended {
+            world.server.closed(page.id, world.now);
+        }
+        world.pass_ms(away_ms);
+        let mut page = named(&mut world, "tab", 1);
+        assert_eq!(holder(&mut world, &mut page), you, "{is_ended} {away_ms}");
+        assert!(world.server.is_commanded(1));
+    }
+    let mut world = world();
+    let mut page = named(&mut world, "tab", 1);
+    world.say(&page, &lease(1, "take"));
+    // Hidden, and shown again.
+    world.say(&page, &json!({"type": "hidden", "hidden": true}));
+    world.pass_ms(11_000);
+    assert!(!world.server.is_commanded(1));
+    world.say(&page, &json!({"type": "hidden", "hidden": false}));
+    assert_eq!(holder(&mut world, &mut page), you);
+    // Another name is another page, and so is one without a name or a right.
+    world.server.closed(page.id, world.now);
+    let _ = (named(&mut world, "other", 1), world.page(Some(SECRET), 1));
+    let watch = world.viewer(own(), "/", "hero.view.v1");
+    world.say(
+        &watch,
+        &json!({"type": "open", "token": WATCH, "robot": 1, "rate_hz": 20, "page": "tab"}),
+    );
+    assert!(!world.server.is_commanded(1));
+    // What was given up, or left for another robot, is not taken again.
+    for leaves in [lease(1, "release"), open(None, Some(2))] {
+        let page = named(&mut world, "tab", 1);
+        world.say(&page, &lease(1, "take"));
+        world.say(&page, &leaves);
+        world.server.closed(page.id, world.now);
+        named(&mut world, "tab", 1);
+        assert!(!world.server.is_commanded(1), "{leaves}");
+    }
+    // Another page has it meanwhile, and it is gone again.
+    let (page, mut other) = (named(&mut world, "tab", 1), named(&mut world, "other", 1));
+    world.say(&page, &lease(1, "take"));
+    world.server.closed(page.id, world.now);
+    world.say(&other, &lease(1, "take"));
+    named(&mut world, "tab", 1);
+    assert_eq!(holder(&mut world, &mut other), you);
+    world.say(&other, &lease(1, "release"));
+    named(&mut world, "tab", 1);
+    assert!(!world.server.is_commanded(1));
+}
+
+#[test]
+fn an_order_has_the_moment_of_what_its_page_had_drawn() {
+    let mut world = world();
+    let mut page = world.page(Some(SECRET), 1);
+    let opened = world.now;
+    let issued = |world: &mut World| {
+        let orders = world.events().into_iter();
+        orders
+            .filter_map(|event| match event {
+                Event::Order { issued, .. } => Some(issued),
+                _ => None,
+            })
+            .collect::<Vec<_>>()
+    };
+    // Pressed before anything was drawn: the page had asked for it.
+    world.pass_ms(700);
+    world.say(&page, &order("a", "hold", 0));
+    assert_eq!(issued(&mut world), [opened]);
+    world.say_now(1, 5);
+    let made = world.now;
+    world.messages(&mut page);
+    world.pass_ms(100);
+    world.say(&page, &json!({"type": "seen", "n": 5}));
+    world.say(&page, &order("b", "hold", 5));
+    assert_eq!(issued(&mut world), [made]);
+    // The way to the server stalls after the press: what is read 12 s later was given 12 s ago.
+    world.say_now(1, 6);
+    let made = world.now;
+    world.messages(&mut page);
+    world.pass_ms(12_000);
+    world.say(&page, &json!({"type": "seen", "n": 6}));
+    for (number, kind) in [("c", "hold"), ("d", "land")] {
+        world.say(&page, &order(number, kind, 6));
+    }
+    assert_eq!(issued(&mut world), [made, made]);
+}
+
 #[test]
 fn a_page_that_gives_no_sign_or_is_hidden_loses_command() {
     let mut world = world();

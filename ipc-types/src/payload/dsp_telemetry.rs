@@ -7,7 +7,8 @@ use crate::time::MonotonicNs;
 shared_struct! {
     /// One status message of the DSP, in its own units. Service `dsp_telemetry`, written by the bridge.
     ///
-    /// A group's values mean something only when its bit is set in `valid_groups`; the others are zero.
+    /// A group's values mean something only when its bit is set in `valid_groups`; the others are zero. These are the DSP's: groups 1 to 3 mean
+    /// nothing either while group 4 says that the GPS has no fix. `HeroTelemetry` has that in its `valid_groups`.
     pub struct DspTelemetry("hero.DspTelemetry.v2") = 232 {
         /// Counts the samples of this publisher from 1; a gap is a loss.
         pub sequence: u64,
@@ -17,7 +18,7 @@ shared_struct! {
         pub received_ns: u64,
         /// Milliseconds since the DSP's boot (group 0, `tiempo_local`).
         pub dsp_time_ms: u32,
-        /// Bit *k* is set when group *k* of the status mask is valid.
+        /// Bit *k* is set when the DSP sent group *k* of the status mask, and its values are plausible.
         pub valid_groups: u16,
         /// 1 when the helicopter is in the air (`heli_volando`), else 0.
         pub flying: u8,
@@ -189,9 +190,18 @@ shared_struct! {
 }
 
 impl DspTelemetry {
-    /// Whether the values of `group` mean something.
+    /// Whether the values of `group` mean something: the DSP sent them, and if the GPS measures them, it has a fix.
     pub const fn valid(&self, group: TelemetryGroup) -> bool {
-        self.valid_groups & group.bit() != 0
+        self.measured_groups() & group.bit() != 0
+    }
+
+    /// The bits of the groups whose values mean something. Without a fix the DSP sends groups of the GPS that were never measured.
+    pub const fn measured_groups(&self) -> u16 {
+        let says_quality = self.valid_groups & TelemetryGroup::GpsQuality.bit() != 0;
+        match says_quality && self.gps_quality == 0 {
+            true => self.valid_groups & !TelemetryGroup::OF_A_FIX,
+            false => self.valid_groups,
+        }
     }
 
     /// Whether the helicopter is in the air.

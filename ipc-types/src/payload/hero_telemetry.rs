@@ -9,7 +9,7 @@ shared_struct! {
     /// status.
     ///
     /// A group's values mean something only when its bit is set in `valid_groups`, which has the bits of the DSP's
-    /// status mask; the others are zero.
+    /// status mask; the others are zero. While the GPS has no fix, groups 1 to 3 are not valid: there is no position and no velocity.
     pub struct HeroTelemetry("hero.HeroTelemetry.v2") = 304 {
         /// Counts the samples of this publisher from 1; a gap is a loss.
         pub sequence: u64,
@@ -234,6 +234,36 @@ impl HeroTelemetry {
 mod tests {
     use super::super::DspTelemetry;
     use super::*;
+
+    #[test]
+    fn without_a_fix_the_gps_has_measured_nothing() {
+        use TelemetryGroup::{Geographic, GpsQuality, GpsVelocity, Xy};
+        for (gps_quality, says_it, expected) in [
+            (0, true, false),
+            (1, true, true),
+            (8, true, true),
+            (0, false, true),
+        ] {
+            let quality = if says_it { 0 } else { GpsQuality.bit() };
+            let dsp = DspTelemetry {
+                valid_groups: !quality,
+                gps_quality,
+                ..DspTelemetry::default()
+            };
+            for group in TelemetryGroup::ALL {
+                let expected = match group {
+                    Geographic | Xy | GpsVelocity => expected,
+                    GpsQuality => says_it,
+                    _ => true,
+                };
+                assert_eq!(
+                    dsp.valid(group),
+                    expected,
+                    "{group:?} {gps_quality} {says_it}"
+                );
+            }
+        }
+    }
 
     #[test]
     fn validity_is_the_group_s_bit() {

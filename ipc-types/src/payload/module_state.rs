@@ -1,6 +1,7 @@
 //! [`ModuleState`]: how the bridge, its movement, its line and the DSP are (`ModuleState`).
 
 use super::number::given;
+use super::request::WaypointPosition;
 use crate::code::{
     DspPathState, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind,
     PilotSwitch, SafetyAction, SafetyRule,
@@ -11,7 +12,7 @@ shared_struct! {
     /// State of a module. Service `module_state`, written by the bridge at every change and at least once a second.
     ///
     /// Times are host monotonic nanoseconds; 0 stands for "never", which the counter beside it says as well.
-    pub struct ModuleState("hero.ModuleState.v5") = 480 {
+    pub struct ModuleState("hero.ModuleState.v6") = 496 {
         /// Counts the samples of this publisher from 1.
         pub sequence: u64,
         /// When the publishing process began.
@@ -40,7 +41,11 @@ shared_struct! {
         pub dsp_errors: DspErrorCounters,
         /// The rules of flight safety that the bridge enforces.
         pub safety: SafetyState,
-        /// Telemetry altitude of the ground on which the helicopter stood last, m; meaningful when `ground_valid` is 1.
+        /// Home: where the helicopter stands, and in the air where it took off. Latitude, degrees; meaningful when `ground_valid` is 1.
+        pub home_latitude_deg: f64,
+        /// Longitude of home, degrees; meaningful when `ground_valid` is 1.
+        pub home_longitude_deg: f64,
+        /// Telemetry altitude of home, m: of the ground on which the helicopter stood last. Meaningful when `ground_valid` is 1.
         pub ground_altitude_m: f64,
         /// Number of the outline that holds: `number` of the pieces of the topic `bridge/outline`. To be compared for equality only.
         pub outline: u64,
@@ -264,6 +269,16 @@ impl ModuleState {
     /// Telemetry altitude of the ground on which the helicopter stood last, m, if it is known.
     pub const fn ground_altitude(&self) -> Option<f64> {
         given(self.ground_valid != 0, self.ground_altitude_m)
+    }
+
+    /// Where the helicopter stands, and in the air where it took off, if it is known.
+    pub const fn home(&self) -> Option<WaypointPosition> {
+        let home = WaypointPosition {
+            latitude_deg: self.home_latitude_deg,
+            longitude_deg: self.home_longitude_deg,
+            altitude_m: self.ground_altitude_m,
+        };
+        given(self.ground_valid != 0, home)
     }
 
     /// Who has control; `None` if control is free.

@@ -3,16 +3,18 @@
 //! Each carries the moment when its order was issued and the moment until which it may begin, both on the robot's clock. The
 //! bridge judges by them which of two orders is the newer one, whatever way they came; see `docs/ipc.md` section 4.
 
+use super::module_state::ControlSender;
 use super::number::given;
 use super::text::{ascii_bytes, ascii_text};
 use crate::code::{
-    ControlCommand, ImiCode, MovementKind, ParameterOperation, PortKind, Reason, SafetyRule, Stage,
+    CameBetween, ControlCommand, ImiCode, MovementKind, ParameterOperation, PortKind, Reason,
+    SafetyRule, SenderLost, Stage,
 };
 use crate::time::MonotonicNs;
 
 shared_struct! {
     /// Start or stop the module (`ModuleControl`). Service `module_control`.
-    pub struct ModuleControl("hero.ModuleControl.v2") = 40 {
+    pub struct ModuleControl("hero.ModuleControl.v3") = 48 {
         /// Chosen by the sender, not 0, never used before by any sender; every report repeats it.
         pub request_id: u64,
         /// When the order was issued, the robot's monotonic clock: not later than it truly was. 0 lets the client's port write
@@ -20,6 +22,9 @@ shared_struct! {
         pub issued_ns: u64,
         /// Until when it may begin, same clock; 0 takes the bridge's default.
         pub begin_by_ns: u64,
+        /// The request that was the step before of the same command: this one is taken only if nothing came between the two. 0 if it
+        /// follows no other.
+        pub after: u64,
         /// A [`ControlCommand`](crate::code::ControlCommand).
         pub command: u32 => command: ControlCommand,
         /// By how much later than `issued_ns` it may have been issued, ns; 0 from a program on the robot, whose clock is the same.
@@ -36,7 +41,7 @@ shared_struct! {
     ///
     /// A path is framed by the pair (`first`, `last`): (1,1) is a single waypoint, (1,0) opens a path, (0,0) continues
     /// it, (0,1) closes it. Nothing of a path goes to the DSP until it is closed.
-    pub struct MovementData("hero.MovementData.v3") = 80 {
+    pub struct MovementData("hero.MovementData.v4") = 96 {
         /// Chosen by the sender, not 0, never used before by any sender; every report repeats it.
         pub request_id: u64,
         /// Chosen by the sender, the same in all waypoints of one path and in every report about it; 0 for take-off
@@ -47,6 +52,9 @@ shared_struct! {
         pub issued_ns: u64,
         /// Until when it may begin, same clock; 0 takes the bridge's default.
         pub begin_by_ns: u64,
+        /// The request that was the step before of the same command: this one is taken only if nothing came between the two. 0 if it
+        /// follows no other.
+        pub after: u64,
         /// Latitude of the waypoint, degrees, north positive. Go-to only.
         pub latitude_deg: f64,
         /// Longitude of the waypoint, degrees, east positive. Go-to only.
@@ -69,6 +77,11 @@ shared_struct! {
         /// 1 when this may replace a path that is under way, which then ends as `replaced`; 0 refuses it as `busy`.
         /// In a path the flag of the closing waypoint counts.
         pub preempt: u16,
+        /// The sender renews the order at least this often, ms; not renewed in time, the bridge holds. 0 if it is not renewed.
+        pub lease_ms: u32,
+        /// What the bridge does when the process that ordered ends, a [`SenderLost`](crate::code::SenderLost); 0 takes the bridge's
+        /// default.
+        pub sender_lost: u32 => sender_lost: SenderLost,
         /// Always zero; keeps the size a multiple of eight.
         pub reserved: u32,
     }
@@ -76,7 +89,7 @@ shared_struct! {
 
 shared_struct! {
     /// One answer in the response stream of a request.
-    pub struct RequestReport("hero.RequestReport.v2") = 136 {
+    pub struct RequestReport("hero.RequestReport.v3") = 160 {
         /// The request's id.
         pub request_id: u64,
         /// The request's path, 0 when it has none.
@@ -111,12 +124,19 @@ shared_struct! {
         /// The port that a parameter request is about. When an area of the geofence was broken: its name, and nothing else. All zero in
         /// other reports.
         pub port: PortInfo,
+        /// Superseded: the id of the request that came between; 0 when no request did.
+        pub between_request_id: u64,
+        /// Superseded: who sent the request that came between; all zero when no request did.
+        pub between_sender: ControlSender,
+        /// Superseded: what came between, a [`CameBetween`](crate::code::CameBetween); 0 in other reports. When it is a safety rule,
+        /// `rule` says which.
+        pub between: u32 => between: CameBetween,
     }
 }
 
 shared_struct! {
     /// Reads, writes or lists the DSP's virtual ports (`docs/protocol.md` section 6). Service `parameters`.
-    pub struct ParameterRequest("hero.ParameterRequest.v2") = 48 {
+    pub struct ParameterRequest("hero.ParameterRequest.v3") = 56 {
         /// Chosen by the sender, not 0, never used before by any sender; every report repeats it.
         pub request_id: u64,
         /// When the order was issued, the robot's monotonic clock: not later than it truly was. 0 lets the client's port write
@@ -124,6 +144,9 @@ shared_struct! {
         pub issued_ns: u64,
         /// Until when it may begin, same clock; 0 takes the bridge's default.
         pub begin_by_ns: u64,
+        /// The request that was the step before of the same command: this one is taken only if nothing came between the two. 0 if it
+        /// follows no other.
+        pub after: u64,
         /// Write: the value. A 16-bit port takes whole numbers only.
         pub value: f64,
         /// Read, write: number of the port. List: which port of the list, counted from 0.
@@ -203,6 +226,16 @@ impl MovementData {
     #[must_use]
     pub const fn preempting(self) -> MovementData {
         MovementData { preempt: 1, ..self }
+    }
+
+    /// The same request as the next step of the command whose step before is the request `before`: it is taken only if nothing came
+    /// between. Of a path each waypoint is made so, and the path's last waypoint is the step before of what follows it.
+    #[must_use]
+    pub const fn following(self, before: u64) -> MovementData {
+        MovementData {
+            after: before,
+            ..self
+        }
     }
 
     /// One waypoint of a path: `first` opens the path, `last` closes it.
@@ -348,6 +381,32 @@ impl RequestReport {
     /// The value that the report gives, if it gives one.
     pub const fn value(&self) -> Option<f64> {
         given(self.value_valid != 0, self.value)
+    }
+
+    /// What came between the request and the step before, in words that end a sentence such as "before it came …"; `None` if the
+    /// report says nothing of it.
+    pub fn in_between(&self) -> Option<String> {
+        let what = self.between()?;
+        let ControlSender {
+            origin,
+            session,
+            process,
+        } = self.between_sender;
+        let sender = match (origin, process, session) {
+            (0, 0, 0) => String::new(),
+            (0, 0, session) => format!(" of session {session}"),
+            (0, process, _) => format!(" of process {process}"),
+            _ => format!(" of station {origin}"),
+        };
+        Some(match (what, self.rule()) {
+            (CameBetween::SafetyRule, Some(rule)) => format!("the safety rule {rule}"),
+            (CameBetween::SafetyRule, None) => "a safety rule".to_owned(),
+            (CameBetween::Pilot, _) => "the pilot, who took over".to_owned(),
+            (CameBetween::LinkLost, _) => "a loss of the link to the DSP".to_owned(),
+            (CameBetween::DspRebooted, _) => "a reboot of the DSP".to_owned(),
+            (CameBetween::BridgeBegan, _) => "a start of the bridge".to_owned(),
+            (request, _) => format!("a {request}{sender}"),
+        })
     }
 
     /// Whether no further report follows.

@@ -281,7 +281,7 @@ macro_rules! topic {
 ///
 /// use ipc_types::service::Contract;
 /// const CONTRACT: Contract = Contract::of_request::<SetLimit>();
-/// assert_eq!(CONTRACT.layout(), "battery_watch.SetLimit.v1/hero.RequestReport.v2");
+/// assert_eq!(CONTRACT.layout(), "battery_watch.SetLimit.v1/hero.RequestReport.v3");
 /// ```
 #[macro_export]
 macro_rules! request {

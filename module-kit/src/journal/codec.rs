@@ -221,17 +221,18 @@ impl Codec {
     }
 
     fn remember(&mut self, kind: u8) {
+        let last = self.last.entry(kind).or_default();
+        last.clear();
         if self.body.len() <= MAX_REMEMBERED {
-            self.last.entry(kind).or_default().clone_from(&self.body);
-        } else {
-            self.last.remove(&kind);
+            last.extend_from_slice(&self.body);
         }
     }
 
     fn forget(&mut self) {
         self.at = MonotonicNs(0);
         self.body.clear();
-        self.last.clear();
+        // They keep their memory: what is empty compares as if it were not there.
+        self.last.values_mut().for_each(Vec::clear);
     }
 }
 

@@ -116,7 +116,9 @@ impl<P: JournalPiece> JournalPort<P> {
             let Some(piece) = writer.next(now) else {
                 return;
             };
-            if !self.send(&piece, now) {
+            let is_sent = self.send(&piece, now);
+            writer.give_back(piece);
+            if !is_sent {
                 return writer.start();
             }
         }

@@ -1,4 +1,7 @@
 //! [`JournalWriter`]: entries to pieces. A pure value; while nothing is recorded it is asked one question for each input.
+//!
+//! A record is written before its sample is published, so nothing is allocated for one: every buffer keeps its memory, and the bytes of
+//! pieces that were published are [given back](JournalWriter::give_back).
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -6,7 +9,7 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use serde::Serialize;
 
-use super::codec::{Codec, LogLine, MAX_RECORD, Malformed, put};
+use super::codec::{Codec, LogLine, MAX_RECORD, Malformed};
 
 /// Bytes that may wait until they are published. When more come the journal loses them all, and begins again with a snapshot.
 pub const MAX_WAITING: usize = 4 << 20;
@@ -18,6 +21,12 @@ pub const DELAY: Duration = Duration::from_millis(200);
 /// has more than a quarter of the bytes that were written since the last one.
 pub const CHECKPOINT: Duration = Duration::from_secs(10);
 const SNAPSHOT_SHARE: u64 = 4;
+
+/// Buffers of published pieces that are kept. In a flight one piece is filled and one is published; the others are for bursts.
+const MAX_SPARE: usize = 4;
+
+/// Bytes of the longest number in postcard's format.
+const MAX_LENGTH: usize = 10;
 
 /// A piece of a journal.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -51,6 +60,8 @@ pub struct JournalWriter {
     /// Those that are full, oldest first, and their bytes.
     full: VecDeque<Piece>,
     waiting: usize,
+    /// Memory for the next pieces.
+    spare: Vec<Vec<u8>>,
     /// A reader has come that needs a snapshot.
     is_asked: bool,
     /// Bytes since the last snapshot.
@@ -69,8 +80,9 @@ impl JournalWriter {
             state: WriterState::Off,
             open: Piece::default(),
             open_since: None,
-            full: VecDeque::new(),
+            full: VecDeque::with_capacity(2 * MAX_SPARE),
             waiting: 0,
+            spare: Vec::with_capacity(MAX_SPARE),
             is_asked: false,
             since_snapshot: 0,
             beginnings: 0,
@@ -197,6 +209,13 @@ impl JournalWriter {
         Some(piece)
     }
 
+    /// Takes the memory of a piece that was published.
+    pub fn give_back(&mut self, piece: Piece) {
+        if self.spare.len() < MAX_SPARE {
+            self.spare.push(piece.bytes);
+        }
+    }
+
     /// The next piece, as if it had waited long enough.
     pub fn take_all(&mut self) -> impl Iterator<Item = Piece> + '_ {
         self.close();
@@ -225,11 +244,11 @@ impl JournalWriter {
     }
 
     fn append(&mut self, now: MonotonicNs, record: &[u8]) {
-        let mut length = Vec::with_capacity(4);
-        // Writing a number into memory does not fail.
-        let _ = put(&mut length, &record.len());
+        let mut room = [0; MAX_LENGTH];
+        // Writing a number where it has room does not fail.
+        let length = postcard::to_slice(&record.len(), &mut room).unwrap_or_default();
         self.since_snapshot += (length.len() + record.len()) as u64;
-        for mut bytes in [length.as_slice(), record] {
+        for mut bytes in [&*length, record] {
             while !bytes.is_empty() {
                 let left = self.room - self.open.bytes.len();
                 let (now_bytes, later) = bytes.split_at(left.min(bytes.len()));
@@ -250,10 +269,13 @@ impl JournalWriter {
         if self.open.bytes.is_empty() {
             return;
         }
+        let mut bytes = self.spare.pop().unwrap_or_default();
+        bytes.clear();
+        bytes.reserve(self.room);
         let next = Piece {
             begins: false,
             beginnings: self.beginnings,
-            bytes: Vec::with_capacity(self.room),
+            bytes,
         };
         let piece = std::mem::replace(&mut self.open, next);
         self.full.push_back(piece);

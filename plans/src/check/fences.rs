@@ -1,6 +1,9 @@
 //! Each leg, and each end of a climb, against the robot's fence and against the plan's own, both as the bridge judges them.
 
-use bridge::safety::fence::{Area, AreaConfig, AreaKind, Breach, Fence, FenceConfig, FenceRule};
+use bridge::BridgeConfig;
+use bridge::safety::fence::{
+    Area, AreaConfig, AreaKind, Breach, Fence, FenceConfig, FenceRule, Speeds,
+};
 use dsp_protocol::Waypoint;
 
 use crate::finding::Findings;
@@ -10,9 +13,10 @@ use crate::site::{Site, Start};
 use runtime::finding::{Finding, Severity};
 
 /// Checks the flight against the fence that the robot has.
-pub fn check_robot(fence: &Fence, flight: &Flight, site: &Site, findings: &mut Findings) {
+pub fn check_robot(rules: &BridgeConfig, flight: &Flight, site: &Site, findings: &mut Findings) {
     let fence = NamedFence {
-        fence,
+        fence: &rules.fence,
+        speeds: Some(rules.parameters.speeds()),
         prefix: "",
         owner: "the robot's fence",
         remedy: "change the plan, or `[fence]` of bridge.toml and `ril fence reload`",
@@ -46,6 +50,8 @@ pub fn check_plan(plan: &Plan, flight: &Flight, site: &Site, findings: &mut Find
     let fence = plan_fence(plan, findings);
     let fence = NamedFence {
         fence: &fence,
+        // Where the plan's author wanted it to end: what stops in time is the robot's own.
+        speeds: None,
         prefix: "plan-",
         owner: "the plan's own fence",
         remedy: "change the plan",
@@ -56,6 +62,8 @@ pub fn check_plan(plan: &Plan, flight: &Flight, site: &Site, findings: &mut Find
 /// A fence, and how findings call it.
 struct NamedFence<'a> {
     fence: &'a Fence,
+    /// How fast the legs are flown, where the room to stop counts.
+    speeds: Option<Speeds>,
     prefix: &'static str,
     owner: &'static str,
     remedy: &'static str,
@@ -93,6 +101,16 @@ impl NamedFence<'_> {
                 let finding = self.finding(&breach, "is reached");
                 findings.push(finding.about(leg.item).on_leg(leg.number));
             }
+            let speeds = self.speeds.map(|speeds| Speeds {
+                cruise_mps: flight.speed_before(leg.step).unwrap_or(speeds.cruise_mps),
+                ..speeds
+            });
+            let ahead =
+                speeds.and_then(|speeds| self.fence.check_flight(&leg.from, &leg.to, &speeds));
+            if let Some(breach) = ahead.filter(|breach| breach.rule == FenceRule::Ahead) {
+                let finding = self.finding(&breach, "is reached");
+                findings.push(finding.about(leg.item).on_leg(leg.number));
+            }
         }
     }
 
@@ -103,6 +121,7 @@ impl NamedFence<'_> {
             ("", FenceRule::Ceiling) => "fence-ceiling",
             ("", FenceRule::Exclusion) => "fence-exclusion",
             ("", FenceRule::Inclusion) => "fence-inclusion",
+            (_, FenceRule::Ahead) => "fence-ahead",
             (_, FenceRule::Unjudgeable) => "plan-fence-unjudgeable",
             (_, FenceRule::Floor) => "plan-fence-floor",
             (_, FenceRule::Ceiling) => "plan-fence-ceiling",
@@ -116,6 +135,9 @@ impl NamedFence<'_> {
                 format!(
                     "{what} by a leg that {owner} cannot judge: too long, or too near to a pole"
                 )
+            }
+            (FenceRule::Ahead, _) => {
+                format!("{what} too near to {owner}, or too fast to stop before it")
             }
             (FenceRule::Floor, _) => format!("{what} below the floor of {owner}"),
             (FenceRule::Ceiling, _) => format!("{what} above the ceiling of {owner}"),

@@ -1,7 +1,7 @@
 //! The limits of the bridge's `[movement]`, and of the DSP.
 
-use bridge::BridgeConfig;
 use bridge::flight::request::{RequestKey, parse_movement};
+use bridge::{BridgeConfig, Sender};
 use dsp_protocol::port;
 use ipc_types::MonotonicNs;
 use ipc_types::payload::MovementData;
@@ -61,9 +61,14 @@ impl PlanLimits<'_> {
     /// Whether the bridge would take the request.
     fn accepts(&self, request: &MovementData) -> bool {
         let (key, now) = (RequestKey::Movement(0), MonotonicNs(request.issued_ns));
-        parse_movement(key, request, &self.bridge.movement, now)
-            .1
-            .is_ok()
+        parse_movement(
+            (key, Sender::default()),
+            request,
+            &self.bridge.movement,
+            now,
+        )
+        .1
+        .is_ok()
     }
 
     fn take_off(&self, item: Option<u32>, height_m: f64, findings: &mut Findings) {

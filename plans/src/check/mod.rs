@@ -47,7 +47,7 @@ pub fn check(
     limits::check(rules.unwrap_or(&defaults), flight, endurance, &mut findings);
     match rules {
         Some(rules) => {
-            fences::check_robot(&rules.fence, flight, site, &mut findings);
+            fences::check_robot(rules, flight, site, &mut findings);
             if !rules.safety.below_take_off && site.is_home_altitude_known {
                 fences::check_ground(flight, site, &mut findings);
             }

@@ -9,7 +9,7 @@ pub mod object;
 mod tests;
 
 use dsp_protocol::port;
-use ipc_types::code::{PortKind, Reason, Stage};
+use ipc_types::code::{PortKind, Reason, SenderLost, Stage};
 use ipc_types::payload::RequestReport;
 use plans::check::ANOTHER_SITE_M;
 use runtime::exit::ExitCode;
@@ -125,6 +125,22 @@ impl Verb {
     }
 }
 
+/// What happens to an accepted request when the command that sent it ends; `action` is what that said of its path.
+pub const fn without_sender(verb: Verb, action: Option<SenderLost>) -> &'static str {
+    match (verb, action) {
+        (Verb::GoTo | Verb::ReturnToHome, Some(SenderLost::Hold)) => {
+            "the bridge lets the helicopter hover where it is"
+        }
+        (Verb::GoTo | Verb::ReturnToHome, Some(SenderLost::Land)) => {
+            "the bridge lands the helicopter where it is"
+        }
+        (Verb::GoTo | Verb::ReturnToHome, None) => {
+            "the bridge lets the helicopter hover where it is, unless `sender_lost` in bridge.toml says otherwise"
+        }
+        _ => verb.goes_on(),
+    }
+}
+
 /// A final report, whose stage is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FinalReport {
@@ -213,7 +229,7 @@ pub const fn explain(reason: Reason) -> &'static str {
             "the moment until which it might begin had passed, so nothing was done: look at `ril status`, then order it again"
         }
         Reason::Superseded => {
-            "an order that was issued later came first, and holds: look at `ril status`, then order it again if it is still meant"
+            "something newer came first, and holds: look at `ril status`, then order it again if it is still meant"
         }
         Reason::MovementTimeout => {
             "the movement took longer than `time_limit_s` in bridge.toml allows"
@@ -256,6 +272,9 @@ pub const fn explain(reason: Reason) -> &'static str {
         Reason::InvalidFence => {
             "the geofence in bridge.toml is not valid, so the one in force stays: the bridge's log says why"
         }
+        Reason::FenceUnread => {
+            "bridge.toml was not read in time, so the geofence in force stays: is its disk there? Then reload it again"
+        }
         Reason::RelayLinkDown => {
             "the link to the robot was down, so nothing was sent: `ril relay status` shows the link, then send it again"
         }
@@ -276,6 +295,14 @@ pub const fn explain(reason: Reason) -> &'static str {
         }
         Reason::Replayed => {
             "this is a recorded flight that `ril replay` plays, and no robot: unset RIL_IPC_ROOT, or name the robot that is meant with --robot"
+        }
+        Reason::ClockDiffers => {
+            "this program's clock is not the bridge's, so the order may be an old one: run both in one time namespace (`ril doctor` \
+             shows it). `ril hold`, `ril land` and `ril stop` are taken all the same"
+        }
+        Reason::SenderLost => {
+            "the program that ordered it ended, gave it up, or did not renew its lease: look at `ril status`, then order it again if it \
+             is still meant"
         }
         Reason::NotRemembered => {
             "another bridge may have carried it out: look at the helicopter, then send a new request"

@@ -11,6 +11,7 @@ use std::fmt::Display;
 use std::io::{self, Write};
 
 use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::output::standard_error;
 use serde::Serialize;
 
 /// Prints a report on standard output: as one line of JSON, or as text.
@@ -32,13 +33,13 @@ pub(crate) fn print_as(
     out.flush().map_err(Failure::output)
 }
 
-/// Writes a line for people on standard error. That may be closed, which does no harm: data and exit code say enough.
+/// Writes a line for people on standard error, which may be closed, or read by nobody: data and exit code say enough.
 pub(crate) fn note(text: impl Display) {
-    let _ = writeln!(io::stderr(), "{text}");
+    standard_error().print(format!("{text}\n"));
 }
 
 /// Writes `value` as one line of JSON.
 pub(crate) fn json_line(to: &mut impl Write, value: &impl Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string(value).or_fail(ExitCode::Internal)?;
-    writeln!(to, "{text}").map_err(Failure::output)
+    let text = serde_json::to_string(value).or_fail(ExitCode::Internal)? + "\n";
+    to.write_all(text.as_bytes()).map_err(Failure::output)
 }

@@ -74,21 +74,25 @@ impl<'a> CruiseSpeed<'a> {
         }
     }
 
-    /// Writes it.
+    /// Writes it, as the next step behind the request `before`, or 0.
     ///
     /// # Errors
     ///
     /// As [`Conversation::follow`]. The DSP may have taken the speed all the same.
-    pub fn set(&mut self, speed_mps: f64) -> Result<(), Failure> {
-        self.written_mps = Some(speed_mps);
-        self.write(speed_mps)
+    pub fn set(&mut self, speed_mps: f64, before: u64) -> Result<(), Failure> {
+        let written = self.write(speed_mps, before);
+        if !matches!(&written, Err(failure) if failure.code() == ExitCode::Refused) {
+            self.written_mps = Some(speed_mps);
+        }
+        written
     }
 
-    fn write(&self, speed_mps: f64) -> Result<(), Failure> {
+    fn write(&self, speed_mps: f64, before: u64) -> Result<(), Failure> {
         let request =
             ParameterRequest::write(fresh_request_id(), port::CRUISE_SPEED_MPS, speed_mps);
         let request = ParameterRequest {
             begin_by_ns: begin_by_ns(request.issued_ns, self.deadline_ms),
+            after: before,
             ..request
         };
         Conversation::<ParameterRequest>::open(self.session, Verb::SetParameter, self.timeout)?
@@ -126,7 +130,7 @@ impl<'a> CruiseSpeed<'a> {
                 ));
                 Ok(())
             }
-            _ => self.write(before_mps),
+            _ => self.write(before_mps, 0),
         }
     }
 }

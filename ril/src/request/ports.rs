@@ -17,7 +17,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 
 use crate::config::RequestConfig;
 use crate::render::messages::{self, FinalReport, Verb};
-use crate::request::{Exchange, Next, Outcome, Until, complete, control_request};
+use crate::request::{Exchange, Next, Outcome, Until, begin_by_ns, complete, control_request};
 use crate::robot::changes::Weight;
 use crate::robot::controller::own_session;
 use crate::robot::freshness::Freshness;
@@ -222,8 +222,8 @@ impl RobotPorts {
         due.min()
     }
 
-    /// Sends `order`, and gives its number, or why it was not sent. That, and what becomes of it, is written into the journal of
-    /// `robot`.
+    /// Sends `order`, which was given at `issued` or later, and gives its number, or why it was not sent. That, and what becomes of it, is
+    /// written into the journal of `robot`.
     ///
     /// # Errors
     ///
@@ -231,6 +231,7 @@ impl RobotPorts {
     pub fn send(
         &mut self,
         order: RobotOrder,
+        issued: MonotonicNs,
         config: &RequestConfig,
         robot: &mut WatchedRobot,
         now: MonotonicNs,
@@ -242,7 +243,7 @@ impl RobotPorts {
             robot.journal.add(now, Weight::Warning, text);
             return Ok(Err(why));
         }
-        let (request_id, sent) = match order.request(config.deadline_ms) {
+        let (request_id, sent) = match order.request(config.deadline_ms).issued_at(issued, config) {
             OrderRequest::Control(request) => (
                 request.request_id,
                 send(&self.ipc, &mut self.control, &request)?,
@@ -430,6 +431,25 @@ pub(crate) enum OrderRequest {
     Control(ModuleControl),
 }
 
+impl OrderRequest {
+    /// The same order, given at `issued` or later.
+    fn issued_at(self, issued: MonotonicNs, config: &RequestConfig) -> OrderRequest {
+        let (issued_ns, begin_by_ns) = (issued.0, begin_by_ns(issued.0, config.deadline_ms));
+        match self {
+            OrderRequest::Movement(request) => OrderRequest::Movement(MovementData {
+                issued_ns,
+                begin_by_ns,
+                ..request
+            }),
+            OrderRequest::Control(request) => OrderRequest::Control(ModuleControl {
+                issued_ns,
+                begin_by_ns,
+                ..request
+            }),
+        }
+    }
+}
+
 impl RobotOrder {
     /// The verb that does the same.
     pub fn verb(self) -> Verb {
@@ -448,7 +468,8 @@ impl RobotOrder {
     /// Its one request, to be begun within `deadline_ms` of now.
     pub(crate) fn request(self, deadline_ms: u32) -> OrderRequest {
         let id = fresh_request_id();
-        let control = |command| OrderRequest::Control(control_request(command, deadline_ms));
+        let now = MonotonicNs::now();
+        let control = |command| OrderRequest::Control(control_request(command, now, deadline_ms));
         let movement = match self {
             RobotOrder::Start => return control(ControlCommand::Start),
             RobotOrder::Stop => return control(ControlCommand::Stop),

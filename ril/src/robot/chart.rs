@@ -143,6 +143,7 @@ pub fn fence_of(held: &Outline) -> Result<Fence, String> {
         floor_m: held.floor_m,
         ceiling_m: held.ceiling_m,
         area: areas.collect::<Result<_, _>>()?,
+        ..FenceConfig::default()
     })
 }
 

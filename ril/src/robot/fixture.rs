@@ -30,6 +30,8 @@ pub fn state(functionality: Functionality, ms: u64) -> ModuleState {
     state.link.last_message_ns = at(ms).0;
     state.link.telemetry_published = 1;
     state.safety.pilot_switch = PilotSwitch::Auto.code();
+    (state.home_latitude_deg, state.home_longitude_deg) = (37.4112, -6.001);
+    (state.ground_altitude_m, state.ground_valid) = (15.0, 1);
     state
 }
 

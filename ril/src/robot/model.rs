@@ -61,7 +61,7 @@ impl Process {
     }
 }
 
-/// The place of take-off: where the robot was last seen on the ground.
+/// Where the robot stands, and in the air where it took off: as its bridge says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Home {
     /// Where.
@@ -109,12 +109,16 @@ pub struct WatchedRobot {
     telemetry_feed: Feed,
     /// What the live bridge holds; `None` if it has not said it.
     pub(crate) held: Option<HeldOutline>,
+    /// When the bridge was first seen to have another movement than before; `None` if it was not.
+    pub(crate) last_movement: Option<MonotonicNs>,
     /// The state of the link, and when it was first seen.
     link_seen: Option<(u32, MonotonicNs)>,
     /// What the newest telemetry says.
     pub(crate) pilot: PilotView,
-    /// Where the robot was last seen on the ground.
+    /// Where it stands, or took off.
     pub(crate) home: Option<Home>,
+    /// Where it was when that was last known, and when.
+    pub(crate) last_place: Option<(Place, MonotonicNs)>,
     /// Where it was.
     pub(crate) track: Track,
     /// Its last minutes.
@@ -153,9 +157,11 @@ impl WatchedRobot {
             }),
             telemetry_feed: Feed::without_looks(TELEMETRY_STALE_AFTER),
             held: None,
+            last_movement: None,
             link_seen: None,
             pilot: PilotView::default(),
             home: None,
+            last_place: None,
             track: Track::default(),
             past: Past::default(),
             reached: Vec::new(),
@@ -177,9 +183,20 @@ impl WatchedRobot {
             self.link_seen = Some((state.link.state, now));
         }
         match self.state.take() {
-            Some(before) => self.compare(&before, state, now),
+            Some(before) => {
+                if before.movement.request_id != state.movement.request_id {
+                    self.last_movement = Some(state.published());
+                }
+                self.compare(&before, state, now);
+            }
             None => self.note_activity(None, state, now),
         }
+        self.home = state.home().and_then(|home| {
+            Some(Home {
+                place: Place::new(home.latitude_deg, home.longitude_deg)?,
+                altitude_m: home.altitude_m,
+            })
+        });
         self.state = Some(*state);
     }
 
@@ -328,9 +345,7 @@ impl WatchedRobot {
         self.telemetry_feed.sample(received, now);
         if let Some(place) = view.place {
             self.track.push(place);
-            if let (Some(altitude_m), Some(false)) = (view.altitude_m, view.flying) {
-                self.home = Some(Home { place, altitude_m });
-            }
+            self.last_place = Some((place, received));
         }
         if before.flying.is_some() && before.flying != view.flying {
             let text = match view.flying {
@@ -432,7 +447,13 @@ impl WatchedRobot {
         self.telemetry_feed.at(now)
     }
 
-    /// Height over the place of take-off, m.
+    /// Where it was when that was last known, and how long ago, while it is not known now.
+    pub(crate) fn lost_place(&self, now: MonotonicNs) -> Option<(Place, Duration)> {
+        let (place, at) = self.last_place.filter(|_| self.pilot.place.is_none())?;
+        Some((place, now.since(at)))
+    }
+
+    /// Height over home, m.
     pub(crate) fn height_m(&self) -> Option<f64> {
         Some(self.pilot.altitude_m? - self.home?.altitude_m)
     }

@@ -8,7 +8,6 @@ use ipc_types::{MonotonicNs, TelemetryGroup, Topic};
 use runtime::exit::{ExitCode, Failure};
 
 use crate::robot::absence::nothing_came;
-use crate::robot::geo::{self, Place};
 use crate::session::{Latest, Session};
 
 /// A position from telemetry.
@@ -18,8 +17,6 @@ pub(crate) struct Present {
     pub at: Waypoint,
     /// Whether the helicopter is in the air.
     pub is_flying: bool,
-    /// Where the DSP had its first fix since it was switched on; `None` if the DSP does not send it.
-    pub home: Option<Place>,
 }
 
 /// The next position that the bridge publishes. A sample that lies there may be old: it does not count.
@@ -84,14 +81,8 @@ fn present(sample: &DspTelemetry) -> Option<Present> {
         altitude_m: sample.geographic.altitude_m,
     };
     let is_known = sample.valid(TelemetryGroup::Geographic) && at.is_plausible();
-    let home = || {
-        let xy = sample.valid(TelemetryGroup::Xy).then_some(sample.xy)?;
-        let here = Place::new(at.latitude_deg, at.longitude_deg)?;
-        geo::origin(here, xy.x_m, xy.y_m)
-    };
     is_known.then(|| Present {
         at,
         is_flying: sample.flying == 1,
-        home: home(),
     })
 }

@@ -6,8 +6,8 @@
 use std::io::{self, Write};
 
 use clap::{Args, Subcommand};
-use ipc_types::fresh_request_id;
 use ipc_types::payload::{ParameterRequest, RequestReport};
+use ipc_types::{MonotonicNs, fresh_request_id};
 use runtime::config::nearest;
 use runtime::exit::{ExitCode, Failure};
 
@@ -127,7 +127,11 @@ pub fn param(command: &ParamCommand) -> Result<(), Failure> {
             let number = ports.resolve(&args.port)?;
             let previous = ports.value(number)?.ok().flatten();
             ports.conversation.show_previous(previous);
-            ports.print(|id| ParameterRequest::write(id, number, args.value))
+            let issued_ns = ports.issued.0;
+            ports.print(|id| ParameterRequest {
+                issued_ns,
+                ..ParameterRequest::write(id, number, args.value)
+            })
         }),
     }
 }
@@ -146,6 +150,7 @@ fn run(
         conversation: Conversation::open(&asked.session, verb, asked.timeout)?,
         format: Format::of(args.json),
         deadline_ms: asked.deadline_ms,
+        issued: asked.issued,
     })
 }
 
@@ -154,6 +159,8 @@ struct ParameterPorts<'a> {
     conversation: Conversation<'a, ParameterRequest>,
     format: Format,
     deadline_ms: u32,
+    /// Of a write; what is read before it is asked at its own moment.
+    issued: MonotonicNs,
 }
 
 impl ParameterPorts<'_> {

@@ -8,7 +8,7 @@ use crate::common::{
     FOR_SLOW_MACHINES, Flight, end, end_all, json, movement, place, sandbox, shown_state,
 };
 use ipc_types::RobotId;
-use ipc_types::code::{MovementKind, Reason};
+use ipc_types::code::{Functionality, MovementKind, Reason};
 use ipc_types::payload::ModuleState;
 use ril_tests::process::Signal;
 use ril_tests::{Answer, Process, StandInBridge};
@@ -65,7 +65,7 @@ fn the_real_bridge_holds_replaces_and_lands_in_the_middle_of_a_path() {
     way.wait_for_text("rtl: progress");
     way.signal(Signal::INT);
     let finished = way.exits(7);
-    finished.err_says("the path is flown to its end");
+    finished.err_says("the bridge lets the helicopter hover");
     finished.err_says("not landed: `ril land`");
     rig.run("hold", 0);
 
@@ -174,6 +174,24 @@ fn moves_and_the_way_home_are_flown_from_where_the_helicopter_is() {
     home.out_says("rtl: 2 waypoints accepted, the path is complete, 3");
     home.out_says("land: done");
     near(place(&rig, 1), 0.0, 0.0);
+    // The next flight begins elsewhere: home is there, for each command.
+    rig.run("takeoff 5m", 0);
+    rig.run("goto +25m,+0m", 0);
+    rig.run("land", 0);
+    let mut state = rig.watch(1);
+    let stood = state.until("home", |state| {
+        state.functionality() == Some(Functionality::AtRest)
+    });
+    near(
+        (stood.home_latitude_deg, stood.home_longitude_deg, 0.0),
+        25.0,
+        0.0,
+    );
+    drop(state);
+    rig.run("takeoff 5m", 0);
+    rig.run("goto +20m,+0m", 0);
+    rig.run("rtl --land", 0);
+    near(place(&rig, 1), 25.0, 0.0);
     rig.run("rtl --home 37.411", 2)
         .err_says("a place is LAT,LON");
     flight.end();

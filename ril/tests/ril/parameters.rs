@@ -62,7 +62,7 @@ fn parameters_are_listed_with_who_may_write_them() {
             .unwrap_or_else(|| panic!("{name}: {lines:#?}"))
     };
     let gain = of("position_gain");
-    assert_eq!(gain["schema"], "hero.RequestReport.v2");
+    assert_eq!(gain["schema"], "hero.RequestReport.v3");
     assert_eq!(gain["request"], "param list");
     let expected = serde_json::json!({
         "number": 20_010, "name": "position_gain", "kind": "f32", "min": 0.05, "max": 5.0,

@@ -1,7 +1,9 @@
 //! Requests against a bridge that answers as it is told: what is sent, what is printed, how it ends.
 
 use crate::common::{end, json, movement, sandbox, says, shown_state};
-use ipc_types::code::{ControlCommand, MovementKind, ParameterOperation, Reason, Stage};
+use ipc_types::code::{
+    ControlCommand, MovementKind, ParameterOperation, Reason, SenderLost, Stage,
+};
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
 use ril_tests::process::Signal;
 use ril_tests::{Answer, Process, Received, StandInBridge};
@@ -204,7 +206,7 @@ fn programs_read_one_object_a_line() {
     let stages: Vec<_> = reports.iter().map(|report| &report["stage"]).collect();
     assert_eq!(stages, ["accepted", "progress", "done"]);
     for report in &reports {
-        assert_eq!(report["schema"], "hero.RequestReport.v2");
+        assert_eq!(report["schema"], "hero.RequestReport.v3");
         assert_eq!(report["request"], "goto");
         assert_eq!(report["request_id"], request.request_id);
         assert_eq!(report["path_id"], request.path_id);
@@ -251,7 +253,10 @@ fn an_interrupted_command_says_what_goes_on() {
     let cases = [
         ("takeoff --altitude 5", Signal::INT, "the take-off goes on and cannot be aborted"),
         ("land", Signal::TERM, "the landing goes on and cannot be aborted"),
-        ("goto 37,-6,20", Signal::INT, "`ril hold` makes the helicopter hover at once"),
+        ("goto 37,-6,20", Signal::INT, "the bridge lets the helicopter hover where it is, unless `sender_lost`"),
+        ("goto 37,-6,20 --sender-lost hold", Signal::TERM, "the bridge lets the helicopter hover where it is"),
+        ("goto 37,-6,20 --sender-lost land", Signal::HUP, "the bridge lands the helicopter where it is"),
+        ("goto 37,-6,20 --sender-lost continue", Signal::INT, "`ril hold` makes the helicopter hover at once"),
         ("stop", Signal::INT, "the bridge goes on with it"),
     ];
     for (args, signal, expected) in cases {
@@ -273,60 +278,51 @@ fn an_interrupted_command_says_what_goes_on() {
 }
 
 #[test]
-fn a_goto_whose_sender_ends_is_held_when_that_was_asked_for() {
+fn a_path_says_what_becomes_of_it_without_its_command() {
     let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
-    for signal in [Signal::INT, Signal::TERM, Signal::HUP] {
-        bridge.answer_next(accepted());
-        bridge.answer_next(accepted());
-        let mut process = rig.start("goto 37,-6,20 --hold-on-exit");
-        process.wait_for_text("accepted");
-        process.signal(signal);
-        let finished = process.exits(7);
-        let expected =
-            "interrupted before the final report about goto: a hold was sent and accepted";
-        finished.err_says(expected);
-        let kinds = [bridge.next_request(), bridge.next_request()].map(|one| movement(one).kind());
-        assert_eq!(
-            kinds,
-            [Some(MovementKind::GoToWaypoint), Some(MovementKind::Hold)]
-        );
+    for (options, sender_lost, lease_ms) in [
+        ("", None, 0),
+        ("--sender-lost land", Some(SenderLost::Land), 0),
+        (
+            "--sender-lost continue --lease 1.5s",
+            Some(SenderLost::Continue),
+            1500,
+        ),
+        ("--no-wait", Some(SenderLost::Continue), 0),
+    ] {
+        bridge.answer_next(Answer::done());
+        rig.run(&format!("goto 37,-6,20 {options}"), 0);
+        let path = movement(bridge.next_request());
+        assert_eq!(path.sender_lost(), sender_lost, "{options}");
+        assert_eq!(path.lease_ms, lease_ms, "{options}");
     }
-    // A hold that gets no answer is no hold.
-    bridge.answer_next(accepted());
-    bridge.answer_next(Answer::Hang);
-    let mut process = rig.start("goto 37,-6,20 --hold-on-exit --timeout 1s");
-    process.wait_for_text("accepted");
-    process.signal(Signal::HUP);
-    process.exits(7).err_says("the hold that was sent failed");
-    bridge.next_request();
-    bridge.next_request();
-    // As under nohup.
-    bridge.answer_next(accepted());
-    let line = "trap '' HUP; exec \"$0\" goto 37,-6,20 --hold-on-exit";
-    let mut process = Process::spawn(&rig.domain, rig.shell(line));
-    process.wait_for_text("accepted");
-    process.signal(Signal::HUP);
-    let path = movement(bridge.next_request());
-    let done = RequestReport::new(Stage::Done, Reason::None);
-    bridge.report(path.request_id, &done).unwrap();
-    process.exits(0);
-    // What is over is over.
-    bridge.answer_next(Answer::done());
-    rig.run("goto 37,-6,20 --hold-on-exit", 0);
-    rig.run("goto 37,-6,20 --hold-on-exit --no-wait", 2);
+    for (options, expected) in [
+        (
+            "--no-wait --sender-lost hold",
+            "the command ends before its path",
+        ),
+        ("--no-wait --lease 2s", "the command ends before its path"),
+        ("--sender-lost fly", "possible values: continue, hold, land"),
+        ("--lease 100ms", "it must be from 500ms to 1m"),
+    ] {
+        let finished = rig.run(&format!("goto 37,-6,20 {options}"), 2);
+        finished.err_says(expected);
+    }
 }
 
-/// `head -n 1` ends after *accepted*, and the path goes on.
+/// `head -n 1` ends after *accepted*.
 #[test]
 fn a_goto_whose_reader_has_gone_says_that_its_outcome_is_unknown() {
     let rig = sandbox();
     let bridge = StandInBridge::start(&rig.domain);
     for (option, expected) in [
-        ("", "`ril hold` makes the helicopter hover at once"),
-        ("--hold-on-exit", "a hold was sent and accepted"),
+        ("", "the bridge lets the helicopter hover"),
+        (
+            "--sender-lost continue",
+            "`ril hold` makes the helicopter hover at once",
+        ),
     ] {
-        bridge.answer_next(accepted());
         bridge.answer_next(accepted());
         let line = format!(
             "{{ \"$0\" goto 37,-6,20 {option}; echo \"code $?\" >&2; }} | {{ head -n 1; exec <&-; echo gone >&2; }}"
@@ -343,16 +339,6 @@ fn a_goto_whose_reader_has_gone_says_that_its_outcome_is_unknown() {
             expected,
         ] {
             finished.err_says(expected);
-        }
-        if !option.is_empty() {
-            assert_eq!(
-                movement(bridge.next_request()).kind(),
-                Some(MovementKind::Hold)
-            );
-        } else {
-            // The answer that was meant for a hold.
-            rig.run("takeoff 5m --no-wait", 0);
-            bridge.next_request();
         }
     }
     // The final report was there before its reader had gone: the outcome is known.

@@ -3,9 +3,11 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use toml::de::{DeTable, DeValue};
 
+use crate::duration::DurationText;
 use crate::exit::{ExitCode, Failure};
 
 /// Longest configuration file, bytes: a hundred times the annotated examples. A longer one is refused; it is surely
@@ -27,6 +29,14 @@ pub enum ConfigError {
         next_step: &'static str,
         /// What the operating system says.
         source: io::Error,
+    },
+    /// The file was not read in time.
+    #[error("{}: was not read within {}; does the disk hang?", .file.display(), DurationText(*.limit))]
+    NotInTime {
+        /// The file.
+        file: PathBuf,
+        /// How long it was waited for.
+        limit: Duration,
     },
     /// Something else stands in the place of the file.
     #[error("{}: is {what}, not a regular file; name a configuration file", .file.display())]

@@ -19,7 +19,7 @@ use crate::log::writer::LogWriter;
 
 /// How long the end of the process waits for disks. Most of what a disk does takes less; what takes longer may hang for
 /// ever, and a process that cannot be ended is worse than an unknown number of rows.
-pub const END_TIMEOUT: Duration = Duration::from_secs(5);
+pub const END_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// The threads of all logs, in their order.
 pub struct LogThreads {

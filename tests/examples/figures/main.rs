@@ -4,6 +4,7 @@
 //! ```sh
 //! cargo run --release -p ril-tests --example figures -- missions [--seeds 0..10000] [--kind noise]
 //! cargo run --release -p ril-tests --example figures -- delivery [--seeds 0..14000]
+//! cargo run --release -p ril-tests --example figures -- boundaries [--seeds 0..100000]
 //! cargo run --release -p ril-tests --example figures -- bytes [--bytes 1e9] [--seed 1]
 //! cargo run --release -p ril-tests --example figures -- replay [--seconds 600]
 //! cargo run --release -p ril-tests --example figures -- fleet [--robots 100] [--hours 24]
@@ -38,6 +39,7 @@ use bytes::heap::Counting;
 use bytes::measure::{self, Tally};
 use clap::Parser;
 use dsp_protocol::Profile;
+use missions::boundaries;
 use missions::chance::{self, Seen};
 use missions::delivery;
 use missions::seeds::{self, sums};
@@ -61,6 +63,12 @@ enum Measure {
     Delivery {
         /// Seeds, such as `17` or `0..100`
         #[arg(long, value_parser = range, default_value = "0..100")]
+        seeds: Range<u64>,
+    },
+    /// Flights along the boundaries of fences
+    Boundaries {
+        /// Seeds, such as `17` or `0..100`
+        #[arg(long, value_parser = range, default_value = "0..1000")]
         seeds: Range<u64>,
     },
     /// Random and damaged bytes into the decoders and the bridge's core
@@ -118,6 +126,10 @@ fn main() -> ExitCode {
     let is_good = match Measure::parse() {
         Measure::Missions { seeds, kind } => missions(&seeds, kind.as_deref()),
         Measure::Delivery { seeds } => deliveries(seeds),
+        Measure::Boundaries { seeds } => {
+            println!("{}", seeds::fly_range(seeds, boundaries::fly_bounded));
+            true
+        }
         Measure::Bytes { bytes, seed } => random_bytes(bytes, seed),
         Measure::Replay { seconds } => replays::measure(seconds),
         Measure::Fleet { robots, hours } => fly_fleet(robots, hours),

@@ -75,7 +75,7 @@ impl WorldConfig {
     pub fn fence(mut self, radius_m: f64, ceiling_m: f64) -> WorldConfig {
         let home = self.simulator.model.home;
         let text = format!(
-            "[fence]\nceiling_m = {:.6}\n[[fence.area]]\nname = \"field\"\nkind = \"inclusion\"\n\
+            "[fence]\nmargin_m = 0.0\nbraking_mps2 = 20.0\nreaction_s = 0.0\nceiling_m = {:.6}\n[[fence.area]]\nname = \"field\"\nkind = \"inclusion\"\n\
              centre = [{:.9}, {:.9}]\nradius_m = {radius_m:.6}\n",
             home.altitude_m + ceiling_m,
             home.latitude_deg,

@@ -6,9 +6,10 @@
 //! * checkers: [`witness`] for what consumers get, [`wire`] for what the DSP is told, [`buffer`] for what it holds, [`chain`]
 //!   for what status makes of it, [`truth`] for where the helicopter is;
 //! * [`recording`]: the journal of each mission, verified bit for bit by replaying it;
-//! * missions: `plain`, `settings`, `troubles`, [`chance`], [`delivery`];
+//! * missions: `plain`, `settings`, `troubles`, [`chance`], [`delivery`], [`boundaries`];
 //! * `journal`: what a journal finds out; `flights`: the library of recorded flights.
 
+pub mod boundaries;
 pub mod buffer;
 pub mod chain;
 pub mod chance;

@@ -28,6 +28,8 @@ use std::ffi::{CStr, CString, c_char, c_int};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
+use runtime::output;
+
 use crate::error::{Error, ErrorKind};
 use crate::service::ServiceName;
 use crate::topic::FOREVER;
@@ -70,6 +72,7 @@ fn remember(text: &str) {
 
 /// Runs what a function does, and turns what comes of it into a code.
 fn guard(act: impl FnOnce() -> Result<c_int, Error>) -> c_int {
+    output::bound_panics();
     match catch_unwind(AssertUnwindSafe(act)) {
         Ok(Ok(code)) => code,
         Ok(Err(error)) => {

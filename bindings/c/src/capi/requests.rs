@@ -94,6 +94,15 @@ pub unsafe extern "C" fn hero_ril_send(
 
 /// See the header.
 #[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_follow(client: *mut Requests, request_id: u64) -> c_int {
+    guard(|| unsafe {
+        handle(client, "client")?.follow(request_id);
+        Ok(OK)
+    })
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_start(client: *mut Requests, request_id: *mut u64) -> c_int {
     unsafe {
         send(client, request_id, |client| {
@@ -136,6 +145,24 @@ pub unsafe extern "C" fn hero_ril_land(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn hero_ril_hold(client: *mut Requests, request_id: *mut u64) -> c_int {
     unsafe { send(client, request_id, Requests::hold) }
+}
+
+/// See the header.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn hero_ril_when_lost(
+    client: *mut Requests,
+    sender_lost: c_int,
+    lease_ms: c_int,
+) -> c_int {
+    unsafe {
+        send(client, std::ptr::null_mut(), |client| {
+            // A number below 0 is none of the contract.
+            let number = |value| u32::try_from(value).unwrap_or(u32::MAX);
+            client
+                .when_lost(number(sender_lost), number(lease_ms))
+                .map(|()| 0)
+        })
+    }
 }
 
 /// See the header.

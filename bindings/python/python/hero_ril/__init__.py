@@ -547,29 +547,42 @@ class Robot(_Closing):
             self._client = self._native.client()
         return self._client
 
-    def start(self):
+    def _ordered(self, what, after, send):
+        client = self._requests()
+        client.follow(0 if after is None else after.id)
+        return Request(client, what, send(client))
+
+    # With `after`, the Request that was the step before, an order is the next step of a command: the bridge takes it only if nothing
+    # came between (an order of any program, the pilot, a safety rule, a loss of the link), and else refuses it as "superseded".
+
+    def start(self, *, after=None):
         """Starts the module."""
-        return Request(self._requests(), "start", self._requests().start())
+        return self._ordered("start", after, lambda client: client.start())
 
-    def stop(self):
+    def stop(self, *, after=None):
         """Stops the module."""
-        return Request(self._requests(), "stop", self._requests().stop())
+        return self._ordered("stop", after, lambda client: client.stop())
 
-    def take_off(self, altitude_m):
+    def take_off(self, altitude_m, *, after=None):
         """Takes off and climbs to so many meters over this point."""
-        return Request(self._requests(), "take off", self._requests().take_off(altitude_m))
+        return self._ordered("take off", after, lambda client: client.take_off(altitude_m))
 
-    def land(self, *, preempt=False):
+    def land(self, *, preempt=False, after=None):
         """Lands here; with `preempt` out of a path that is under way."""
-        return Request(self._requests(), "land", self._requests().land(preempt))
+        return self._ordered("land", after, lambda client: client.land(preempt))
 
-    def hold(self):
+    def hold(self, *, after=None):
         """Hovers here; a path that is under way ends as replaced."""
-        return Request(self._requests(), "hold", self._requests().hold())
+        return self._ordered("hold", after, lambda client: client.hold())
 
-    def go_to(self, *path, preempt=False):
+    def when_lost(self, action=None, *, lease_s=0.0):
+        """From now on a path says what becomes of it when this program ends: a `SenderLost`, or None for the bridge's default, which
+        is to hover. With `lease_s`, the helicopter hovers also when this program does not look at its reports for so long."""
+        self._requests().when_lost(int(action or 0), round(1000 * lease_s))
+
+    def go_to(self, *path, preempt=False, after=None):
         """Flies a path of (latitude in degrees, longitude in degrees, altitude in m)."""
-        return Request(self._requests(), "go to", self._requests().go_to(list(path), preempt))
+        return self._ordered("go to", after, lambda client: client.go_to(list(path), preempt))
 
     def send(self, key, request, *, schema=None):
         """Sends a structure as a request of the service `key`, such as ParameterRequest to "parameters", ModuleControl to

@@ -5,9 +5,7 @@ use geo::{Contains, Coord, Distance, Euclidean, Point, Polygon};
 use runtime::config::{Deserializer, in_range};
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::leg::{
-    Leg, Plane, Span, TOUCH_M, join, rest, where_between, where_in_disc, where_near_edge,
-};
+use super::leg::{Leg, Plane, Span, join, rest, where_between, where_in_disc, where_near_edge};
 
 /// Whether the helicopter must be inside an area or outside it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
@@ -106,12 +104,18 @@ impl Area {
     }
 
     /// Adds the spans of a leg that are inside. Whatever only touches the boundary is inside an exclusion area, and is
-    /// not inside an inclusion area.
-    pub(super) fn where_inside(&self, from: &Waypoint, to: &Waypoint, spans: &mut Vec<Span>) {
+    /// not inside an inclusion area. What is nearer than `touch_m` touches it.
+    pub(super) fn where_inside(
+        &self,
+        from: &Waypoint,
+        to: &Waypoint,
+        touch_m: f64,
+        spans: &mut Vec<Span>,
+    ) {
         let leg = self.plane.leg(from, to);
         let margin_m = match self.config.kind {
-            AreaKind::Inclusion => -TOUCH_M,
-            AreaKind::Exclusion => TOUCH_M,
+            AreaKind::Inclusion => -touch_m,
+            AreaKind::Exclusion => touch_m,
         };
         let Some(in_band) = self
             .band
@@ -125,24 +129,25 @@ impl Area {
                 let inside = where_in_disc(&leg, Coord::zero(), radius_m + margin_m);
                 spans.extend(inside.and_then(|span| span.and(in_band)));
             }
-            Shape::Polygon { polygon, reach } if passes(&leg, *reach) => {
-                let inside = where_in_polygon(&leg, polygon, self.config.kind);
+            Shape::Polygon { polygon, reach } if passes(&leg, *reach, touch_m) => {
+                let inside = where_in_polygon(&leg, polygon, self.config.kind, touch_m);
                 spans.extend(inside.into_iter().filter_map(|span| span.and(in_band)));
             }
             Shape::Polygon { .. } => {}
         }
     }
 
-    /// How far a point is inside: metres to the nearest side, floor or ceiling; 0 when it is outside.
-    pub(super) fn depth_m(&self, at: &Waypoint) -> f64 {
+    /// How far a point is inside the area grown by `margin_m`: metres to the nearest side, floor or ceiling; 0 when it is outside.
+    pub(super) fn depth_m(&self, at: &Waypoint, margin_m: f64) -> f64 {
         let (beside_m, above_m) = self.inward_m(at);
-        beside_m.min(above_m).max(0.0)
+        (beside_m.min(above_m) + margin_m).max(0.0)
     }
 
-    /// How far a point is outside: metres to the nearest point of the area; 0 when it is inside.
-    pub(super) fn excess_m(&self, at: &Waypoint) -> f64 {
+    /// How far a point is outside the area drawn in by `margin_m`: metres to its nearest point; 0 when it is inside.
+    pub(super) fn excess_m(&self, at: &Waypoint, margin_m: f64) -> f64 {
         let (beside_m, above_m) = self.inward_m(at);
-        beside_m.min(0.0).hypot(above_m.min(0.0))
+        let out_m = |inward_m: f64| (inward_m - margin_m).min(0.0);
+        out_m(beside_m).hypot(out_m(above_m))
     }
 
     /// Metres from the sides, and metres from floor or ceiling, whichever is nearer; negative where that is outside.
@@ -181,8 +186,8 @@ pub(super) fn altitude_m<'de, D: Deserializer<'de>>(
 }
 
 /// Whether the leg comes near the rectangle round a polygon: most legs are far from most areas.
-fn passes(leg: &Leg, reach: Coord) -> bool {
-    let (east_m, north_m) = (reach.x + TOUCH_M, reach.y + TOUCH_M);
+fn passes(leg: &Leg, reach: Coord, touch_m: f64) -> bool {
+    let (east_m, north_m) = (reach.x + touch_m, reach.y + touch_m);
     let abreast = where_between(leg.start.x, leg.way.x, -east_m, east_m);
     let level = where_between(leg.start.y, leg.way.y, -north_m, north_m);
     abreast
@@ -193,11 +198,11 @@ fn passes(leg: &Leg, reach: Coord) -> bool {
 
 /// The spans of a leg in a polygon. Membership can only change where the leg is near an edge. So the spans near edges
 /// are found first, and one point of each span between them decides for all of it.
-fn where_in_polygon(leg: &Leg, polygon: &Polygon, kind: AreaKind) -> Vec<Span> {
+fn where_in_polygon(leg: &Leg, polygon: &Polygon, kind: AreaKind, touch_m: f64) -> Vec<Span> {
     let mut touching: Vec<Span> = polygon
         .exterior()
         .lines()
-        .filter_map(|edge| where_near_edge(leg, edge, TOUCH_M)?.and(Span::WHOLE))
+        .filter_map(|edge| where_near_edge(leg, edge, touch_m)?.and(Span::WHOLE))
         .collect();
     let mut inside = rest(&mut touching);
     inside.retain(|span| polygon.contains(&leg.at(span.middle())));

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::area::{Area, AreaConfig, Band, Shape, altitude_m};
 use super::leg::{MAX_EXTENT_M, MAX_LATITUDE_DEG, Plane};
+use super::room::Room;
 use crate::geodesy::longitude_difference_deg;
 
 /// Most areas of a fence: several times what an airfield or a town needs. Judging a leg takes at most about 15 ns for each
@@ -33,7 +34,7 @@ const MAX_RADIUS_M: f64 = MAX_EXTENT_M / 2.0;
 const MAX_NAME_CHARS: usize = 64;
 
 /// `[fence]`: limits that hold everywhere, and areas.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FenceConfig {
     /// The helicopter stays above this telemetry altitude, metres.
@@ -42,8 +43,41 @@ pub struct FenceConfig {
     /// The helicopter stays below this telemetry altitude, metres.
     #[serde(deserialize_with = "altitude_m")]
     pub ceiling_m: Option<f64>,
+    /// A path stays so far from every boundary, metres.
+    #[serde(deserialize_with = "margin_m")]
+    pub margin_m: f64,
+    /// How hard the helicopter brakes at least, m/s².
+    #[serde(deserialize_with = "braking_mps2")]
+    pub braking_mps2: f64,
+    /// How long a hold takes to begin, s ([`Room`]).
+    #[serde(deserialize_with = "reaction_s")]
+    pub reaction_s: f64,
     /// `[[fence.area]]`, at most [`MAX_AREAS`].
     pub area: Vec<Area>,
+}
+
+runtime::ranged! {
+    fn margin_m(f64) in 0.0..=1000.0;
+    fn braking_mps2(f64) in 0.1..=20.0;
+    fn reaction_s(f64) in 0.0..=10.0;
+}
+
+impl Default for FenceConfig {
+    fn default() -> Self {
+        let Room {
+            margin_m,
+            braking_mps2,
+            reaction_s,
+        } = Room::default();
+        FenceConfig {
+            floor_m: None,
+            ceiling_m: None,
+            margin_m,
+            braking_mps2,
+            reaction_s,
+            area: Vec::new(),
+        }
+    }
 }
 
 /// Checked inside the table, so that an error points at the line of this area. With `serde(try_from)` it would point at
@@ -70,11 +104,11 @@ impl<'de> Visitor<'de> for AreaVisitor {
 }
 
 impl FenceConfig {
-    /// The limits that hold everywhere, and the areas, when they fit together.
+    /// The limits that hold everywhere, the areas, and the room to stop, when they fit together.
     ///
     /// # Errors
     /// Why they do not.
-    pub(super) fn checked(self) -> Result<(Band, Vec<Area>), String> {
+    pub(super) fn checked(self) -> Result<(Band, Vec<Area>, Room), String> {
         let areas = self.area;
         if areas.len() > MAX_AREAS {
             let count = areas.len();
@@ -90,7 +124,12 @@ impl FenceConfig {
             ));
         }
         let band = band("the fence's", self.floor_m, self.ceiling_m)?;
-        Ok((band, areas))
+        let room = Room {
+            margin_m: self.margin_m,
+            braking_mps2: self.braking_mps2,
+            reaction_s: self.reaction_s,
+        };
+        Ok((band, areas, room))
     }
 }
 

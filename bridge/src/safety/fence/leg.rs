@@ -62,6 +62,16 @@ impl Plane {
         }
     }
 
+    /// The point so many metres from the plane's origin `at`.
+    pub(super) fn moved(&self, at: &Waypoint, east_m: f64, north_m: f64, up_m: f64) -> Waypoint {
+        let longitude_deg = at.longitude_deg + east_m / self.east_m_per_deg;
+        Waypoint {
+            latitude_deg: at.latitude_deg + north_m / self.north_m_per_deg,
+            longitude_deg: longitude_difference_deg(longitude_deg, 0.0),
+            altitude_m: at.altitude_m + up_m,
+        }
+    }
+
     /// A leg in metres.
     pub(super) fn leg(&self, from: &Waypoint, to: &Waypoint) -> Leg {
         let east_deg = longitude_difference_deg(to.longitude_deg, from.longitude_deg);

@@ -162,6 +162,7 @@ impl Gateway {
             issued: now,
             begin_by: Some(now + self.settings.answer_within),
             preempts: false,
+            after: 0,
         });
     }
 

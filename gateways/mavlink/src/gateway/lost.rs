@@ -59,8 +59,14 @@ impl Gateway {
             (Some(one), Some(_)) if one.is_return => ("its return goes on", None),
             (Some(one), Some(kind)) => match (one.kind, kind) {
                 (OrderKind::GoTo(_), kind) => match kind {
-                    OrderKind::Land => ("the helicopter lands", Some((kind, one.key))),
-                    _ => ("the helicopter holds", Some((kind, one.key))),
+                    OrderKind::Land => (
+                        "the helicopter lands",
+                        Some((kind, one.key, one.request_id)),
+                    ),
+                    _ => (
+                        "the helicopter holds",
+                        Some((kind, one.key, one.request_id)),
+                    ),
                 },
                 (_, OrderKind::Land) => {
                     one.then = Some(OrderKind::Land);
@@ -81,11 +87,13 @@ impl Gateway {
         let (Some(kind), Some(run)) = (kind, &mut self.missions.run) else {
             return self.tell_lost(lost, "its mission goes on", None, now);
         };
-        let key = run.key;
+        let (key, before) = (run.key, run.before);
         let step = self
             .pending
             .iter_mut()
             .find(|one| Some(one.number) == run.order);
+        // A hover between two steps follows the one before.
+        let after = step.as_ref().map_or(before, |step| step.request_id);
         let (then, order) = match (step.as_ref().map(|step| step.kind), step) {
             (Some(OrderKind::Land), _) => ("its landing goes on", None),
             (Some(OrderKind::TakeOff(_)), Some(step)) if kind == OrderKind::Land => {
@@ -94,8 +102,8 @@ impl Gateway {
                 ("the helicopter lands after its take-off", None)
             }
             (Some(OrderKind::TakeOff(_)), _) => ("its mission is paused after the take-off", None),
-            _ if kind == OrderKind::Land => ("the helicopter lands", Some((kind, key))),
-            _ => ("its mission is paused", Some((kind, key))),
+            _ if kind == OrderKind::Land => ("the helicopter lands", Some((kind, key, after))),
+            _ => ("its mission is paused", Some((kind, key, after))),
         };
         self.pause_mission(now);
         self.tell_lost(lost, then, order, now);
@@ -105,7 +113,7 @@ impl Gateway {
         &mut self,
         lost: StationAddress,
         then: &str,
-        order: Option<(OrderKind, CommandKey)>,
+        order: Option<(OrderKind, CommandKey, u64)>,
         now: MonotonicNs,
     ) {
         let text = format!("{lost} is lost: {then}");
@@ -116,20 +124,21 @@ impl Gateway {
                 self.note(Event::Note(text.clone()));
                 self.say(&others, MavSeverity::Notice, &text, now);
             }
-            Some((kind, key)) => {
+            Some((kind, key, after)) => {
                 self.note(Event::Warning(text.clone()));
                 self.say(&others, MavSeverity::Critical, &text, now);
-                self.order_by_itself(kind, key, now);
+                self.order_by_itself(kind, key, after, now);
             }
         }
     }
 
-    /// An order that no station waits for.
-    fn order_by_itself(&mut self, kind: OrderKind, key: CommandKey, now: MonotonicNs) {
+    /// An order that no station waits for. It ends what the request `after` has begun, and nothing newer.
+    fn order_by_itself(&mut self, kind: OrderKind, key: CommandKey, after: u64, now: MonotonicNs) {
         self.cancel_what_follows(now);
         self.commands.order(None, Subject::Motion, true, self.frame);
         self.send_order(Pending {
             number: 0,
+            request_id: 0,
             kind,
             key,
             then: None,
@@ -139,6 +148,7 @@ impl Gateway {
             issued: now,
             answer_by: now,
             is_answered: true,
+            after,
         });
     }
 }

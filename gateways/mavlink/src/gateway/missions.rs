@@ -694,7 +694,8 @@ impl Gateway {
         );
         self.note(Event::Commanded(log));
         self.stations.count_command(key.sender, now);
-        self.missions.run = Some(Run::new(&mission, &checked.flight, from, key, issued));
+        let starting = Starting { from, ..starting };
+        self.missions.run = Some(Run::new(&mission, &checked.flight, &starting));
         if is_started {
             self.drive_mission(now);
         } else {
@@ -730,7 +731,7 @@ impl Gateway {
                 Some(kind) => self.send_step(kind, path, now),
                 None => {
                     let (key, was_answered) = (run.key, run.is_answered);
-                    (run.is_answered, run.issued) = (true, None);
+                    run.is_answered = true;
                     if !was_answered {
                         self.settle(&key, CommandAck::plain(MavResult::Accepted), now);
                     }
@@ -744,15 +745,16 @@ impl Gateway {
         let Some(run) = &mut self.missions.run else {
             return;
         };
-        let (key, is_answered) = (run.key, run.is_answered);
+        let (key, is_answered, after) = (run.key, run.is_answered, run.before);
         run.is_answered = true;
-        // The first one is as old as the command.
-        let issued = run.issued.take().unwrap_or(issued);
+        // What answers the command is as old as it.
+        let issued = if is_answered { issued } else { run.issued };
         if matches!(kind, OrderKind::Speed(_)) {
             self.commands.order(None, Subject::Speed, false, self.frame);
         }
         self.send_order(Pending {
             number: 0,
+            request_id: 0,
             kind,
             key,
             then: None,
@@ -762,6 +764,7 @@ impl Gateway {
             issued,
             answer_by: issued,
             is_answered,
+            after,
         });
         let number = self.last_number;
         if let Some(run) = &mut self.missions.run {
@@ -792,6 +795,9 @@ impl Gateway {
         run.executor.reached(report.waypoints_reached as usize);
         if stage.is_final() {
             run.order = None;
+            if stage == Stage::Done {
+                run.before = report.request_id;
+            }
             match (stage, reason) {
                 (Stage::Done, _) | (Stage::Refused, Reason::AlreadyRunning) => {
                     if pending.kind != OrderKind::Start {
@@ -800,6 +806,11 @@ impl Gateway {
                 }
                 (Stage::Aborted, Reason::Replaced | Reason::Stopped | Reason::PilotHasControl) => {
                     run.executor.pause();
+                }
+                (_, Reason::Superseded) => {
+                    let between = report.in_between();
+                    let between = between.map(|what| format!("before it came {what}"));
+                    run.executor.fail(between.as_deref().unwrap_or(words));
                 }
                 _ => run.executor.fail(words),
             }

@@ -151,10 +151,6 @@ impl Gateway {
             return;
         };
         let is_flying = known.is_flying();
-        if let Some(position) = known.position() {
-            self.restore_home_in_flight();
-            self.home.follow(position, is_flying);
-        }
         if before.is_some_and(|before| before != is_flying) {
             let text = if is_flying {
                 "in the air"
@@ -169,6 +165,7 @@ impl Gateway {
     pub fn state(&mut self, state: &ModuleState, now: MonotonicNs) {
         let before = self.vehicle.last_state().copied();
         self.vehicle.set_state(state);
+        self.home.follow(state.home());
         self.look(now);
         for (severity, text) in before.iter().flat_map(|before| changes(before, state)) {
             self.say_to_all(severity, &text, now);

@@ -246,6 +246,7 @@ impl Gateway {
         self.stations.count_command(key.sender, now);
         self.send_order(Pending {
             number: 0,
+            request_id: 0,
             kind,
             key,
             then: orders.then,
@@ -255,6 +256,7 @@ impl Gateway {
             issued: self.frame.came,
             answer_by: now,
             is_answered: false,
+            after: 0,
         });
         if let Some(notice) = orders.notice {
             self.tell(key.sender, MavSeverity::Notice, notice, now);
@@ -281,12 +283,18 @@ impl Gateway {
             OrderKind::Hold | OrderKind::Land | OrderKind::Stop => (None, self.moment + limit),
             _ => (Some(deadline), deadline),
         };
+        let run = self.missions.run.as_ref().filter(|_| pending.is_mission);
         self.orders.push_back(Order {
             number: self.last_number,
             kind: pending.kind,
-            issued: pending.issued,
+            // The first step that needs an order was issued with the mission, however long a hover came before it.
+            issued: match run {
+                Some(run) if pending.after == 0 => run.issued,
+                _ => pending.issued,
+            },
             begin_by,
             preempts,
+            after: pending.after,
         });
         if matches!(pending.kind, OrderKind::Start | OrderKind::Stop) {
             self.switched = Some(self.moment);
@@ -333,6 +341,7 @@ impl Gateway {
         if matches!(self.pending[index].kind, OrderKind::Start | OrderKind::Stop) {
             self.switched = Some(now);
         }
+        self.pending[index].request_id = report.request_id;
         let mut pending = match stage.is_final() {
             true => self.pending.remove(index),
             false => self.pending[index].clone(),
@@ -350,6 +359,7 @@ impl Gateway {
                 self.send_order(Pending {
                     kind,
                     issued,
+                    after: step_before(report),
                     ..pending
                 });
             }
@@ -376,7 +386,7 @@ impl Gateway {
             return self.mission_report(&pending, report, (stage, reason), words, now);
         }
         if stage.is_final() && (answer.is_accepted() || !is_first) {
-            self.end(&pending, stage, reason, words, now);
+            self.end(&pending, report, (stage, reason), words, now);
         }
     }
 
@@ -384,8 +394,8 @@ impl Gateway {
     pub(super) fn end(
         &mut self,
         pending: &Pending,
-        stage: Stage,
-        reason: Reason,
+        report: &RequestReport,
+        (stage, reason): (Stage, Reason),
         words: &str,
         now: MonotonicNs,
     ) {
@@ -404,6 +414,7 @@ impl Gateway {
                 is_return: false,
                 is_answered: true,
                 issued: now,
+                after: step_before(report),
                 ..pending.clone()
             });
         }
@@ -475,6 +486,14 @@ impl Gateway {
         if is_mission_stuck {
             self.mission_unanswered(now);
         }
+    }
+}
+
+/// What the step after the one that has ended so names; 0 if the bridge did not do it.
+pub(super) fn step_before(report: &RequestReport) -> u64 {
+    match report.stage() {
+        Some(Stage::Done) => report.request_id,
+        _ => 0,
     }
 }
 

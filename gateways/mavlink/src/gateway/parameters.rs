@@ -182,6 +182,7 @@ impl Gateway {
             issued,
             begin_by,
             preempts: false,
+            after: 0,
         });
     }
 

@@ -23,6 +23,10 @@ pub struct Pending {
     /// Until when the bridge must have answered.
     pub answer_by: MonotonicNs,
     pub is_answered: bool,
+    /// The request that it is to the bridge; 0 before the first report.
+    pub request_id: u64,
+    /// The request that was the step before; 0 if it follows no other.
+    pub after: u64,
 }
 
 impl Pending {

@@ -59,10 +59,12 @@ pub struct Run {
     pub key: CommandKey,
     /// Whether that command was answered.
     pub is_answered: bool,
-    /// When that command came, until its first step is begun.
-    pub issued: Option<MonotonicNs>,
+    /// When that command came.
+    pub issued: MonotonicNs,
     /// The order to the bridge that is open.
     pub order: Option<u64>,
+    /// The request to the bridge that was the last step, which the next one names; 0 if there is none.
+    pub before: u64,
     /// Items that stations were told of as reached, from the first one on.
     reported: u32,
     /// The last item that is reached, from 1.
@@ -72,14 +74,11 @@ pub struct Run {
 }
 
 impl Run {
-    /// A mission from the item `from` on, which counts from 1.
-    pub fn new(
-        mission: &Mission,
-        flight: &Flight,
-        from: u32,
-        key: CommandKey,
-        issued: MonotonicNs,
-    ) -> Run {
+    /// A mission as it is started.
+    pub fn new(mission: &Mission, flight: &Flight, starting: &Starting) -> Run {
+        let Starting {
+            key, from, issued, ..
+        } = *starting;
         let is_endless = |item: &&Item| item.command() == command::LOITER_UNLIMITED;
         let rest = mission.items().iter().skip(from as usize - 1);
         let before_endless = rest.take_while(|item| !is_endless(item)).count() as u32;
@@ -89,8 +88,9 @@ impl Run {
             executor,
             key,
             is_answered: false,
-            issued: Some(issued),
+            issued,
             order: None,
+            before: 0,
             reported: from - 1,
             last: u32::from(mission.count()).min(from + before_endless),
             is_told: false,

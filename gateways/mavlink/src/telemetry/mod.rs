@@ -44,7 +44,7 @@ pub struct Signature {
 
 impl Scene<'_> {
     pub fn signature(&self) -> Signature {
-        let home = self.home.shown().map(|home| {
+        let home = self.home.known().map(|home| {
             (
                 home.latitude_deg.to_bits(),
                 home.longitude_deg.to_bits(),
@@ -169,7 +169,7 @@ impl Scene<'_> {
 
     /// Height over home, m.
     fn over_home_m(&self) -> Option<f64> {
-        let home = self.home.shown()?;
+        let home = self.home.known()?;
         Some(self.known.position()?.altitude_m - home.altitude_m)
     }
 
@@ -183,11 +183,9 @@ impl Scene<'_> {
 
     fn global_position(&self, message: MessageWriter) -> Option<MessageWriter> {
         let (latitude, longitude, altitude) = self.place()?;
-        let velocity = match self.known.has(TelemetryGroup::GpsVelocity) {
-            true => self.telemetry().velocity,
-            // The message has no mark for it.
-            false => Default::default(),
-        };
+        // The message has no mark for a velocity that is not known, and zeros would say that nothing moves. GPS_RAW_INT has one.
+        let is_known = self.known.has(TelemetryGroup::GpsVelocity);
+        let velocity = is_known.then_some(self.telemetry().velocity)?;
         let speed = |mps: f32| (mps * 100.0).round() as i16;
         let relative_mm = (self.over_home_m().unwrap_or(0.0) * 1e3).round() as i32;
         let message = message
@@ -289,7 +287,7 @@ impl Scene<'_> {
         let altitude_m = self.known.position().map(|position| position.altitude_m);
         let or_nan = |value: Option<f64>| value.map_or(f32::NAN, |value| value as f32);
         // A relative height is unknown until home is.
-        let relative_m = self.home.known().and(self.over_home_m());
+        let relative_m = self.over_home_m();
         let sonar_m = match self.known.has(TelemetryGroup::Sonar) {
             true => self.telemetry().sonar_height_m,
             false => f32::NAN,
@@ -329,7 +327,7 @@ impl Scene<'_> {
     }
 
     fn home(&self, message: MessageWriter) -> Option<MessageWriter> {
-        let home = self.home.shown()?;
+        let home = self.home.known()?;
         Some(
             message
                 .i32((home.latitude_deg * 1e7).round() as i32)

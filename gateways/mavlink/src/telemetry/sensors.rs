@@ -54,8 +54,10 @@ impl Scene<'_> {
                     | SafetyRule::FenceFloor
                     | SafetyRule::FenceCeiling
                     | SafetyRule::FenceUnjudgeable
+                    | SafetyRule::FenceAhead
             )
         );
+        let is_lost = rule == Some(SafetyRule::PositionLost);
         let is_supply = matches!(rule, Some(SafetyRule::Battery | SafetyRule::Fuel));
         let is_up = state.link.state() == Some(LinkState::Up) && !known.is_manual();
         let has_fence = state.safety.fence_areas > 0;
@@ -66,7 +68,11 @@ impl Scene<'_> {
             (sensor::MAGNETOMETER, true, has(Group::Attitude)),
             (sensor::AHRS, true, has(Group::Attitude)),
             (sensor::PRESSURE, has(Group::Barometer), true),
-            (sensor::GPS, true, has(Group::Geographic) && self.fix() >= 3),
+            (
+                sensor::GPS,
+                true,
+                has(Group::Geographic) && self.fix() >= 3 && !is_lost,
+            ),
             (sensor::RC_RECEIVER, true, has(Group::PilotPwm)),
             (sensor::GEOFENCE, has_fence, !is_fence),
             (sensor::BATTERY, true, has(Group::Supply) && !is_supply),

@@ -36,7 +36,7 @@ fn full() -> HeroTelemetry {
 }
 
 fn home() -> Home {
-    Home::TakeOff(WaypointPosition {
+    Home::Ground(WaypointPosition {
         latitude_deg: 37.0,
         longitude_deg: -6.0,
         altitude_m: 20.0,
@@ -102,12 +102,18 @@ fn what_is_not_valid_is_not_sent_or_marked() {
         assert_eq!(status.payload().u16(14), u16::MAX);
         assert_eq!(status.payload().u32(8) & 0x20, 0);
     });
-    // A helicopter that was first heard in the air has no height over home that could be relied on.
-    let first = Home::FirstHeard(home().shown().unwrap());
-    with(&full(), first, |scene| {
+    // Without home there is no height over it.
+    with(&full(), Home::Unknown, |scene| {
         let altitudes = scene.message(StreamId::Altitude).unwrap();
         assert!(altitudes.payload().f32(20).is_nan());
-        assert!(scene.message(StreamId::Home).is_some());
+        assert!(scene.message(StreamId::Home).is_none());
+    });
+    // A velocity that is not known is not 0, 0, 0.
+    let mut still = full();
+    still.valid_groups &= !u32::from(TelemetryGroup::GpsVelocity.bit());
+    with(&still, home(), |scene| {
+        assert!(scene.message(StreamId::GlobalPosition).is_none());
+        assert!(scene.message(StreamId::GpsRaw).is_some());
     });
 }
 

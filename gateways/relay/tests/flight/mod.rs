@@ -5,6 +5,7 @@
 mod clock;
 mod faults;
 mod mission;
+mod unread;
 
 use std::path::{Path, PathBuf};
 

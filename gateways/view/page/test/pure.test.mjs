@@ -44,10 +44,10 @@ test("a round trip is forgotten with its connection, and after a minute of other
   const ages = new Ages();
   ages.opened(0);
   ages.arrived(0);
-  for (let i = 1; i <= 30; i++) {
-    ages.pinged(String(i), i * 2000);
+  for (let i = 1; i <= 60; i++) {
+    ages.pinged(String(i), i * 1000);
     // The server's clock is slow.
-    ages.ponged(String(i), i * 2000 * 0.999, i * 2000 + 1);
+    ages.ponged(String(i), i * 1000 * 0.999, i * 1000 + 1);
   }
   assert.ok(ages.since(60000 * 0.999, 60000) < 60);
   ages.opened(0);
@@ -80,6 +80,34 @@ test("no contact after the stated silence", () => {
   assert.equal(contact.state(4002), "live");
 });
 
+test("no contact when the server does not hear the page, though its messages come", () => {
+  const contact = new Contact();
+  contact.opened();
+  const beat = (/** @type {number} */ at) => {
+    contact.message(at);
+    contact.drawn();
+    return contact.state(at);
+  };
+  contact.pinged("1", 0);
+  contact.ponged("1");
+  contact.pinged("2", 1000);
+  contact.pinged("3", 2000);
+  assert.equal(beat(2500), "live");
+  assert.equal(beat(2501), "lost");
+  assert.equal(contact.isLive(2501), false);
+  assert.equal(contact.silence(4000), 3000);
+  contact.ponged("2");
+  assert.equal(beat(3500), "live");
+  contact.ponged("3");
+  for (let i = 0; i < 100; i++) contact.pinged(String(4 + i), 4000 + i);
+  assert.equal(beat(5501), "lost", "the oldest counts, however many there are");
+  contact.ponged("103");
+  assert.equal(beat(5501), "live");
+  contact.pinged("104", 5600);
+  contact.opened();
+  assert.equal(beat(9000), "live", "a ping of another connection is not waited for");
+});
+
 test("after a gap of its own clock the page stays covered until what comes next is drawn", () => {
   const contact = new Contact();
   contact.message(0);
@@ -99,7 +127,6 @@ test("what was queued while the page slept does not uncover it", () => {
   const contact = new Contact();
   contact.opened();
   contact.message(0);
-  contact.ponged("1");
   contact.wake("2");
   contact.message(1);
   contact.drawn();

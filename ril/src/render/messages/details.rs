@@ -17,10 +17,11 @@ pub const fn unit(rule: SafetyRule) -> Option<&'static str> {
         SafetyRule::FenceInclusion
         | SafetyRule::FenceExclusion
         | SafetyRule::FenceFloor
-        | SafetyRule::FenceCeiling => Some("m"),
+        | SafetyRule::FenceCeiling
+        | SafetyRule::FenceAhead => Some("m"),
         SafetyRule::Battery => Some("V"),
         SafetyRule::Fuel => Some("%"),
-        SafetyRule::LinkLoss => Some("s"),
+        SafetyRule::LinkLoss | SafetyRule::PositionLost => Some("s"),
     }
 }
 
@@ -63,6 +64,8 @@ const fn meaning(rule: SafetyRule) -> &'static str {
         SafetyRule::Battery => "battery below its limit",
         SafetyRule::Fuel => "fuel below its limit",
         SafetyRule::LinkLoss => "the link to the DSP was lost",
+        SafetyRule::PositionLost => "the position is lost",
+        SafetyRule::FenceAhead => "too near to the fence to stop before it",
     }
 }
 
@@ -139,7 +142,11 @@ pub fn details(report: &RequestReport) -> Option<String> {
         _ => None,
     };
     let error = report.dsp_error().map(dsp_error);
-    let parts: Vec<String> = [rule_name, area, place, by, excess, error]
+    let between = report.in_between();
+    // It names the rule itself.
+    let rule_name = rule_name.filter(|_| between.is_none());
+    let between = between.map(|what| format!("before it came {what}"));
+    let parts: Vec<String> = [rule_name, area, place, by, excess, error, between]
         .into_iter()
         .flatten()
         .collect();
@@ -256,6 +263,10 @@ mod tests {
             (breach(SafetyRule::Battery, 0, 0.3), "battery, by 0.3 V"),
             (breach(SafetyRule::Fuel, 0, 5.0), "fuel, by 5.0 %"),
             (breach(SafetyRule::LinkLoss, 0, 2.0), "link-loss, by 2.0 s"),
+            (
+                breach(SafetyRule::PositionLost, 0, 5.0),
+                "position-lost, by 5.0 s",
+            ),
             (breach(SafetyRule::PilotSwitch, 0, 1.0), "pilot-switch"),
             (
                 breach(SafetyRule::FenceFloor, 2, f64::NAN),

@@ -42,6 +42,32 @@ pub struct ReportObject {
     previous_value: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     port: Option<PortObject>,
+    /// What came between the request and the step before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    between: Option<BetweenObject>,
+}
+
+/// What came between two steps of a command.
+#[derive(Debug, Serialize)]
+struct BetweenObject {
+    what: &'static str,
+    request_id: u64,
+    origin: u32,
+    session: u32,
+    process: u32,
+}
+
+impl BetweenObject {
+    fn new(report: &RequestReport) -> Option<BetweenObject> {
+        let sender = report.between_sender;
+        Some(BetweenObject {
+            what: report.between()?.name(),
+            request_id: report.between_request_id,
+            origin: sender.origin,
+            session: sender.session,
+            process: sender.process,
+        })
+    }
 }
 
 /// A virtual port of the DSP.
@@ -127,6 +153,9 @@ impl ReportObject {
             value_valid: _,
             value: _,
             ref port,
+            between_request_id: _,
+            between_sender: _,
+            between: _,
         } = *report;
         ReportObject {
             schema: RequestReport::TYPE_NAME,
@@ -155,6 +184,7 @@ impl ReportObject {
                 .map(|value| port_value(port, value)),
             previous_value: None,
             port: PortObject::new(port),
+            between: BetweenObject::new(report),
         }
     }
 }

@@ -290,7 +290,7 @@ fn programs_read_names_in_one_object() {
     let json = serde_json::to_string(&ReportObject::new(Verb::Stop, &report)).unwrap();
     assert_eq!(
         json,
-        r#"{"schema":"hero.RequestReport.v2","request":"stop","request_id":5,"path_id":6,"reported_ns":7,"stage":"refused","reason":"unable-to-abort","imi_error":"impossible-to-stop-module","waypoints_total":0,"waypoints_sent":0,"waypoints_reached":0}"#
+        r#"{"schema":"hero.RequestReport.v3","request":"stop","request_id":5,"path_id":6,"reported_ns":7,"stage":"refused","reason":"unable-to-abort","imi_error":"impossible-to-stop-module","waypoints_total":0,"waypoints_sent":0,"waypoints_reached":0}"#
     );
 }
 

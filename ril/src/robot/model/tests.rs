@@ -1,5 +1,6 @@
 //! What a robot's samples make of it.
 
+use ipc_types::TelemetryGroup;
 use ipc_types::code::{Functionality, RelayLinkState, SafetyAction, SafetyRule};
 
 use super::*;
@@ -42,6 +43,37 @@ fn a_flight_is_told_in_order() {
     assert_eq!(robot.reached.len(), 1);
     assert_eq!(robot.height_m(), Some(10.0));
     assert!(robot.track.points().len() > 20);
+}
+
+#[test]
+fn without_a_fix_the_last_place_stays_with_its_age() {
+    let mut robot = flown();
+    let (last, home) = (robot.pilot.place.unwrap(), robot.home);
+    assert_eq!(robot.lost_place(at(20_000)), None);
+    // As status publishes what a GPS without a fix says, and as the bridge does.
+    let mut none = hero(0.0, 0.0, 21_000);
+    none.gps_quality = 0;
+    none.valid_groups &= !u32::from(TelemetryGroup::OF_A_FIX);
+    let dsp = DspTelemetry {
+        valid_groups: 0xffff,
+        received_ns: at(21_250).0,
+        ..DspTelemetry::default()
+    };
+    robot.hero(&none, at(21_000));
+    robot.dsp(&dsp, at(21_250));
+    let view = robot.pilot;
+    assert_eq!(
+        (view.place, view.altitude_m, view.ground_speed_mps),
+        (None, None, None)
+    );
+    assert_eq!((view.climb_mps, view.course_deg), (None, None));
+    assert_eq!(view.gps.map(|gps| gps.0), Some(0));
+    assert_eq!(
+        robot.lost_place(at(23_000)),
+        Some((last, Duration::from_secs(3)))
+    );
+    assert_eq!((robot.home, robot.height_m()), (home, None));
+    assert!(robot.track.points().last().unwrap().latitude_deg > 37.0);
 }
 
 #[test]

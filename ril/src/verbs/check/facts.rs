@@ -132,6 +132,8 @@ pub struct PortFacts {
 pub enum Device {
     /// Nothing.
     Missing,
+    /// A link whose simulator has ended.
+    Stale,
     /// A device that can be a serial port.
     Terminal {
         /// `None` if this user may open it, else what helps.

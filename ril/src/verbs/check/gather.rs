@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use bridge::BridgeConfig;
 use bridge::shell::serial::holders::{Holders, TerminalDevice};
-use bridge::shell::serial::permission_hint;
+use bridge::shell::serial::{is_stale, permission_hint};
 use ipc_types::payload::{BridgeJournal, RelayLink};
 use ipc_types::{Domain, Ipc, MonotonicNs, Repair, RobotId, Subscriber, Topic};
 use runtime::config::{Loaded, load};
@@ -413,8 +413,11 @@ fn device(path: &Path) -> io::Result<Device> {
         };
         return Ok(Device::Other(what));
     }
-    if TerminalDevice::new(path, &metadata).is_none() {
+    let Some(terminal) = TerminalDevice::new(path, &metadata) else {
         return Ok(Device::Other("another kind of device"));
+    };
+    if terminal.is_pty() && is_stale(path, &metadata).is_ok_and(|is_stale| is_stale) {
+        return Ok(Device::Stale);
     }
     let may_open = rustix::fs::access(path, Access::READ_OK | Access::WRITE_OK).is_ok();
     Ok(Device::Terminal {

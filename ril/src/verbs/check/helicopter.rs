@@ -92,12 +92,17 @@ fn switch(facts: &PreflightFacts) -> CheckOutcome {
 /// Where the helicopter stands: without it no take-off and no path is taken.
 fn home(facts: &PreflightFacts, limits: &PreflightLimits) -> CheckOutcome {
     const ID: &str = "home";
-    let dsp = sample(facts, limits, ID, Some(TelemetryGroup::Geographic))?;
-    if dsp.valid(TelemetryGroup::GpsQuality) && dsp.gps_quality == 0 {
+    let without_fix =
+        |dsp: &DspTelemetry| dsp.valid(TelemetryGroup::GpsQuality) && dsp.gps_quality == 0;
+    if without_fix(sample(facts, limits, ID, None)?) {
         let why = "the GPS has no fix, and without one a position means nothing";
         return Err(Finding::unchecked(ID, why));
     }
-    let place = &dsp.geographic;
+    sample(facts, limits, ID, Some(TelemetryGroup::Geographic))?;
+    let Some(place) = state(facts, ID)?.home() else {
+        let why = "the bridge has not seen the helicopter on the ground";
+        return Err(Finding::unchecked(ID, why));
+    };
     let text = format!(
         "{:.6}, {:.6}, altitude {:.1} m",
         place.latitude_deg, place.longitude_deg, place.altitude_m

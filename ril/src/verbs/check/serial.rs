@@ -30,6 +30,13 @@ pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
             format!("{path} is {what}, not a serial port"),
             "name a terminal device in `serial.port`, such as /dev/ttyUSB0",
         ),
+        Ok(Device::Stale) => Finding::error(
+            "port-stale",
+            format!(
+                "{path} was made by a simulator that has ended, and its terminal may be another one's by now"
+            ),
+            format!("start the simulator again: `ril run sim --link {path}`"),
+        ),
         Ok(Device::Terminal {
             forbidden: Some(hint),
         }) => Finding::error(
@@ -223,6 +230,7 @@ mod tests {
         #[rustfmt::skip]
         let cases = [
             (port(Device::Missing, &[]), "port-missing", "does not exist", "plugged in"),
+            (port(Device::Stale, &[]), "port-stale", "simulator that has ended", "ril run sim --link"),
             (port(Device::Other("a folder"), &[]), "port-not-a-terminal", "is a folder", "/dev/ttyUSB0"),
             (port(forbidden, &[]), "port-forbidden", "may not be opened", "`dialout`"),
             (port(FREE, &[]), "port-right", "may open", ""),

@@ -21,6 +21,7 @@ use conform::table::chosen;
 use conform::wire::Setup;
 use dsp_protocol::{DecodeError, Profile, Sequence};
 use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::output::standard_error;
 use runtime::signal::Termination;
 
 use self::report::{list, print_report, say_plan, write_vectors};
@@ -293,10 +294,9 @@ fn verdict(played: &shell::Played, vectors: &[PathBuf], args: &ConformArgs) -> R
 /// Asks for the confirmation that no rotor can turn.
 fn confirm() -> Result<RotorDisconnected, Failure> {
     // Standard error may be closed; what is typed counts all the same.
-    let _ = write!(
-        io::stderr(),
+    standard_error().print(format!(
         "\nThe DSP will be ordered to take off, to fly to waypoints and to land.\nDisconnect the rotor, then type \"{CONFIRMATION}\": "
-    );
+    ));
     let mut typed = String::new();
     io::stdin()
         .lock()

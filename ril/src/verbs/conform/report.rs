@@ -8,6 +8,7 @@ use conform::check::{Check, How};
 use conform::report::{CheckReport, Ended, Report, Side, Verdict, hex};
 use dsp_protocol::{DspErrorCode, Profile};
 use runtime::exit::Failure;
+use runtime::output::standard_error;
 use serde::Serialize;
 
 use crate::render::json_line;
@@ -145,8 +146,7 @@ pub fn say_plan(
             checks.len() - done.len()
         );
     }
-    // Standard error may be closed.
-    let _ = io::stderr().write_all(text.as_bytes());
+    standard_error().print(text);
 }
 
 /// Writes the dialogue of each broken sentence; gives the files.

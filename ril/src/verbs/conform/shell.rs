@@ -1,6 +1,6 @@
 //! The serial port around a run: one wait for bytes, for room, for a signal and for the next deadline.
 
-use std::io::{self, BufRead, Write};
+use std::io::{self, BufRead};
 use std::os::fd::AsFd;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -9,6 +9,7 @@ use bridge::shell::serial::SerialPort;
 use conform::report::{Report, Verdict};
 use conform::run::{Conformance, Player, Settings};
 use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::output::standard_error;
 use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
@@ -147,10 +148,8 @@ fn reset(resetter: &Resetter, termination: &Termination) -> Result<bool, Failure
         }
         Resetter::ByHand => {
             // Standard error may be closed; Enter counts all the same.
-            let _ = write!(
-                io::stderr(),
-                "Reset the DSP now, and press Enter at once (n: do not): "
-            );
+            let question = "Reset the DSP now, and press Enter at once (n: do not): ";
+            standard_error().print(question);
             let (stdin, signals) = (io::stdin(), termination.as_fd());
             let descriptor = stdin.as_fd();
             let mut sources = [

@@ -168,10 +168,8 @@ impl Summarizer {
         self.time(row);
         let summary = &mut self.summary;
         summary.rows += 1;
-        // Without a fix the GPS says zero for everything.
-        let has_fix = !dsp.valid(TelemetryGroup::GpsQuality) || dsp.gps_quality != 0;
         let speed_mps = dsp.gps_velocity.horizontal_speed_mps;
-        if has_fix && dsp.valid(TelemetryGroup::GpsVelocity) && speed_mps.is_finite() {
+        if dsp.valid(TelemetryGroup::GpsVelocity) && speed_mps.is_finite() {
             greatest(&mut summary.max_speed_mps, speed_mps);
         }
         if dsp.valid(TelemetryGroup::Supply) {
@@ -180,7 +178,7 @@ impl Summarizer {
             course(&mut summary.fuel_percent, dsp.supply.fuel_percent.into());
         }
         let geographic = dsp.geographic;
-        let has_place = has_fix && dsp.valid(TelemetryGroup::Geographic);
+        let has_place = dsp.valid(TelemetryGroup::Geographic);
         if has_place && geographic.altitude_m.is_finite() {
             self.altitude(geographic.altitude_m, dsp.is_flying());
         }

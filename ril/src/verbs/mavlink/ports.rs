@@ -252,6 +252,7 @@ impl Ports {
         now: MonotonicNs,
     ) -> Result<(), Failure> {
         let (issued_ns, begin_by_ns) = (order.issued.0, order.begin_by.map_or(0, |by| by.0));
+        let after = order.after;
         let (verb, wanted) = wanted(&order, gateway);
         let mut path = Vec::new();
         let (request_id, sent) = match wanted {
@@ -259,6 +260,7 @@ impl Ports {
                 let requests = requests.into_iter().map(|request| MovementData {
                     issued_ns,
                     begin_by_ns,
+                    after,
                     preempt: u16::from(order.preempts),
                     ..request
                 });
@@ -273,6 +275,7 @@ impl Ports {
                 let request = ModuleControl {
                     issued_ns,
                     begin_by_ns,
+                    after,
                     ..request
                 };
                 let sent = send(&self.ipc, &mut self.control, &request)?;
@@ -282,6 +285,7 @@ impl Ports {
                 let request = ParameterRequest {
                     issued_ns,
                     begin_by_ns,
+                    after,
                     ..request
                 };
                 let sent = send(&self.ipc, &mut self.parameters, &request)?;

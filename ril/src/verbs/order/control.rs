@@ -54,7 +54,7 @@ pub fn control(command: &HolderCommand) -> Result<(), Failure> {
         HolderCommand::Pass(args) => (Verb::PassControl, ControlCommand::PassControl, args),
     };
     ask(verb, ModuleControl::KEY, args, |asked| {
-        Ok(vec![control_request(code, asked.deadline_ms)])
+        Ok(vec![control_request(code, asked.issued, asked.deadline_ms)])
     })
 }
 

@@ -129,7 +129,7 @@ fn shape(area: &AreaConfig) -> String {
 /// As [`stop`](super::stop); what is wrong in the file is named, if the bridge refuses it and the file can be seen from here.
 pub fn reload(args: &RequestArgs) -> Result<(), Failure> {
     let asked = OrderContext::of(&args.ask)?;
-    let request = control_request(ControlCommand::ReloadFence, asked.deadline_ms);
+    let request = control_request(ControlCommand::ReloadFence, asked.issued, asked.deadline_ms);
     let mut bridge =
         Conversation::<ModuleControl>::open(&asked.session, Verb::ReloadFence, asked.timeout)?;
     let reloaded = bridge.follow(&[request], Until::of(args), Format::of(args.ask.json));

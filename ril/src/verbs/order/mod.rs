@@ -209,7 +209,10 @@ fn hold_all(args: &RequestArgs) -> Result<(), Failure> {
     }
     let mut begun = Vec::new();
     for session in &sessions {
-        let request = MovementData::hold(fresh_request_id());
+        let request = MovementData {
+            issued_ns: own.issued.0,
+            ..MovementData::hold(fresh_request_id())
+        };
         let requests = [complete(request, true, own.deadline_ms)];
         let sent = Conversation::open(session, Verb::Hold, own.timeout).and_then(|bridge| {
             let mut bridge = bridge.name_robot();
@@ -251,7 +254,11 @@ fn control(
     };
     ask(verb, key, &args.request, |asked| {
         before(asked)?;
-        Ok(vec![control_request(command, asked.deadline_ms)])
+        Ok(vec![control_request(
+            command,
+            asked.issued,
+            asked.deadline_ms,
+        )])
     })
 }
 
@@ -263,6 +270,10 @@ fn movement(
     args: &RequestArgs,
 ) -> Result<(), Failure> {
     ask(verb, MovementData::KEY, args, |asked| {
+        let request = MovementData {
+            issued_ns: asked.issued.0,
+            ..request
+        };
         Ok(vec![complete(request, preempt, asked.deadline_ms)])
     })
 }

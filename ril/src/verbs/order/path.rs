@@ -4,19 +4,20 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use dsp_protocol::Waypoint;
-use ipc_types::payload::{ModuleState, MovementData, WaypointPosition};
-use ipc_types::{MonotonicNs, fresh_request_id};
+use ipc_types::fresh_request_id;
+use ipc_types::payload::{MovementData, WaypointPosition};
 use runtime::exit::{ExitCode, Failure};
 
 use super::progress::ProgressLine;
 use crate::options::{
-    Height, Move, RequestArgs, Target, Targets, height, number, read_text, targets, waypoints,
+    Height, Move, RequestArgs, SenderArgs, Target, Targets, height, number, read_text, targets,
+    waypoints,
 };
 use crate::render::messages::Verb;
 use crate::request::cruise::{CruiseSpeed, known_mps, speed_mps};
 use crate::request::{Conversation, Format, Until, complete};
 use crate::robot::geo::{Place, moved};
-use crate::robot::position::{Present, ground_altitude_m, newest_state, present_position};
+use crate::robot::position::{ground_altitude_m, newest_state, present_position};
 use crate::session::OrderContext;
 
 /// A climb shorter than this is none: an altitude is not measured better, m.
@@ -47,10 +48,9 @@ pub struct GotoArgs {
     #[arg(long, value_name = "M/S", conflicts_with = "no_wait", allow_hyphen_values = true, value_parser = speed_mps)]
     pub speed: Option<f64>,
 
-    /// Hover instead of flying on when this command ends before the path: by Ctrl+C, by SIGTERM, with its terminal, or when
-    /// the reader of its output ends. SIGKILL leaves no time for that
-    #[arg(long, conflicts_with = "no_wait")]
-    pub hold_on_exit: bool,
+    /// Without this command.
+    #[command(flatten)]
+    pub sender: SenderArgs,
 
     /// What every request takes.
     #[command(flatten)]
@@ -70,7 +70,7 @@ impl GotoArgs {
 
 /// `ril rtl`
 ///
-/// Home is where the DSP had its first GPS fix since it was switched on, unless --home names it. A path that is under way is replaced.
+/// Home is where the helicopter took off, as the bridge has seen it, unless --home names it. A path that is under way is replaced.
 #[derive(Args, Clone, Debug)]
 pub struct RtlArgs {
     /// How high to fly home at least: a telemetry altitude (40m) or a height above take-off (+30m); the helicopter climbs to it on the
@@ -85,6 +85,10 @@ pub struct RtlArgs {
     /// Land at home, instead of hovering there
     #[arg(long, conflicts_with = "no_wait")]
     pub land: bool,
+
+    /// Without this command.
+    #[command(flatten)]
+    pub sender: SenderArgs,
 
     /// What every request takes.
     #[command(flatten)]
@@ -111,8 +115,6 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
         Some(file) => Targets::At(read_waypoints(file)?),
         None => args.targets().map_err(Failure::usage)?,
     };
-    // The other commands make their request first of all: one that is stopped meanwhile does not renew its order.
-    let issued_ns = MonotonicNs::now().0;
     let asked = OrderContext::of(&args.request.ask)?;
     let waypoints = match &targets {
         Targets::At(targets) => absolute(targets, &asked)?,
@@ -120,12 +122,11 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
     };
     let path = PathOrder {
         verb: Verb::GoTo,
-        issued_ns,
         preempt: args.preempt,
-        hold_on_exit: args.hold_on_exit,
+        sender: args.sender,
     };
     let Some(speed_mps) = args.speed else {
-        return path.fly(&waypoints, &asked, &args.request);
+        return path.fly(&waypoints, &asked, &args.request).map(drop);
     };
     let before_mps = known_mps(&asked.session, asked.timeout)?;
     let mut speed = CruiseSpeed::new(
@@ -135,10 +136,10 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
         Some(before_mps),
     );
     let flown = speed
-        .set(speed_mps)
+        .set(speed_mps, 0)
         .and_then(|()| path.fly(&waypoints, &asked, &args.request));
     speed.restore();
-    flown
+    flown.map(drop)
 }
 
 /// `ril rtl`
@@ -147,12 +148,11 @@ pub fn go_to(args: &GotoArgs) -> Result<(), Failure> {
 ///
 /// As [`stop`](super::stop); code 5 also when home is not known.
 pub fn rtl(args: &RtlArgs) -> Result<(), Failure> {
-    let issued_ns = MonotonicNs::now().0;
     let asked = OrderContext::of(&args.request.ask)?;
     let present = present_position(&asked.session, asked.timeout)?;
     let home = match args.home {
         Some(home) => home,
-        None => known_home(&present, &asked)?,
+        None => known_home(&asked)?,
     };
     let least_m = match args.altitude {
         Some(Height::Telemetry(metres)) => metres,
@@ -162,16 +162,15 @@ pub fn rtl(args: &RtlArgs) -> Result<(), Failure> {
     let waypoints = way_home(&present.at, home, least_m);
     let path = PathOrder {
         verb: Verb::ReturnToHome,
-        issued_ns,
         preempt: true,
-        hold_on_exit: false,
+        sender: args.sender,
     };
     let flown = path.fly(&waypoints, &asked, &args.request);
     if !args.land {
-        return flown;
+        return flown.map(drop);
     }
-    flown.map_err(without_landing)?;
-    let land = MovementData::land(fresh_request_id());
+    let home = flown.map_err(without_landing)?;
+    let land = MovementData::land(fresh_request_id()).following(home);
     Conversation::open(&asked.session, Verb::Land, asked.timeout)?
         .follow(
             &[complete(land, false, asked.deadline_ms)],
@@ -179,6 +178,17 @@ pub fn rtl(args: &RtlArgs) -> Result<(), Failure> {
             Format::of(args.request.ask.json),
         )
         .map(drop)
+        .map_err(not_landed)
+}
+
+/// Something newer than the way home moves the helicopter, or holds it.
+fn not_landed(failure: Failure) -> Failure {
+    match failure.code() {
+        ExitCode::Refused => {
+            failure.with_next_step("not landed: `ril status` shows what goes on; `ril land`")
+        }
+        _ => failure,
+    }
 }
 
 /// The landing is ordered when the path has ended, so a command that ends before has ordered none.
@@ -204,65 +214,54 @@ fn way_home(here: &Waypoint, home: Place, least_m: f64) -> Vec<WaypointPosition>
     way
 }
 
-/// The place of the DSP's first fix, if that is where the helicopter stood.
-fn known_home(present: &Present, asked: &OrderContext) -> Result<Place, Failure> {
+/// Home as the bridge says it.
+fn known_home(asked: &OrderContext) -> Result<Place, Failure> {
     let state = newest_state(&asked.session, asked.timeout)?;
-    let why = match (present.home, why_not_home(state.as_ref())) {
-        (Some(home), None) => return Ok(home),
-        (Some(_), Some(why)) => why,
-        (None, _) => "the DSP does not send the group `xy`, which says it",
-    };
-    Err(Failure::new(
-        ExitCode::Refused,
-        format!("home is not known: {why}; nothing was sent"),
-    )
-    .with_next_step("name it with --home LAT,LON; `ril hold` makes the helicopter hover"))
-}
-
-/// Why the DSP may have had its first fix in the air; `None` if it had it on the ground: a bridge that has seen the helicopter there, and
-/// no boot of the DSP, has seen the DSP that took off.
-fn why_not_home(state: Option<&ModuleState>) -> Option<&'static str> {
-    let Some(state) = state else {
-        return Some("the bridge does not say whether the DSP has booted in the air");
-    };
-    match (state.link.dsp_boots, state.ground_altitude()) {
-        (0, Some(_)) => None,
-        (0, None) => Some("the bridge began in the air, and the DSP may have booted there before"),
-        _ => Some("the DSP has booted since the bridge began, perhaps in the air"),
-    }
+    let home = state.and_then(|state| state.home());
+    let place = home.and_then(|home| Place::new(home.latitude_deg, home.longitude_deg));
+    place.ok_or_else(|| {
+        let text = "home is not known: the bridge has not seen the helicopter on the ground; nothing was sent";
+        Failure::new(ExitCode::Refused, text)
+            .with_next_step("name it with --home LAT,LON; `ril hold` makes the helicopter hover")
+    })
 }
 
 /// A path as a verb orders it.
 struct PathOrder {
     verb: Verb,
-    issued_ns: u64,
     preempt: bool,
-    hold_on_exit: bool,
+    sender: SenderArgs,
 }
 
 impl PathOrder {
+    /// Gives the request that stands for the flight.
     fn fly(
         &self,
         waypoints: &[WaypointPosition],
         asked: &OrderContext,
         args: &RequestArgs,
-    ) -> Result<(), Failure> {
+    ) -> Result<u64, Failure> {
+        let sender = match args.no_wait {
+            true => self.sender.unfollowed()?,
+            false => self.sender,
+        };
         let path_id = fresh_request_id();
         let requests: Vec<MovementData> = MovementData::path(path_id, waypoints, fresh_request_id)
             .map(|request| MovementData {
-                issued_ns: self.issued_ns,
+                issued_ns: asked.issued.0,
                 ..request
             })
             .map(|request| complete(request, self.preempt, asked.deadline_ms))
+            .map(|request| sender.complete(request))
             .collect();
         let json = args.ask.json;
         let mut progress =
             ProgressLine::open(&asked.session, self.verb, path_id, waypoints, !json)?;
         Conversation::open(&asked.session, self.verb, asked.timeout)?
-            .hold_on_exit(self.hold_on_exit)
+            .without_sender(sender.sender_lost)
             .beside(&mut progress)
-            .follow(&requests, Until::of(args), Format::of(json))
-            .map(drop)
+            .follow(&requests, Until::of(args), Format::of(json))?;
+        Ok(requests.last().map_or(0, |last| last.request_id))
     }
 }
 
@@ -333,31 +332,5 @@ mod tests {
             assert_eq!(shown, expected, "{least_m}");
         }
         assert!(place("37.41").is_err() && place("91,0").is_err());
-    }
-
-    #[test]
-    fn home_is_known_to_a_bridge_that_saw_the_ground_and_no_boot_since() {
-        let state = |dsp_boots, ground_valid| {
-            let mut state = ModuleState {
-                ground_valid,
-                ..ModuleState::default()
-            };
-            state.link.dsp_boots = dsp_boots;
-            state
-        };
-        for (dsp_boots, ground_valid, expected) in [
-            (0, 1, None),
-            (0, 0, Some("the bridge began in the air")),
-            (1, 1, Some("has booted since the bridge began")),
-            (1, 0, Some("has booted since the bridge began")),
-        ] {
-            let why = why_not_home(Some(&state(dsp_boots, ground_valid)));
-            let is_said = |expected| why.is_some_and(|why| why.contains(expected));
-            assert!(
-                expected.map_or(why.is_none(), is_said),
-                "{dsp_boots} {ground_valid}: {why:?}"
-            );
-        }
-        assert!(why_not_home(None).is_some());
     }
 }

@@ -17,11 +17,12 @@ use super::options::PlanFlyArgs;
 use super::progress::{StepEvent, resume};
 use super::report::PlanReport;
 use crate::fence_file::{FenceChange, FenceFileError};
+use crate::options::SenderArgs;
 use crate::render::json_line;
 use crate::render::messages::Verb;
 use crate::render::words::{columns, distance, duration};
 use crate::request::cruise::CruiseSpeed;
-use crate::request::{Companion, Conversation, Format, Until, complete};
+use crate::request::{Companion, Conversation, Format, Steps, Until};
 use crate::robot::running::file_of;
 use crate::session::{Latest, OrderContext, Session};
 
@@ -32,12 +33,15 @@ use crate::session::{Latest, OrderContext, Session};
 /// Code 8 when a finding forbids the flight; otherwise that of the request that ended it early.
 pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
     let ask = &args.ask;
+    let asked = OrderContext::of(ask)?;
+    let steps = Steps::of(&asked);
     let OrderContext {
         session,
         config,
         timeout,
         deadline_ms,
-    } = OrderContext::of(ask)?;
+        issued: _,
+    } = asked;
     let plan = read(&args.plan)?;
     let known = gather(
         plan,
@@ -67,8 +71,9 @@ pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
         known: &known,
         executor: Executor::new(known.flight.steps.clone(), args.plan.from),
         timeout,
-        deadline_ms,
+        steps,
         json: ask.json,
+        sender: args.sender,
         speed: CruiseSpeed::new(&session, (timeout, deadline_ms), format, before_mps),
     };
     let result = flyer.fly();
@@ -92,7 +97,8 @@ fn explain_closed_output(failure: Failure) -> Failure {
         false => failure,
         true => Failure::new(
             ExitCode::OutcomeUnknown,
-            "standard output was closed: what was sent is flown to its end, and nothing else; `ril hold` makes the helicopter hover",
+            "standard output was closed: nothing else is sent, and the bridge does with the path what `sender_lost` says: by default the \
+             helicopter hovers",
         ),
     }
 }
@@ -198,8 +204,9 @@ struct Flyer<'a> {
     known: &'a KnownPlan,
     executor: Executor,
     timeout: Duration,
-    deadline_ms: u32,
+    steps: Steps,
     json: bool,
+    sender: SenderArgs,
     speed: CruiseSpeed<'a>,
 }
 
@@ -220,7 +227,7 @@ impl Flyer<'_> {
                 }
                 Step::Path(points) => self.path(points)?,
                 Step::Wait { .. } => self.hover()?,
-                Step::Speed { speed_mps, .. } => self.speed.set(*speed_mps)?,
+                Step::Speed { speed_mps, .. } => self.speed.set(*speed_mps, self.steps.before())?,
                 Step::Land { .. } => {
                     let request = MovementData::land(fresh_request_id());
                     self.movement(Verb::Land, vec![request])?;
@@ -245,26 +252,31 @@ impl Flyer<'_> {
         verb: Verb,
         requests: Vec<MovementData>,
     ) -> Result<Option<RequestReport>, Failure> {
-        let requests = self.with_deadline(requests);
-        Conversation::<MovementData>::open(self.session, verb, self.timeout)?.follow(
+        let requests = self.steps.next(requests);
+        let report = Conversation::<MovementData>::open(self.session, verb, self.timeout)?.follow(
             &requests,
             Until::Final,
             Flyer::format(self.json),
-        )
+        )?;
+        self.steps.done(&requests);
+        Ok(report)
     }
 
     fn path(&mut self, points: &[PathPoint]) -> Result<(), Failure> {
         let waypoints: Vec<_> = points.iter().map(PathPoint::position).collect();
         let path_id = fresh_request_id();
-        let requests = MovementData::path(path_id, &waypoints, fresh_request_id).collect();
-        let requests = self.with_deadline(requests);
+        let requests = MovementData::path(path_id, &waypoints, fresh_request_id);
+        let requests = requests.map(|request| self.sender.complete(request));
+        let requests: Vec<_> = self.steps.next(requests);
         let format = Flyer::format(self.json);
         let mut watch = PathWatch::open(self.session, path_id, &mut self.executor, self.json)?;
         let report = Conversation::open(self.session, Verb::GoTo, self.timeout)?
+            .without_sender(self.sender.sender_lost)
             .beside(&mut watch)
             .follow(&requests, Until::Final, format)?;
         let reached = report.map_or(0, |report| report.waypoints_reached);
         watch.reached(reached as usize, None)?;
+        self.steps.done(&requests);
         Ok(())
     }
 
@@ -279,14 +291,6 @@ impl Flyer<'_> {
             self.executor.advance(MonotonicNs::now());
         }
         Ok(())
-    }
-
-    fn with_deadline(&self, requests: Vec<MovementData>) -> Vec<MovementData> {
-        let deadline_ms = self.deadline_ms;
-        let requests = requests.into_iter();
-        requests
-            .map(|request| complete(request, false, deadline_ms))
-            .collect()
     }
 
     /// In text the steps are printed, not the reports about each waypoint.

@@ -7,7 +7,7 @@ use bridge::BridgeConfig;
 use dsp_protocol::{Waypoint, port};
 use ipc_types::Topic;
 use ipc_types::code::{LinkState, SafetyAction};
-use ipc_types::payload::ModuleState;
+use ipc_types::payload::{ModuleState, WaypointPosition};
 use plans::Plan;
 use plans::check::{check, configured};
 use plans::finding::sort;
@@ -182,7 +182,14 @@ fn site(
 ) -> Site {
     let present = robot.and_then(|robot| robot.present);
     let zero_above_sea_m = config.zero_above_sea_m;
-    let (home, home_source) = home(plan, args.home, present, zero_above_sea_m, is_for_flight);
+    let known = robot.and_then(|robot| robot.state.home());
+    let (home, home_source) = home(
+        plan,
+        args.home,
+        known,
+        zero_above_sea_m,
+        is_for_flight && present.is_some(),
+    );
     let is_home_altitude_known = home.altitude_m.is_some();
     let home = Waypoint {
         latitude_deg: home.latitude_deg,
@@ -205,20 +212,19 @@ fn site(
     }
 }
 
-/// The point of take-off: what the operator says, where the robot stands, what the plan's author expected. Its altitude is
-/// telemetry's, if that is known.
+/// The point of take-off: what the operator says, what the bridge has seen, what the plan's author expected. Its altitude is
+/// telemetry's, if that is known. `is_of_robot`: what the author expected is not enough, because a robot is there.
 fn home(
     plan: &Plan,
     asked: Option<HomeArg>,
-    present: Option<Present>,
+    known: Option<WaypointPosition>,
     zero_above_sea_m: Option<f64>,
-    is_for_flight: bool,
+    is_of_robot: bool,
 ) -> (HomeArg, HomeSource) {
-    let on_ground = present.filter(|present| !present.is_flying);
-    let on_ground = on_ground.map(|present| HomeArg {
-        latitude_deg: present.at.latitude_deg,
-        longitude_deg: present.at.longitude_deg,
-        altitude_m: Some(present.at.altitude_m),
+    let known = known.map(|home| HomeArg {
+        latitude_deg: home.latitude_deg,
+        longitude_deg: home.longitude_deg,
+        altitude_m: Some(home.altitude_m),
     });
     let planned = plan.planned_home.map(|home| HomeArg {
         latitude_deg: home.position.latitude_deg,
@@ -229,7 +235,7 @@ fn home(
             .map(|(above_sea_m, zero_m)| above_sea_m - zero_m),
     });
     if let Some(asked) = asked {
-        let known = on_ground.or(planned);
+        let known = known.or(planned);
         let altitude_m = asked.altitude_m.or(known.and_then(|home| home.altitude_m));
         let home = HomeArg {
             altitude_m,
@@ -237,11 +243,11 @@ fn home(
         };
         return (home, HomeSource::Operator);
     }
-    if let Some(on_ground) = on_ground {
-        return (on_ground, HomeSource::Robot);
+    if let Some(known) = known {
+        return (known, HomeSource::Robot);
     }
-    // A robot in the air has taken off somewhere, and the plan does not know where.
-    if let Some(planned) = planned.filter(|_| present.is_none() || !is_for_flight) {
+    // The robot has taken off somewhere, and the plan does not know where.
+    if let Some(planned) = planned.filter(|_| !is_of_robot) {
         return (planned, HomeSource::Plan);
     }
     let first = plan.items.iter().find_map(|item| item.action.position());

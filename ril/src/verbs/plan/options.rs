@@ -7,7 +7,9 @@ use clap::{Args, Subcommand, ValueEnum};
 use plans::model::{Altitude, Reference};
 use runtime::args::CommonArgs;
 
-use crate::options::{AskArgs, EXIT_CODES, Height, duration, height, number, take_off_height};
+use crate::options::{
+    AskArgs, EXIT_CODES, Height, SenderArgs, duration, height, number, take_off_height,
+};
 
 /// `ril plan`
 #[derive(Args, Clone, Debug)]
@@ -158,6 +160,10 @@ pub struct PlanFlyArgs {
     /// Put the plan's own fence into the bridge's configuration, and in force
     #[arg(long)]
     pub fence: bool,
+
+    /// Without this command.
+    #[command(flatten)]
+    pub sender: SenderArgs,
 
     /// What every request takes.
     #[command(flatten)]

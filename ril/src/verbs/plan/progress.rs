@@ -72,6 +72,12 @@ pub fn resume(executor: &Executor, args: &PlanFlyArgs, home: &Waypoint) -> Optio
     if let Some(plans::model::Altitude::AboveTakeOff(metres)) = plan.altitude {
         add("--altitude", format!("{metres}m"));
     }
+    if let Some(action) = args.sender.sender_lost {
+        add("--sender-lost", action.name().to_owned());
+    }
+    if let Some(lease_ms) = args.sender.lease {
+        add("--lease", format!("{lease_ms}ms"));
+    }
     if let Some(bridge) = &plan.bridge {
         add("--bridge", shell_word(&bridge.to_string_lossy()));
     }
@@ -141,6 +147,10 @@ mod tests {
             "sea",
             "--altitude",
             "30m",
+            "--sender-lost",
+            "land",
+            "--lease",
+            "1.5s",
             "--robot",
             "7",
         ]);
@@ -155,7 +165,7 @@ mod tests {
         assert_eq!(
             command,
             "ril plan fly 'my plan.gpx' --from 1 --home -37.4110000,-6.0010000,10.25 --takeoff 12.5m --altitude-is sea --altitude 30m \
-             --robot 7"
+             --sender-lost land --lease 1500ms --robot 7"
         );
         executor.poll(MonotonicNs(0));
         executor.step_done();

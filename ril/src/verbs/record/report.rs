@@ -1,10 +1,10 @@
 //! [`Reporter`]: what `ril record` prints: each file when it is complete, and what went wrong with the disk.
 
-use std::io::{self, Write};
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
 use recording::{DiskError, DiskErrorKind, Totals};
+use runtime::output::standard_output;
 use serde::Serialize;
 use status::rate_limited::RateLimitedCounter;
 
@@ -108,8 +108,7 @@ impl Reporter {
                     shell_word(&name)
                 ),
             };
-            // As in `print`.
-            let _ = writeln!(io::stdout(), "{name}: {messages}, {size:.1} MB{how}");
+            standard_output().put(format!("{name}: {messages}, {size:.1} MB{how}\n"));
         }
     }
 
@@ -188,7 +187,7 @@ impl Reporter {
     }
 }
 
-/// Prints an object on a line. Standard output may be closed: a flight is recorded all the same.
+/// Prints an object on a line. Standard output may be closed, or read by nobody: a flight is recorded all the same.
 fn print(object: &impl Serialize) {
-    let _ = json_line(&mut io::stdout().lock(), object);
+    let _ = json_line(&mut standard_output(), object);
 }

@@ -220,6 +220,7 @@ pub(super) fn now(
         (freshness, _) => freshness,
     };
     let published = robot.state.as_ref().map(ModuleState::published);
+    let lost = robot.lost_place(now);
     page::Now {
         robot: robot.id.get(),
         n: number,
@@ -227,6 +228,8 @@ pub(super) fn now(
         telemetry: age(telemetry, view.received, now),
         bridge: age(bridge, published, now),
         position: view.place.map(rounded_place),
+        lost_position: lost.map(|(place, _)| rounded_place(place)),
+        lost_position_age_ms: lost.map(|(_, age)| age.as_millis() as u64),
         altitude_m: known(view.altitude_m, decimals::METRES),
         height_m: known(robot.height_m(), decimals::METRES),
         attitude: attitude(robot),

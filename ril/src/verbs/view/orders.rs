@@ -20,6 +20,21 @@ use crate::request::ports::{OrderNews, RobotOrder};
 /// Most orders that are followed: those that all robots may have open at a time. The oldest goes; its outcome stays in the journal.
 const MAX_FOLLOWED: usize = 128;
 
+/// A hold or a landing of a page may be so late; what other orders may be, the bridge says. The page shows by then that there is no contact.
+const CALM_WITHIN_MS: u32 = 5_000;
+
+/// An order that comes so late has waited on its way: it was given before what the bridge has taken since.
+const LATE: Duration = Duration::from_secs(2);
+
+/// An order as a page or a Foxglove client gave it.
+pub(super) struct GivenOrder<'a> {
+    pub order: &'a page::OrderRequest,
+    /// Not later than it truly was given.
+    pub issued: MonotonicNs,
+    /// The page or client, for the log.
+    pub from: &'a str,
+}
+
 /// An order that has no final report yet.
 struct Followed {
     robot: u32,
@@ -38,18 +53,38 @@ pub(super) struct Orders {
 }
 
 impl Orders {
-    /// Sends `order`, which the rules about pages allow, to `shown`. Gives the first report.
+    /// Sends an order, which the rules about pages allow, to `shown`. Gives the first report.
     pub fn take(
         &mut self,
-        order: &page::OrderRequest,
-        from: &str,
+        given: &GivenOrder<'_>,
         shown: &mut ShownRobot,
         config: &RequestConfig,
         now: MonotonicNs,
     ) -> page::OrderReport {
+        let GivenOrder {
+            order,
+            issued,
+            from,
+        } = *given;
         let robot = order.robot;
+        let mut config = config.clone();
+        if order.kind.is_everyones() && config.deadline_ms == 0 {
+            config.deadline_ms = CALM_WITHIN_MS;
+        }
         let sent = wanted(order, shown, now).and_then(|wanted| {
-            let sent = shown.ports.send(wanted, config, &mut shown.robot, now);
+            let late = now.since(issued);
+            if late > LATE {
+                // This process may have stood still, too.
+                shown.ports.drain(&mut shown.robot, now);
+            }
+            if is_outdated(issued, shown.robot.last_movement, now) {
+                let late_s = late.as_secs_f64();
+                return Err(format!(
+                    "it came {late_s:.1} s late, and another order was taken meanwhile"
+                ));
+            }
+            let robot = &mut shown.robot;
+            let sent = shown.ports.send(wanted, issued, &config, robot, now);
             sent.map_err(|failure| failure.chain().join(": "))?
         });
         let (stage, text) = match sent {
@@ -107,6 +142,12 @@ impl Orders {
         }
         Some(report)
     }
+}
+
+/// Whether an order has waited on its way while the bridge took another one. The bridge itself judges so of all but hold, land and stop, which
+/// are never too old for it.
+fn is_outdated(issued: MonotonicNs, taken: Option<MonotonicNs>, now: MonotonicNs) -> bool {
+    now.since(issued) > LATE && taken.is_some_and(|taken| taken > issued)
 }
 
 /// The order that is wanted, or why nothing may be sent.
@@ -225,6 +266,22 @@ mod tests {
             let robots = [(1, first), (2, second)].into_iter();
             let due = lost.due(robots, MonotonicNs(at_s * SECOND));
             assert_eq!(due, expected, "{at_s} s");
+        }
+    }
+
+    #[test]
+    fn what_has_waited_while_another_order_was_taken_is_outdated() {
+        let at = |ms: u64| MonotonicNs(ms * 1_000_000);
+        for (issued_ms, taken_ms, is) in [
+            (10_000, None, false),
+            (10_000, Some(9_000), false),
+            (10_000, Some(15_000), true),
+            // It came as quickly as orders do: what the page showed was a little older than the press.
+            (20_500, Some(21_000), false),
+            (19_999, Some(21_000), true),
+        ] {
+            let outdated = is_outdated(at(issued_ms), taken_ms.map(at), at(22_000));
+            assert_eq!(outdated, is, "{issued_ms} {taken_ms:?}");
         }
     }
 

@@ -16,7 +16,7 @@ use super::files::Files;
 use super::fleet::Fleet;
 use super::foxglove::{Foxglove, ServiceCall};
 use super::messages;
-use super::orders::{Orders, PageLost};
+use super::orders::{GivenOrder, Orders, PageLost};
 use super::replay::Playback;
 use super::sockets::{Arrived, ConnectionKey, Sockets};
 use super::speaker::Speaker;
@@ -32,6 +32,9 @@ const WATCHED_PERIOD: Duration = Duration::from_millis(50);
 
 /// The same when none does.
 const UNWATCHED_PERIOD: Duration = Duration::from_millis(200);
+
+/// The sockets are read at least every [`UNWATCHED_PERIOD`]: after more than this time the process, or its machine, has stood still.
+const STALL: Duration = Duration::from_millis(400);
 
 /// Clients of robots that may wake the process. A wait has 16 sources, of which sockets, signals, files and two checks are five; the reports
 /// of further robots are taken at the next look.
@@ -70,6 +73,8 @@ pub(super) struct ViewShell {
     requests: RequestConfig,
     /// When the robots are looked at next.
     next_look: MonotonicNs,
+    /// When the sockets were read before this time.
+    read_before: MonotonicNs,
     wall_clock: WallClock,
     buffer: Vec<u8>,
 }
@@ -96,6 +101,7 @@ impl ViewShell {
             page_lost: PageLost::new(config.page_lost()),
             requests: config.request.clone(),
             next_look: MonotonicNs(0),
+            read_before: MonotonicNs::now(),
             wall_clock: WallClock::default(),
             buffer: Vec::new(),
         }
@@ -131,6 +137,15 @@ impl ViewShell {
             self.take_connections(now);
         }
         Ok(())
+    }
+
+    /// When what is read now has come, not later than it truly did by more than [`STALL`]: a process that stood still reads late what has waited
+    /// in its sockets.
+    fn arrived(&self, now: MonotonicNs) -> MonotonicNs {
+        match now.since(self.read_before) > STALL {
+            true => self.read_before,
+            false => now,
+        }
     }
 
     fn take_connections(&mut self, now: MonotonicNs) {
@@ -224,7 +239,7 @@ impl ViewShell {
         };
         let sent = shown
             .ports
-            .send(order, &self.requests, &mut shown.robot, now);
+            .send(order, now, &self.requests, &mut shown.robot, now);
         if let Err(failure) = sent {
             tracing::warn!(robot, chain = ?failure.chain(), "an order of the view itself could not be sent");
         }
@@ -271,12 +286,18 @@ impl ViewShell {
                 Event::Order {
                     viewer: _,
                     order,
+                    issued,
                     from,
                 } => {
                     let Some(shown) = self.fleet.get_mut(order.robot) else {
                         continue;
                     };
-                    let report = self.orders.take(&order, &from, shown, &self.requests, now);
+                    let given = GivenOrder {
+                        order: &order,
+                        issued,
+                        from: &from,
+                    };
+                    let report = self.orders.take(&given, shown, &self.requests, now);
                     self.server.order(&report);
                 }
                 Event::Check { viewer, check } => {
@@ -331,6 +352,7 @@ impl ViewShell {
                         call,
                         service,
                         request,
+                        issued: self.arrived(now),
                         from,
                     };
                     let robots = (&mut self.fleet, &mut self.orders);
@@ -439,6 +461,7 @@ impl Process for ViewShell {
                 break;
             }
         }
+        self.read_before = now;
         Ok(())
     }
 

@@ -16,6 +16,7 @@ use ipc_types::{Domain, MonotonicNs, RobotId, allow_many_files, fresh_request_id
 use module_kit::process;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
+use runtime::output::standard_output;
 use runtime::signal::{Termination, WITH_PARENT};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
@@ -273,7 +274,6 @@ fn view_file(
     shell.play(playback);
     tracing::info!(address = running.address(), "ready");
     show(&running, args)?;
-    io::stdout().flush().map_err(Failure::output)?;
     process::run(&mut shell, &termination, &Notifier::from_env()).or_fail(ExitCode::Internal)
 }
 
@@ -327,14 +327,15 @@ impl ViewObject {
 ///
 /// Code 8 when no browser can be started.
 fn show(running: &RunEntry, args: &ViewArgs) -> Result<(), Failure> {
-    let mut out = io::stdout().lock();
+    let mut out = standard_output();
     if args.json {
         return json_line(&mut out, &ViewObject::of(running));
     }
     if args.no_browser {
-        return writeln!(out, "{}", running.address_with_token()).map_err(Failure::output);
+        out.print(format!("{}\n", running.address_with_token()));
+        return Ok(());
     }
-    writeln!(out, "the view is at {}", running.address()).map_err(Failure::output)?;
+    out.print(format!("the view is at {}\n", running.address()));
     let file = run_file::write_opener(running)?;
     if open(&file) {
         return Ok(());

@@ -97,6 +97,9 @@ impl WatchArgs {
 /// Shortest time between two drawings: what the eye can follow, and what a slow line carries. In that time samples wake nothing.
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);
 
+/// The clock is drawn each second: a wait that took longer than this was of a process that stood still. Keys may have come long before.
+const STALL: Duration = Duration::from_millis(1400);
+
 /// What a wake-up of the terminal is called.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Woken {
@@ -145,6 +148,7 @@ pub fn watch(args: &WatchArgs) -> Result<(), Failure> {
         is_changed: true,
         next_drawing: MonotonicNs(0),
         shown_second: 0,
+        waits_since: MonotonicNs::now(),
         wall_clock: WallClock::default(),
     };
     screen.run()
@@ -197,6 +201,8 @@ struct Screen {
     next_drawing: MonotonicNs,
     /// The second of the clock that is drawn.
     shown_second: u64,
+    /// When the last wait began: the keys that had come before were read.
+    waits_since: MonotonicNs,
     wall_clock: WallClock,
 }
 
@@ -231,6 +237,9 @@ impl Screen {
         let Some(keys) = read_keys() else {
             return Ok(false);
         };
+        let now = MonotonicNs::now();
+        let has_stalled = now.since(self.waits_since) > STALL;
+        let pressed = if has_stalled { self.waits_since } else { now };
         for key in keys {
             self.is_changed = true;
             let now = MonotonicNs::now();
@@ -241,7 +250,8 @@ impl Screen {
                 KeyAction::Send(index, order) => {
                     let robot = &mut self.app.robots_mut()[index];
                     // What is not sent is in the journal.
-                    let _ = self.ports[index].send(order.into(), &self.requests, robot, now)?;
+                    let sent = &mut self.ports[index];
+                    let _ = sent.send(order.into(), pressed, &self.requests, robot, now)?;
                 }
             }
         }
@@ -278,6 +288,7 @@ impl Screen {
     fn wait(&mut self, clock: Clocks) -> Result<bool, Failure> {
         let now = clock.now;
         let until = self.wake_at(clock);
+        self.waits_since = MonotonicNs::now();
         let is_drawing_due = self.is_changed;
         let selected = self.app.selected;
         let mut signals = Descriptor::new(std::os::fd::AsFd::as_fd(&self.termination));

@@ -125,7 +125,7 @@ fn a_plan_that_breaks_a_rule_is_not_flown() {
     assert!(
         events
             .iter()
-            .any(|event| event["schema"] == "hero.RequestReport.v2" || event["request"] == "goto")
+            .any(|event| event["schema"] == "hero.RequestReport.v3" || event["request"] == "goto")
     );
     // In the air nothing is known of the take-off but what the operator says.
     rig.run("plan fly path.waypoints", 8)

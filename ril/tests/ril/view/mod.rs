@@ -2,7 +2,7 @@
 
 mod foxglove;
 mod judges;
-mod page;
+pub mod page;
 mod places;
 mod replayed;
 
@@ -39,7 +39,7 @@ fn run_file(rig: &Sandbox, port: u16) -> PathBuf {
     rig.path(&format!("ril/view-{port}.json"))
 }
 
-fn token(rig: &Sandbox, port: u16) -> String {
+pub fn token(rig: &Sandbox, port: u16) -> String {
     let text = fs::read_to_string(run_file(rig, port)).expect("a file of the running view");
     let running: Value = serde_json::from_str(&text).expect("JSON");
     running["token"].as_str().expect("a token").to_owned()
@@ -81,7 +81,7 @@ impl View {
     }
 }
 
-fn order(number: &str, kind: &str) -> Value {
+pub fn order(number: &str, kind: &str) -> Value {
     json!({"type": "order", "order": number, "robot": 1, "kind": kind, "seen": 0, "position": null,
         "altitude_m": null, "confirm": null})
 }

@@ -27,6 +27,8 @@ pub struct Page {
     stream: Box<dyn Stream>,
     /// Bytes that came behind the last frame.
     rest: Vec<u8>,
+    /// The newest `now` that has come.
+    seen: u64,
 }
 
 /// A message of a server.
@@ -149,7 +151,11 @@ impl Page {
                 let status = head.lines().next().unwrap_or_default().to_owned();
                 rest.drain(..end + 4);
                 return match status.contains(" 101 ") {
-                    true => Ok(Page { stream, rest }),
+                    true => Ok(Page {
+                        stream,
+                        rest,
+                        seen: 0,
+                    }),
                     false => Err(status),
                 };
             }
@@ -194,7 +200,8 @@ impl Page {
             };
             // As a page that draws at once.
             if message["type"] == "now" {
-                self.send(&json!({"type": "seen", "n": message["n"]}));
+                self.seen = message["n"].as_u64().expect("a number");
+                self.send(&json!({"type": "seen", "n": self.seen}));
             }
             return Some(message);
         }
@@ -269,11 +276,20 @@ impl Page {
         self.until(name, |message| message["type"] == name)
     }
 
+    /// Gives an order, by what was drawn last.
+    pub fn press(&mut self, order: &Value) {
+        let mut order = order.clone();
+        if order["seen"] == 0 {
+            order["seen"] = json!(self.seen);
+        }
+        self.send(&order);
+    }
+
     /// Gives an order, and reads until its report is final.
     #[track_caller]
     pub fn order(&mut self, order: &Value) -> Value {
         let number = order["order"].clone();
-        self.send(order);
+        self.press(order);
         self.until("the final report", |message| {
             message["type"] == "order" && message["order"] == number && message["final"] == true
         })

@@ -3,11 +3,12 @@
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 
+use ipc_types::code::Functionality;
 use ril_tests::process::Signal;
 use ril_tests::sandbox::free_port;
 use serde_json::json;
 
-use super::{View, ril};
+use super::{View, order, ril};
 use crate::common::{FOR_SLOW_MACHINES, Flight, end, sandbox};
 use crate::view::page::Page;
 
@@ -116,6 +117,110 @@ fn a_movement_whose_page_is_gone_ends_in_a_hold() {
     other.until("hovering", |message| {
         message["type"] == "robot" && message["phase"] == "hovering"
     });
+    view.end();
+    flight.end();
+}
+
+/// The server stands still while the presses wait in its socket, as they do in a network that stalls.
+#[test]
+fn what_a_page_pressed_is_not_carried_out_late_over_a_newer_order() {
+    let rig = sandbox();
+    rig.write("bridge.toml", FOR_SLOW_MACHINES);
+    let flight = Flight::begin(&rig);
+    let mut state = rig.watch(1);
+    let view = View::start(&rig);
+    let mut page = view.page();
+    for (late_s, stage) in [(3, "not-sent"), (6, "refused")] {
+        page.until("where it is", |message| {
+            message["type"] == "now" && message["telemetry"]["freshness"] == "fresh"
+        });
+        view.process.signal(Signal::STOP);
+        let hold = order(&format!("hold{late_s}"), "hold");
+        page.press(&hold);
+        page.press(&order(&format!("land{late_s}"), "land"));
+        rig.run("goto +400m,+0m --preempt --no-wait", 0);
+        let mut until = None;
+        state.until("the time to pass", |state| {
+            state.published_ns > *until.get_or_insert(state.published_ns + late_s * 1_000_000_000)
+        });
+        view.process.signal(Signal::CONT);
+        for name in ["hold", "land"] {
+            let report = page.until("the final report", |message| {
+                message["type"] == "order"
+                    && message["order"] == format!("{name}{late_s}")
+                    && message["final"] == true
+            });
+            assert_eq!(report["stage"], stage, "{report}");
+        }
+        state.until("it flies on", |state| {
+            state.functionality() == Some(Functionality::FollowingPath)
+        });
+    }
+    // A press that comes at once is carried out.
+    page.until_type("now");
+    assert_eq!(page.order(&order("now", "hold"))["stage"], "done");
+    view.end();
+    drop(state);
+    flight.end();
+}
+
+/// A page that is loaded again is back within the time.
+#[test]
+fn a_movement_whose_page_is_loaded_again_goes_on() {
+    let rig = sandbox();
+    rig.write("bridge.toml", FOR_SLOW_MACHINES);
+    rig.write("view.toml", "page_lost = \"hold\"\npage_lost_s = 2\n");
+    let flight = Flight::begin(&rig);
+    let view = View::start(&rig);
+    let open =
+        json!({"type": "open", "token": view.token, "robot": 1, "rate_hz": 20, "page": "tab"});
+    let mut page = view.page();
+    page.send(&open);
+    let mut page = {
+        let host = format!("127.0.0.1:{}", view.port);
+        drop(page);
+        let mut page = Page::upgrade(view.port, &host, None).expect("an upgrade");
+        page.send(&open);
+        page
+    };
+    page.send(&json!({"type": "lease", "robot": 1, "action": "take"}));
+    page.until("the lease", |message| {
+        message["type"] == "lease" && message["holder"] == "you"
+    });
+    page.until("where it is", |message| {
+        message["type"] == "now" && message["telemetry"]["freshness"] == "fresh"
+    });
+    let (latitude, longitude, altitude) = flight.place;
+    page.press(
+        &json!({"type": "order", "order": "far", "robot": 1, "kind": "goto", "seen": 0,
+        "position": [latitude + 0.004, longitude], "altitude_m": altitude, "confirm": null}),
+    );
+    page.until("its acceptance", |message| {
+        message["type"] == "order" && message["stage"] == "accepted"
+    });
+    drop(page);
+    let host = format!("127.0.0.1:{}", view.port);
+    let mut page = Page::upgrade(view.port, &host, None).expect("an upgrade");
+    page.send(&open);
+    page.until("the lease", |message| {
+        message["type"] == "lease" && message["holder"] == "you"
+    });
+    let mut since = None;
+    page.until("twice the time", |message| {
+        assert_ne!(
+            message["text"],
+            "no page commands any more and a movement of one goes on: hold"
+        );
+        let Some(now) = message["sent_ms"].as_u64() else {
+            return false;
+        };
+        now > *since.get_or_insert(now) + 4_000
+    });
+    let mut state = rig.watch(1);
+    state.until("it flies on", |state| {
+        state.functionality() == Some(Functionality::FollowingPath)
+    });
+    drop(state);
     view.end();
     flight.end();
 }

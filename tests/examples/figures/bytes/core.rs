@@ -271,6 +271,9 @@ impl Core {
             origin: (value >> 13) as u32 & 3,
             repeat: (value >> 7) as u16 & 3,
             preempt: (value >> 11) as u16 & 3,
+            after: (value >> 15) & 3,
+            lease_ms: 0,
+            sender_lost: (value >> 27) as u32 & 3,
             reserved: 0,
         });
     }

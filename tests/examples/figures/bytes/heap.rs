@@ -2,6 +2,7 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
 /// The system's allocator, counting. A program that wants its figures makes it the global one.
 pub struct Counting;
@@ -9,6 +10,7 @@ pub struct Counting;
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
     static LIVE_BYTES: Cell<i64> = const { Cell::new(0) };
+    static WATCHED: Cell<Option<&'static Watched>> = const { Cell::new(None) };
 }
 
 // SAFETY: everything is handed on to the system's allocator as it came; the counts have no destructor and are const, so
@@ -18,6 +20,10 @@ unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         ALLOCATIONS.set(ALLOCATIONS.get() + 1);
         LIVE_BYTES.set(LIVE_BYTES.get() + layout.size() as i64);
+        if let Some(watched) = WATCHED.get() {
+            watched.allocations.fetch_add(1, Ordering::Relaxed);
+            watched.longest.fetch_max(layout.size(), Ordering::Relaxed);
+        }
         // SAFETY: as the caller's.
         unsafe { System.alloc(layout) }
     }
@@ -54,5 +60,28 @@ impl Heap {
             allocations: now.allocations - self.allocations,
             live_bytes: now.live_bytes - self.live_bytes,
         }
+    }
+}
+
+/// What a thread allocates, for another thread to look at.
+pub struct Watched {
+    /// How often it asked for memory.
+    pub allocations: AtomicU64,
+    /// For how much at most.
+    pub longest: AtomicUsize,
+}
+
+impl Watched {
+    /// Of a thread that does not run yet.
+    pub const fn new() -> Watched {
+        Watched {
+            allocations: AtomicU64::new(0),
+            longest: AtomicUsize::new(0),
+        }
+    }
+
+    /// Counts what this thread allocates from now on.
+    pub fn watch(&'static self) {
+        WATCHED.set(Some(self));
     }
 }

@@ -11,7 +11,7 @@ use view::{Call, OfferedService, Server};
 
 use crate::config::RequestConfig;
 use crate::verbs::view::fleet::Fleet;
-use crate::verbs::view::orders::Orders;
+use crate::verbs::view::orders::{GivenOrder, Orders};
 
 /// What every robot is offered: name, order, JSON Schema of the request's properties, those that it must have.
 const SERVICES: [(&str, OrderKind, &str, &str); 6] = [
@@ -50,6 +50,8 @@ pub(crate) struct ServiceCall {
     pub call: Call,
     pub service: String,
     pub request: Vec<u8>,
+    /// When it came, not later than it truly did by more than the view notices.
+    pub issued: MonotonicNs,
     pub from: String,
 }
 
@@ -108,7 +110,12 @@ impl Services {
             );
         let sent = order.and_then(|order| {
             let shown = fleet.get_mut(order.robot).ok_or("the robot is not shown")?;
-            Ok(orders.take(&order, &call.from, shown, config, now))
+            let given = GivenOrder {
+                order: &order,
+                issued: call.issued,
+                from: &call.from,
+            };
+            Ok(orders.take(&given, shown, config, now))
         });
         match sent {
             Ok(report) => {

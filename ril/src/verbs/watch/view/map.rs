@@ -71,7 +71,8 @@ pub(super) fn draw(app: &App, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
     let set = glyphs.pick(border::PLAIN, ASCII_BORDER);
     let block = Block::bordered().border_set(set).border_style(OLD);
     let inner = block.inner(area);
-    let origin = robot.pilot.place.or(robot.track.points().last().copied());
+    let last = robot.last_place.map(|(place, _)| place);
+    let origin = robot.pilot.place.or(last);
     let origin = origin.or_else(|| app.path().first().copied());
     let Some(origin) = origin else {
         block.title("map").render(area, buffer);
@@ -107,7 +108,8 @@ pub(super) fn draw(app: &App, glyphs: Glyphs, area: Rect, buffer: &mut Buffer) {
 /// The places that the map must show.
 fn shown(app: &App, origin: Place) -> Vec<(f64, f64)> {
     let robot = app.robot();
-    let here = robot.pilot.place.unwrap_or(origin);
+    let last = robot.last_place.map(|(place, _)| place);
+    let here = robot.pilot.place.or(last).unwrap_or(origin);
     let (east, north) = offset_m(origin, here);
     if app.zoom == Zoom::Near {
         let half = NEAR_M / 2.0;
@@ -210,6 +212,12 @@ impl Sheet<'_> {
                 .add_modifier(Modifier::BOLD)
                 .add_modifier(Modifier::REVERSED);
             self.mark(&place, arrow(direction, glyphs), style);
+        } else if let Some((place, _)) = robot.last_place {
+            self.mark(
+                &place,
+                glyphs.pick("◌", "?"),
+                Style::new().fg(Color::Magenta),
+            );
         }
     }
 

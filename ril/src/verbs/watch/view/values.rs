@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use ipc_types::MonotonicNs;
 use ipc_types::code::{LinkState, PilotSwitch};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -90,7 +91,7 @@ pub(super) fn draw(
             }
             "altitude" => (telemetry, plain(altitude(robot), telemetry)),
             "speed" => (telemetry, plain(speed(robot), telemetry)),
-            "position" => (telemetry, plain(position(robot), telemetry)),
+            "position" => (telemetry, plain(position(robot, clock.now), telemetry)),
             "path" => (bridge, plain(path(robot), bridge)),
             "supply" => (telemetry, plain(supply(robot), telemetry)),
             "switch" => (telemetry, switch(robot)),
@@ -188,8 +189,11 @@ fn speed(robot: &WatchedRobot) -> String {
     text
 }
 
-fn position(robot: &WatchedRobot) -> String {
-    or_dash(robot.pilot.place)
+fn position(robot: &WatchedRobot, now: MonotonicNs) -> String {
+    match robot.lost_place(now) {
+        Some((place, age)) => format!("- last {place}, {} ago", duration(age.as_secs_f64())),
+        None => or_dash(robot.pilot.place),
+    }
 }
 
 fn path(robot: &WatchedRobot) -> String {

@@ -1,0 +1,121 @@
+//! Senders that are lost, with the real processes: killed, stopped, and in a time namespace of their own.
+
+use std::process::Command;
+use std::time::Duration;
+
+use crate::common::{Flight, sandbox};
+use ipc_types::MonotonicNs;
+use ipc_types::code::{Functionality, LinkState};
+use ipc_types::payload::ModuleState;
+use ril_tests::languages::skip;
+use ril_tests::process::Signal;
+use ril_tests::{Process, Sandbox};
+
+/// Within what time the helicopter hovers, on a machine that has a processor to spare.
+const LIMIT: Duration = Duration::from_secs(1);
+
+/// A path of 5 km with these options, under way.
+fn path(rig: &Sandbox, flight: &Flight, options: &str) -> Process {
+    let (latitude, longitude, altitude) = flight.place;
+    let remote = latitude + 0.045;
+    let mut path = rig.start(&format!("goto {remote},{longitude},{altitude} {options}"));
+    path.wait_for_text("goto: progress");
+    path
+}
+
+fn hovers(state: &ModuleState) -> bool {
+    state.functionality() == Some(Functionality::AtRest)
+        && state.link.state() == Some(LinkState::Up)
+        && state
+            .link
+            .dsp_path()
+            .is_some_and(|path| path.name() == "empty")
+}
+
+#[test]
+fn the_real_bridge_holds_when_a_goto_is_killed_or_hangs_and_not_when_it_says_otherwise() {
+    let rig = sandbox();
+    let mut flight = Flight::begin(&rig);
+    let mut took = vec![];
+    for signal in [Signal::KILL, Signal::INT, Signal::HUP] {
+        let process = path(&rig, &flight, "");
+        let begin = MonotonicNs::now();
+        process.signal(signal);
+        took.push(begin_to_hover(&rig, begin));
+        drop(rig.kill(process));
+        flight.bridge.wait_for_text("sender-lost");
+    }
+    let process = path(&rig, &flight, "--lease 2s");
+    // It renews, however long it flies.
+    let flown = MonotonicNs::now() + Duration::from_secs(4);
+    let state = rig
+        .watch(1)
+        .until("the path is older than a lease", |state| {
+            state.published_ns > flown.0
+        });
+    assert_eq!(state.functionality(), Some(Functionality::FollowingPath));
+    let begin = MonotonicNs::now();
+    process.signal(Signal::STOP);
+    let lease = Duration::from_secs(2);
+    took.push(begin_to_hover(&rig, begin).saturating_sub(lease));
+    process.signal(Signal::CONT);
+    let mut process = process;
+    process.exits(5).err_says("(sender-lost)");
+    // Overloaded machines are late now and then.
+    let best = took.iter().min();
+    assert!(best.is_some_and(|best| *best < LIMIT), "{took:?}");
+
+    let process = path(&rig, &flight, "--sender-lost continue");
+    drop(rig.kill(process));
+    // Another's order comes, and a path whose sender goes on is what it replaces.
+    let state = rig.watch(1).next_sample();
+    assert_eq!(state.functionality(), Some(Functionality::FollowingPath));
+    let killed = path(&rig, &flight, "--preempt");
+    let newer = path(&rig, &flight, "--preempt");
+    drop(rig.kill(killed));
+    let state = rig.watch(1).next_sample();
+    assert_eq!(state.functionality(), Some(Functionality::FollowingPath));
+    rig.run("hold", 0);
+    let mut newer = newer;
+    newer.exits(5).err_says("(replaced)");
+    flight.end();
+}
+
+/// How long after `begin` the bridge said that the helicopter hovers.
+fn begin_to_hover(rig: &Sandbox, begin: MonotonicNs) -> Duration {
+    let state = rig.watch(1).until("the helicopter hovers", hovers);
+    MonotonicNs(state.published_ns).since(begin)
+}
+
+#[test]
+fn the_real_bridge_takes_stops_of_another_time_namespace_and_refuses_the_rest_with_the_reason() {
+    let ahead = "unshare --time --fork --monotonic=3";
+    let behind = "unshare --time --fork --monotonic=-30";
+    let attempt = |words: &str| {
+        let mut words = words.split_whitespace();
+        let mut command = Command::new(words.next().expect("a program"));
+        command.args(words).arg("true").output()
+    };
+    for words in [ahead, behind] {
+        let attempt = attempt(words);
+        if !attempt.as_ref().is_ok_and(|output| output.status.success()) {
+            return skip("another time namespace", &format!("{attempt:?}"));
+        }
+    }
+    let rig = sandbox();
+    let flight = Flight::begin(&rig);
+    let (latitude, longitude, altitude) = flight.place;
+    for (starter, deadline) in [(ahead, ""), (behind, "--deadline 5s")] {
+        let path = flight.far_away(&rig);
+        let goto = format!("goto {latitude},{longitude},{altitude} --preempt {deadline}");
+        let refused = rig.start_by(starter, &goto).exits(5);
+        refused.err_says("(clock-differs)").err_says("`ril doctor`");
+        rig.start_by(starter, &format!("hold {deadline}")).exits(0);
+        let mut path = path;
+        path.exits(5).err_says("(replaced)");
+        rig.start_by(starter, &format!("stop {deadline}")).exits(0);
+        rig.run("start", 0);
+    }
+    rig.start_by(behind, "land").exits(0);
+    flight.end();
+}

@@ -1,0 +1,181 @@
+//! A log that nobody reads stops no process: standard error is a full pipe from the beginning, or its reader stops in flight. Orders are
+//! done, telemetry goes on, and each process ends at a signal.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use endurance::mavlink::station::Station;
+use ipc_types::code::Stage;
+use ipc_types::payload::{HeroTelemetry, MovementData};
+use ipc_types::{Client, Ipc, RobotId, fresh_request_id};
+use ril_tests::process::{Signal, WAIT_LIMIT};
+use ril_tests::sandbox::free_port;
+use ril_tests::{Sandbox, UnreadPipe};
+
+use crate::common::{FOR_SLOW_MACHINES, place, sandbox};
+use crate::view::page::Page;
+use crate::view::{order, token};
+
+/// Longest gap of telemetry.
+const GAP_LIMIT: Duration = Duration::from_millis(300);
+
+/// Longest time until an order is acknowledged.
+const ANSWER_LIMIT: Duration = Duration::from_secs(1);
+
+/// Longest time until a process has ended after SIGTERM.
+const END_LIMIT: Duration = Duration::from_secs(3);
+
+/// How often the pace of this machine is looked at.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// What a machine that stalls costs a chain of processes: several of its stalls.
+const STALLS: u32 = 8;
+
+/// Looks at the robot's telemetry, and at the pace of the machine.
+struct Watcher {
+    stop: Arc<AtomicBool>,
+    thread: JoinHandle<(Duration, Duration)>,
+}
+
+impl Watcher {
+    fn start(rig: &Sandbox) -> Watcher {
+        let domain = (*rig.domain).clone();
+        let stop = Arc::new(AtomicBool::new(false));
+        let is_over = Arc::clone(&stop);
+        let thread = thread::spawn(move || {
+            let ipc = Ipc::join(&domain, RobotId::DEFAULT, "watcher").unwrap();
+            let mut telemetry = ipc.subscriber::<HeroTelemetry>().unwrap();
+            let (mut last, mut gap, mut stall) = (None, 0, Duration::ZERO);
+            while !is_over.load(Ordering::Relaxed) {
+                let begin = Instant::now();
+                telemetry.wait(LOOK).unwrap();
+                stall = stall.max(begin.elapsed().saturating_sub(LOOK));
+                let _ = telemetry.drain(|sample| {
+                    let before = last.replace(sample.published_ns);
+                    gap = gap.max(sample.published_ns - before.unwrap_or(sample.published_ns));
+                });
+            }
+            (Duration::from_nanos(gap), stall)
+        });
+        Watcher { stop, thread }
+    }
+
+    /// The longest gap of telemetry, and the longest stall of the machine.
+    fn end(self) -> (Duration, Duration) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.join().unwrap()
+    }
+}
+
+/// Sends an order, waits until it is accepted, and says how long that took; then waits for its end.
+fn ask(client: &mut Client<MovementData>, request: &MovementData) -> Duration {
+    let begin = Instant::now();
+    client.send(request).unwrap();
+    let (mut accepted, mut end) = (None, None);
+    while end.is_none() {
+        client.wait(WAIT_LIMIT).unwrap();
+        client.drain(|report| {
+            let stage = report
+                .stage()
+                .filter(|_| report.request_id == request.request_id);
+            match stage {
+                Some(Stage::Accepted) => accepted = Some(begin.elapsed()),
+                Some(stage) if stage.is_final() => end = Some(stage),
+                _ => {}
+            }
+        });
+    }
+    assert_eq!(end, Some(Stage::Done));
+    accepted.expect("it was accepted")
+}
+
+fn a_flight(is_full_from_the_beginning: bool) {
+    let rig = sandbox();
+    let mut log = match is_full_from_the_beginning {
+        true => UnreadPipe::full(&rig),
+        false => UnreadPipe::read(&rig),
+    };
+    let (port, mut station) = (free_port(), Station::new());
+    rig.write(
+        "mavlink.toml",
+        &format!(
+            "port = 0\nstations = ['127.0.0.1:{}']\nlost_s = 60.0\nanswer_s = 60.0\nstate = 'state'\n",
+            station.port()
+        ),
+    );
+    rig.write("bridge.toml", FOR_SLOW_MACHINES);
+    let processes = [
+        log.start(&rig, "run sim --link dsp-1 --seed 1 --speed 10"),
+        log.start(&rig, "run bridge --port dsp-1"),
+        log.start(&rig, "run status"),
+        log.start(&rig, &format!("record --json >{}", UnreadPipe::NAME)),
+        log.start(&rig, &format!("run view --port {port}")),
+        log.start(&rig, "run mavlink"),
+    ];
+    let mut page = Page::open(port, Some(&token(&rig, port)));
+    page.until_type("robot");
+    station.connect();
+    rig.watch(1).until_ready();
+    let watcher = Watcher::start(&rig);
+    rig.run("start", 0);
+    rig.run("takeoff 5m", 0);
+    if !is_full_from_the_beginning {
+        log.stop_reading();
+    }
+    let (latitude, longitude, altitude) = place(&rig, 1);
+    let fly = || {
+        let (north, up) = (latitude + 0.045, altitude + 5.0);
+        let mut path = rig.start(&format!("goto {north},{longitude},{up}"));
+        path.wait_for_text("goto: progress");
+        path
+    };
+    let mut answers = Vec::new();
+    let mut path = fly();
+    let begin = Instant::now();
+    assert_eq!(station.command(193, [0.0; 7]), 0, "hold");
+    answers.push(("the station's hold", begin.elapsed()));
+    path.wait_exit();
+    let mut path = fly();
+    let begin = Instant::now();
+    let report = page.order(&order("a1", "hold"));
+    answers.push(("the page's hold", begin.elapsed()));
+    assert_eq!(report["stage"], "done", "{report}");
+    path.wait_exit();
+    let ipc = rig.domain.join("operator");
+    let mut client = ipc.client::<MovementData>().unwrap();
+    let mut path = fly();
+    let hold = MovementData::hold(fresh_request_id());
+    answers.push(("hold", ask(&mut client, &hold)));
+    path.wait_exit();
+    let land = MovementData::land(fresh_request_id());
+    answers.push(("land", ask(&mut client, &land)));
+    drop((client, ipc));
+    rig.run("stop", 0);
+
+    let (gap, stall) = watcher.end();
+    let slack = stall * STALLS;
+    assert!(gap < GAP_LIMIT + slack, "telemetry: {gap:?}, {stall:?}");
+    for (what, took) in answers {
+        assert!(took < ANSWER_LIMIT + slack, "{what}: {took:?}, {stall:?}");
+    }
+    for mut process in processes.into_iter().rev() {
+        let begin = Instant::now();
+        process.signal(Signal::TERM);
+        process.exits(0);
+        let took = begin.elapsed();
+        assert!(took < END_LIMIT + slack, "the end: {took:?}, {stall:?}");
+    }
+    rig.run("log check", 0);
+}
+
+#[test]
+fn a_log_that_nobody_has_ever_read_stops_no_process() {
+    a_flight(true);
+}
+
+#[test]
+fn a_log_whose_reader_stops_in_flight_stops_no_process() {
+    a_flight(false);
+}

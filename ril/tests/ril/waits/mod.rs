@@ -1,0 +1,156 @@
+//! Nothing but its one wait holds a process up. Each process is watched in flight, while clients come and go, by strace: its loop calls
+//! nothing that is not on the [list](calls::LIST). And each other kind of call is held up by three seconds: telemetry, `hold`, `land` and
+//! the end of the process do not wait for it.
+
+mod calls;
+mod held_up;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::{Duration, SystemTime};
+
+use endurance::mavlink::station::Station;
+use ril_tests::languages::skip;
+use ril_tests::process::Signal;
+use ril_tests::sandbox::free_port;
+use ril_tests::{Process, Sandbox};
+
+use crate::common::{place, sandbox};
+use crate::view::{page::Page, token};
+use calls::Trace;
+
+/// Whether strace is there. A line on standard error says when it is not, also when tests that pass print nothing.
+fn has_strace(what: &str) -> bool {
+    let mut command = Command::new("strace");
+    command.args(["-qq", "-e", "trace=none", "true"]);
+    let works = command.stdout(Stdio::null()).stderr(Stdio::null()).status();
+    let works = works.is_ok_and(|status| status.success());
+    if !works {
+        skip(what, "this machine has no strace, or does not let it trace");
+    }
+    works
+}
+
+/// The time as strace writes it.
+fn now() -> Duration {
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
+    now.expect("a clock after 1970")
+}
+
+/// A process whose system calls are written down.
+struct Traced {
+    name: &'static str,
+    process: Process,
+    file: PathBuf,
+    ready: Duration,
+}
+
+impl Traced {
+    fn start(rig: &Sandbox, name: &'static str, args: &str, ready: &str) -> Traced {
+        let file = rig.path(&format!("{name}.calls"));
+        // strace is no parent of it, and its page's token lies in the folder.
+        let line = format!(
+            "XDG_RUNTIME_DIR=. exec strace -D -f -qq -ttt -y -o {} \"$0\" {args}",
+            file.display()
+        );
+        let mut process = Process::spawn(&rig.domain, rig.shell(&line));
+        process.wait_for_text(ready);
+        Traced {
+            name,
+            process,
+            file,
+            ready: now(),
+        }
+    }
+
+    /// Ends the process, and says what its loop called until then.
+    fn end(self) -> (&'static str, Trace) {
+        let (id, asked) = (self.process.id(), now());
+        self.process.end();
+        let text = fs::read(&self.file).expect("a file of strace");
+        let text = String::from_utf8_lossy(&text);
+        (
+            self.name,
+            Trace::read(&text, self.name, id, [self.ready, asked]),
+        )
+    }
+}
+
+#[test]
+fn a_loop_in_flight_calls_nothing_that_waits() {
+    if !has_strace("the system calls of loops in flight") {
+        return;
+    }
+    let rig = sandbox();
+    let mut station = Station::new();
+    rig.write("bridge.toml", crate::common::FOR_SLOW_MACHINES);
+    rig.write(
+        "mavlink.toml",
+        &format!(
+            "port = 0\nstations = ['127.0.0.1:{}']\nstate = 'state'\n",
+            station.port()
+        ),
+    );
+    let port = free_port();
+    let traced = [
+        (
+            "sim",
+            "run sim --link dsp-1 --seed 1 --speed 4".to_owned(),
+            "ready",
+        ),
+        ("bridge", "run bridge --port dsp-1".to_owned(), "ready"),
+        ("status", "run status".to_owned(), "ready"),
+        ("mavlink", "run mavlink".to_owned(), "ready"),
+        ("view", format!("run view --port {port}"), "ready"),
+        ("record", "record".to_owned(), "recording"),
+    ];
+    let traced = traced.map(|(name, args, ready)| Traced::start(&rig, name, &args, ready));
+    station.connect();
+    rig.watch(1).until_ready();
+    let mut page = Page::open(port, Some(&token(&rig, port)));
+    page.until_type("hello");
+    rig.run("start", 0);
+    rig.run("takeoff 5m", 0);
+    let (latitude, longitude, altitude_m) = place(&rig, 1);
+    rig.run(
+        &format!(
+            "goto {},{longitude},{altitude_m} --no-wait",
+            latitude + 0.01
+        ),
+        0,
+    );
+    rig.run("fence reload", 0);
+    rig.run("param list", 0);
+    for topic in ["hero", "dsp", "state"] {
+        rig.run(&format!("echo {topic} --count 3"), 0);
+    }
+    let mut killed = rig.start("echo hero --json");
+    killed.wait_for_text("{");
+    killed.signal(Signal::KILL);
+    killed.wait_exit();
+    // Hold, by the station.
+    assert_eq!(station.command(193, [0.0; 7]), 0);
+    drop(page);
+    rig.run("land", 0);
+
+    let mut others = BTreeMap::new();
+    // A process ends before what it listens to.
+    for (name, trace) in traced.into_iter().rev().map(Traced::end) {
+        assert!(trace.seen.len() > 3, "{name}: {:?}", trace.seen);
+        others.extend(
+            trace
+                .others
+                .into_iter()
+                .map(|(what, example)| ((name, what), example)),
+        );
+    }
+    let rows = others
+        .iter()
+        .map(|((name, (call, about)), (example, count))| {
+            format!("{name}: {count} calls of {call} ({about:?}), such as\n    {example}\n")
+        });
+    let rows: String = rows.collect();
+    assert!(rows.is_empty(), "not on the list:\n{rows}");
+}
