@@ -161,7 +161,8 @@ const BETWEEN: [Between; 11] = [
             pilot_takes_over(rig, 40);
             above(rig, 20.0);
         },
-        CameBetween::Pilot,
+        // The fence is broken still when the pilot lets go: that is the last thing.
+        CameBetween::SafetyRule,
         false,
     ),
     ("link lost", lose_the_link, CameBetween::LinkLost, false),
