@@ -437,7 +437,9 @@ impl Gateway {
         run.executor.reached(report.waypoints_reached as usize);
         if stage.is_final() {
             run.order = None;
-            if stage == Stage::Done {
+            // A speed in front of all steps is no order that the bridge knows a step by: what follows is the first one.
+            let is_in_front = run.before == 0 && matches!(pending.kind, OrderKind::Speed(_));
+            if stage == Stage::Done && !is_in_front {
                 run.before = report.request_id;
             }
             match (stage, reason) {

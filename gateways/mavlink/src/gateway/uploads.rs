@@ -349,7 +349,12 @@ impl Gateway {
         self.end_saving(mission, result, now);
     }
 
-    pub(super) fn end_saving(&mut self, mission: Mission, result: Result<(), String>, now: MonotonicNs) {
+    pub(super) fn end_saving(
+        &mut self,
+        mission: Mission,
+        result: Result<(), String>,
+        now: MonotonicNs,
+    ) {
         let result = match result {
             Ok(()) => {
                 let text = match mission.count() {
