@@ -610,6 +610,8 @@ fn a_jump_replaces_the_path_and_before_the_start_it_chooses_the_first_item() {
     assert_eq!(speed.kind, OrderKind::Speed(4.0));
     done(&mut world, &speed);
     let other = order(&mut world);
+    // The bridge knows no step by a speed that follows none: it judges the path by the moment of the jump.
+    assert_eq!((other.after, other.issued), (0, world.now));
     assert!(other.kind == OrderKind::Path && other.preempts);
     world.report(&other, Stage::Accepted, Reason::None);
     world.report(&path, Stage::Aborted, Reason::Replaced);

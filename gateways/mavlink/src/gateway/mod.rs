@@ -10,7 +10,7 @@
 //!
 //! What becomes of it later is a text to all stations.
 //!
-//! `missions`: how a mission comes, and its steps; `orders`: commands become orders, and reports become answers; `fence`: the geofence;
+//! `missions`: the steps of a mission; `uploads`: how it comes; `orders`: commands become orders, and reports become answers; `fence`: the geofence;
 //! `home`: what is kept of home; `lost`: what becomes of those of a station that is lost; `output`: what is sent, and what the gateway
 //! says of itself; `parameters`: what is asked about them; `pending`: an order on its way.
 
@@ -22,6 +22,7 @@ mod orders;
 mod output;
 mod parameters;
 mod pending;
+mod uploads;
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
