@@ -173,7 +173,9 @@ fn a_waypoint_below_the_ground_of_the_take_off_is_refused_unless_the_configurati
     let mut rig = flying_with("");
     let state = rig.bridge.state();
     assert_eq!(state.ground_altitude(), Some(ground_m));
-    let home = state.home().map(|home| (home.latitude_deg, home.longitude_deg));
+    let home = state
+        .home()
+        .map(|home| (home.latitude_deg, home.longitude_deg));
     assert_eq!(home, Some((HOME.latitude_deg, HOME.longitude_deg)));
     let path = rig.path(1, &[north(10), at(ground_m - 4.5)]);
     assert_eq!(rig.last(path[1]), refused(Reason::FenceBreach));
@@ -198,7 +200,13 @@ fn a_waypoint_below_the_ground_of_the_take_off_is_refused_unless_the_configurati
     rig.open();
     rig.control(ControlCommand::Start);
     rig.run(40);
-    assert_eq!((rig.bridge.state().ground_altitude(), rig.bridge.state().home()), (None, None));
+    assert_eq!(
+        (
+            rig.bridge.state().ground_altitude(),
+            rig.bridge.state().home()
+        ),
+        (None, None)
+    );
     let path = rig.path(1, &[at(ground_m - 4.5)]);
     assert_eq!(rig.last(path[0]).0, Stage::Accepted);
 }

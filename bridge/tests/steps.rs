@@ -161,7 +161,8 @@ const BETWEEN: [Between; 11] = [
             pilot_takes_over(rig, 40);
             above(rig, 20.0);
         },
-        CameBetween::Pilot,
+        // The fence is broken still when the pilot lets go: that is the last thing.
+        CameBetween::SafetyRule,
         false,
     ),
     ("link lost", lose_the_link, CameBetween::LinkLost, false),
@@ -390,4 +391,98 @@ fn an_order_from_before_the_pilot_took_over_is_superseded_without_naming_a_step(
     assert_eq!(rig.last_report(late).between(), Some(CameBetween::Pilot));
     let anew = rig.movement(to(0, 6));
     assert_eq!(rig.last(anew).0, Stage::Accepted);
+}
+
+/// The steps and orders of two senders in random order, and a pilot; who was the last is kept by the test alone.
+#[test]
+fn of_random_steps_only_those_behind_the_last_order_are_taken() {
+    let (mut taken, mut superseded) = (0, 0);
+    for seed in 0..300 {
+        let mut random = fastrand::Rng::with_seed(seed);
+        let (mut rig, mut last) = hovering();
+        let (mut wrote, mut known) = (0, vec![last]);
+        for _ in 0..30 {
+            rig.run(10 * random.u32(..8));
+            let after = match random.u8(..4) {
+                0 => 0,
+                1 => last.max(1),
+                2 if wrote != 0 => wrote,
+                _ => random.choice(known.iter().copied()).unwrap(),
+            };
+            let what = random.u8(..6);
+            let issued_ns = rig.now.0;
+            let request = match what {
+                0 => {
+                    pilot_takes_over(&mut rig, 40);
+                    (last, wrote) = (0, 0);
+                    continue;
+                }
+                1 => rig.parameter(ParameterRequest {
+                    after,
+                    ..ParameterRequest::read(0, dsp_protocol::port::CRUISE_SPEED_MPS)
+                }),
+                2 => rig.parameter(ParameterRequest {
+                    after,
+                    ..ParameterRequest::write(0, dsp_protocol::port::CRUISE_SPEED_MPS, 3.0)
+                }),
+                3 => rig.movement(MovementData {
+                    after,
+                    ..MovementData::hold(0)
+                }),
+                4 => {
+                    let command = random.choice([ControlCommand::Start, ControlCommand::Stop]);
+                    let request_id = rig.request_id();
+                    rig.ask_control(ModuleControl {
+                        request_id,
+                        after,
+                        issued_ns,
+                        command: command.unwrap().code(),
+                        ..ModuleControl::default()
+                    });
+                    rig.exchange();
+                    request_id
+                }
+                _ => rig.movement(to(after, random.i32(1..9)).preempting()),
+            };
+            known.push(request);
+            let first = *(rig.out.reports.iter())
+                .find(|report| report.request_id == request)
+                .unwrap();
+            let is_superseded = first.reason() == Some(Reason::Superseded);
+            let follows = after == 0 || after == last || after == wrote;
+            assert_eq!(is_superseded, !follows, "seed {seed}: {after} after {last}");
+            taken += u32::from(follows && after != 0);
+            superseded += u32::from(is_superseded);
+            let is_taken = first.stage() != Some(Stage::Refused);
+            // A hold counts though it is refused, and so does a stop; a start is done or refused.
+            let counts = is_taken || what == 3 || first.imi_error().is_none() && what == 4;
+            match what {
+                _ if is_superseded || !counts => {}
+                1 => {}
+                2 if after != 0 => wrote = request,
+                2 => {}
+                _ => (last, wrote) = (request, 0),
+            }
+        }
+    }
+    assert!(taken > 500 && superseded > 500, "{taken}, {superseded}");
+}
+
+#[test]
+fn no_step_follows_a_path_that_ended_with_its_sender_and_another_order_does() {
+    let (mut rig, first) = hovering();
+    let path = rig.movement(MovementData {
+        lease_ms: 1000,
+        ..to(first, 50)
+    });
+    rig.run(3000);
+    assert_eq!(rig.last(path), crate::rig::aborted(Reason::SenderLost));
+    let step = rig.movement(to(path, 6));
+    assert_eq!(rig.last(step), refused(Reason::Superseded));
+    assert_eq!(
+        rig.last_report(step).between(),
+        Some(CameBetween::SenderLost)
+    );
+    let other = rig.movement(to(0, 6));
+    assert_eq!(rig.last(other).0, Stage::Accepted);
 }

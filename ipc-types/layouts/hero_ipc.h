@@ -166,6 +166,7 @@ enum hero_came_between {
     HERO_CAME_BETWEEN_LINK_LOST = 9,
     HERO_CAME_BETWEEN_DSP_REBOOTED = 10,
     HERO_CAME_BETWEEN_BRIDGE_BEGAN = 11,
+    HERO_CAME_BETWEEN_SENDER_LOST = 12,
 };
 
 enum hero_stage {

@@ -175,6 +175,7 @@ class CameBetween(enum.IntEnum):
     LINK_LOST = 9
     DSP_REBOOTED = 10
     BRIDGE_BEGAN = 11
+    SENDER_LOST = 12
 
 
 class Stage(enum.IntEnum):

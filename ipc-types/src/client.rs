@@ -273,6 +273,7 @@ impl BytesClient {
         }
         self.follow().map_err(|error| match error {
             OpenError::Full { .. } => SendError::NoPlace(error.to_string()),
+            error if error.may_pass() && !self.is_served() => self.no_server(),
             error => SendError::Failed(error.with_cause()),
         })?;
         let port = self.port.as_ref().filter(|port| port.server.look());
@@ -284,7 +285,12 @@ impl BytesClient {
         let path_id = self.offer.path_offset.map(|offset| word(request, offset));
         let path_id = path_id.unwrap_or_default();
         let lease = self.lease(request, path_id)?;
-        let pending = port.deliver(request, request_id)?;
+        let pending = port
+            .deliver(request, request_id)
+            .map_err(|error| match error {
+                SendError::Failed(_) if !self.is_served() => self.no_server(),
+                error => error,
+            })?;
         if pending.number_of_server_connections() == 0 {
             // It lives, but it has not read anything of this client yet, and the queue is full; or it ends at this moment.
             return Err(match port.has_server() {
@@ -411,6 +417,15 @@ impl BytesClient {
         for port in self.port.iter().chain(&self.former) {
             port.server.look_after(LIVENESS_PERIOD);
         }
+    }
+
+    /// Whether there is a server that does not end just now: one withdraws its generation first, and gives up its lock last. What fails
+    /// meanwhile fails for want of a server.
+    fn is_served(&self) -> bool {
+        let folder = self.session.service_folder(&self.offer.key);
+        let is_announced = generation::current(&folder).is_ok_and(|current| current.is_some());
+        let provider = self.session.provider(&self.offer.key);
+        is_announced && provider.is_ok_and(|provider| provider.is_some())
     }
 
     fn no_server(&self) -> SendError {

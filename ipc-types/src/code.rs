@@ -397,6 +397,8 @@ codes! {
         DspRebooted = 10 => "dsp-rebooted",
         /// The bridge began: it does not know the step before.
         BridgeBegan = 11 => "bridge-began",
+        /// The sender of the step before was lost, and the bridge ended its path.
+        SenderLost = 12 => "sender-lost",
     }
 }
 

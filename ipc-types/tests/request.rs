@@ -1,6 +1,7 @@
 //! Requests: streams of reports, clients and servers that come and go, full buffers and tables.
 
 use std::collections::HashSet;
+use std::fs;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
@@ -468,6 +469,36 @@ fn a_client_that_does_not_read_loses_progress_but_never_the_final_report() {
 }
 
 #[test]
+fn a_client_that_connects_while_its_server_goes_has_no_server() {
+    in_domain(|domain| {
+        let ipc = join(domain, "test");
+        for round in 0..50 {
+            let mut client = ipc.client::<ModuleControl>().unwrap();
+            let server = ipc.server::<ModuleControl>().unwrap();
+            let ended = thread::spawn(move || drop(server));
+            match client.send(&start()) {
+                Ok(_) | Err(SendError::NoServer { .. }) => {}
+                Err(error) => panic!("in round {round}: {error:?}"),
+            }
+            ended.join().unwrap();
+        }
+        // One that was killed has announced a generation, and another process removes that at this moment.
+        let server = ipc.server::<ModuleControl>().unwrap();
+        let announced = domain.root().join("1").join(ModuleControl::KEY);
+        let announced = announced.join("current");
+        let text = fs::read(&announced).unwrap();
+        drop(server);
+        // The client tries anew at its first request.
+        let mut client = ipc.client::<ModuleControl>().unwrap();
+        fs::write(&announced, text).unwrap();
+        drop(ipc.server::<MovementData>().unwrap());
+        let error = client.send(&start()).unwrap_err();
+        assert!(matches!(error, SendError::NoServer { .. }), "{error:?}");
+        fs::remove_file(announced).unwrap();
+    });
+}
+
+#[test]
 fn a_request_that_meets_the_end_of_its_server_is_sent_or_has_no_server() {
     in_robot(|ipc| {
         for round in 0..200 {
@@ -686,14 +717,14 @@ fn a_server_that_cannot_reach_a_client_serves_the_others_and_begins_anew() {
             panic!("{before:?}, {after:?}");
         };
         let hidden = segment.with_extension("hidden");
-        std::fs::rename(segment, &hidden).unwrap();
+        fs::rename(segment, &hidden).unwrap();
         unreachable.send(&start()).unwrap();
         operator.send(&start()).unwrap();
         let [(ticket, _)] = take(&mut server)[..] else {
             panic!("one request");
         };
         server.report(ticket, &report(Stage::Done)).unwrap();
-        std::fs::rename(&hidden, segment).unwrap();
+        fs::rename(&hidden, segment).unwrap();
         assert!(take(&mut server).is_empty(), "it is not tried again");
         assert_eq!(server.generations(), 1, "it may be gone in a moment");
         let mut finals = Vec::new();

@@ -51,6 +51,7 @@ use cli::{MavlinkCommand, RunCommand};
 use render::messages::object::ErrorObject;
 use runtime::exit::{self, Failure, OrFail};
 use runtime::manual;
+use runtime::output::standard_output;
 use runtime::signal::end_with_parent;
 use verbs::check::{doctor, preflight};
 use verbs::topic::meter::Quantity;
@@ -75,18 +76,19 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(read) => read,
         Err(error) => {
             if json && error.use_stderr() {
-                print_error(&ErrorObject::of_usage(&error.render().to_string()));
+                print_error(&ErrorObject::of_usage(&error.render().to_string()), false);
             }
             return exit::usage(&error).into();
         }
     };
+    let is_followed = follows_an_order(&cli.command);
     let run = || {
         end_with_parent().map_err(Failure::internal)?;
         run(cli.command)
     };
     exit::main_and_report(run, |failure| {
         if json {
-            print_error(&ErrorObject::of(failure));
+            print_error(&ErrorObject::of(failure), is_followed);
         }
     })
 }
@@ -118,8 +120,24 @@ fn process(command: RunCommand) -> Result<(), Failure> {
     }
 }
 
-/// Prints a failure for programs. Standard output may be closed; the exit code still says enough.
-fn print_error(error: &ErrorObject) {
+/// Whether the verb waits for something that a signal, or a reader that does not read, must not be held up by or hold up.
+fn follows_an_order(command: &cli::Command) -> bool {
+    use cli::Command::*;
+    match command {
+        Plan(args) => matches!(args.command, plan::options::PlanCommand::Fly(_)),
+        Start(_) | Stop(_) | Takeoff(_) | Land(_) | Hold(_) | Goto(_) | Rtl(_) | Param(_)
+        | Fence(_) | Control(_) | Wait(_) => true,
+        _ => false,
+    }
+}
+
+/// Prints a failure for programs: of a verb that follows an order without waiting for a reader. Standard output may be closed; the exit
+/// code still says enough.
+fn print_error(error: &ErrorObject, is_followed: bool) {
+    if is_followed {
+        let _ = render::json_line(&mut standard_output(), error);
+        return;
+    }
     let mut out = std::io::stdout().lock();
     let _ = render::json_line(&mut out, error);
     let _ = out.flush();

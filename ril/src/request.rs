@@ -14,20 +14,20 @@ pub(crate) mod ports;
 #[cfg(test)]
 mod tests;
 
-use std::io::{self, Write};
 use std::time::Duration;
 
 use ipc_types::code::{ControlCommand, Reason, SenderLost, Stage};
 use ipc_types::payload::{ModuleControl, MovementData, RequestReport};
-use ipc_types::{Client, MonotonicNs, Request, SendError, Source, fresh_request_id};
+use ipc_types::{Client, Descriptor, MonotonicNs, Request, SendError, Source, fresh_request_id};
 use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::output::standard_output;
 
 use crate::options::RequestArgs;
-use crate::render::json_line;
 use crate::render::messages::object::ReportObject;
 use crate::render::messages::{self, FinalReport, Verb};
+use crate::render::{Weight, json_text, tell};
 use crate::robot::absence::absent;
-use crate::session::{OrderContext, Session};
+use crate::session::{OrderContext, Session, UrgentContext};
 
 /// When the exchange is over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -123,6 +123,12 @@ impl Exchange {
             timeout,
             due: MonotonicNs(u64::MAX),
         }
+    }
+
+    /// The bridge has so long from now on for its first answer, and for each later one.
+    pub fn await_for(&mut self, timeout: Duration, now: MonotonicNs) {
+        self.timeout = timeout;
+        self.due = now + timeout;
     }
 
     /// The request that [`Next::Send`] named has been sent.
@@ -336,6 +342,26 @@ pub(crate) fn ask<R: Request>(
         .map(drop)
 }
 
+/// A command whose one request goes out before anything else is read or printed.
+///
+/// # Errors
+///
+/// As [`Conversation::follow`].
+pub(crate) fn ask_at_once<R: Request>(
+    verb: Verb,
+    key: &'static str,
+    args: &RequestArgs,
+    request: impl FnOnce(&UrgentContext) -> R,
+) -> Result<(), Failure> {
+    let asked = UrgentContext::of(&args.ask)?;
+    let requests = [request(&asked)];
+    let mut bridge = Conversation::open_at(&asked.session, key, verb, Duration::ZERO)?;
+    let mut exchange = bridge.begin(&requests, Until::of(args))?;
+    exchange.await_for(asked.timeout(), MonotonicNs::now());
+    let format = Format::of(args.ask.json);
+    bridge.follow_begun(exchange, &requests, format).map(drop)
+}
+
 /// Something that a command looks at while it follows a request.
 pub(crate) trait Companion {
     /// What wakes it.
@@ -488,20 +514,25 @@ impl<'a, R: Request> Conversation<'a, R> {
         requests: &[R],
         format: Format,
     ) -> Result<Option<RequestReport>, Failure> {
+        // Nobody was there to read it from the beginning when standard output was closed before: what was begun is followed then.
+        let prints = format != Format::Silent || self.companion.is_some();
+        let output = prints.then(standard_output);
+        let output = output.filter(|output| !output.is_closed());
         loop {
             let now = MonotonicNs::now();
             let printed = self.receive(&mut exchange, requests.len(), format, now);
             let looked = self.companion.as_mut().map_or(Ok(()), |one| one.look());
+            let is_closed = output.is_some_and(|output| output.is_closed() || printed.is_err());
             match exchange.next(now) {
                 Next::Over(outcome) => return self.judge(&exchange, outcome),
-                _ if printed.is_err() => {
+                _ if is_closed => {
                     let why = "standard output was closed";
                     return Err(self.leave(why, &exchange));
                 }
                 _ if self.session.termination.requested() => {
                     return Err(self.leave("interrupted", &exchange));
                 }
-                _ if looked.is_err() => return looked.map(|()| None),
+                _ if looked.is_err() && output.is_some() => return looked.map(|()| None),
                 Next::Send(index) => {
                     self.send(&requests[index])?;
                     exchange.sent(now);
@@ -509,8 +540,12 @@ impl<'a, R: Request> Conversation<'a, R> {
                 Next::Wait(until) => {
                     let client: &mut dyn Source = &mut self.client;
                     let beside = self.companion.as_mut().map(|one| one.source());
-                    self.session
-                        .wait([client].into_iter().chain(beside), until)?;
+                    let mut closed = output
+                        .and_then(|output| output.closed())
+                        .map(Descriptor::new);
+                    let closed = closed.as_mut().map(|closed| closed as &mut dyn Source);
+                    let others = [client].into_iter().chain(beside).chain(closed);
+                    self.session.wait(others, until)?;
                 }
             }
         }
@@ -543,13 +578,16 @@ impl<'a, R: Request> Conversation<'a, R> {
         format: Format,
     ) -> Result<(), Failure> {
         let robot = self.names_robot.then(|| self.session.ipc.robot().get());
-        let mut out = io::stdout().lock();
+        let weight = match report.is_final() {
+            true => Weight::Result,
+            false => Weight::Progress,
+        };
         match format {
             Format::Silent => Ok(()),
             Format::Json => {
                 let object = ReportObject::new(self.verb, report);
                 let object = object.with_previous(report, self.previous_value);
-                json_line(&mut out, &object.of_robot(robot))
+                tell(weight, json_text(&object.of_robot(robot))?)
             }
             // It is the error that the command ends with, and is printed as that.
             Format::Text if is_failure(report) => Ok(()),
@@ -563,7 +601,7 @@ impl<'a, R: Request> Conversation<'a, R> {
                     }
                     let robot = robot.map_or_else(String::new, |robot| format!("robot {robot}: "));
                     let remark = remark.unwrap_or_default();
-                    writeln!(out, "{robot}{line}{was}{remark}").map_err(Failure::output)
+                    tell(weight, format!("{robot}{line}{was}{remark}\n"))
                 }
             },
         }

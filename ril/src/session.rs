@@ -296,6 +296,8 @@ impl OrderContext {
 pub(crate) struct UrgentContext<'a> {
     ask: &'a AskArgs,
     pub session: Session,
+    /// When the operator gave the command.
+    pub issued: MonotonicNs,
 }
 
 impl<'a> UrgentContext<'a> {
@@ -303,15 +305,21 @@ impl<'a> UrgentContext<'a> {
     pub fn of(ask: &'a AskArgs) -> Result<UrgentContext<'a>, Failure> {
         begin(&ask.common)?;
         refuse_to_guess(&ask.common)?;
-        let session = Session::join(&ask.common)?;
-        Ok(UrgentContext { ask, session })
+        UrgentContext::join(ask)
     }
 
     /// Of a command for all robots.
     pub fn of_all(ask: &'a AskArgs) -> Result<UrgentContext<'a>, Failure> {
         begin(&ask.common)?;
-        let session = Session::join(&ask.common)?;
-        Ok(UrgentContext { ask, session })
+        UrgentContext::join(ask)
+    }
+
+    fn join(ask: &'a AskArgs) -> Result<UrgentContext<'a>, Failure> {
+        Ok(UrgentContext {
+            ask,
+            session: Session::join(&ask.common)?,
+            issued: began(),
+        })
     }
 
     /// Until how long after its issue the order may begin, as command line or environment say; 0 leaves it to the bridge.

@@ -210,7 +210,8 @@ mod tests {
     fn a_datagram_is_as_old_as_the_time_for_which_it_has_waited() {
         for loopback in ["127.0.0.1:0", "[::1]:0"] {
             let address: SocketAddr = loopback.parse().unwrap();
-            let (Ok(mut socket), Ok(sender)) = (StampedSocket::bind(address), UdpSocket::bind(address))
+            let (Ok(mut socket), Ok(sender)) =
+                (StampedSocket::bind(address), UdpSocket::bind(address))
             else {
                 assert!(address.is_ipv6(), "this machine has no IPv6");
                 continue;
@@ -228,10 +229,16 @@ mod tests {
             let resumed = now(ClockId::Monotonic);
             sender.send_to(b"second", to).unwrap();
             let (first, bytes) = receive(&mut socket);
-            assert_eq!((first.from, &bytes[..]), (sender.local_addr().unwrap(), &b"first"[..]));
+            assert_eq!(
+                (first.from, &bytes[..]),
+                (sender.local_addr().unwrap(), &b"first"[..])
+            );
             // A clock that is slewed between two readings of it is a little off.
             let slack = Duration::from_millis(50);
-            assert!(first.came + slack > sent && first.came < resumed, "{first:?}");
+            assert!(
+                first.came + slack > sent && first.came < resumed,
+                "{first:?}"
+            );
             let (second, bytes) = receive(&mut socket);
             assert_eq!(bytes, b"second");
             assert!(second.came + slack > resumed, "{second:?}");

@@ -14,7 +14,7 @@ use std::panic;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, Once, OnceLock, PoisonError};
-use std::thread;
+use std::thread::{self, Thread};
 use std::time::{Duration, Instant};
 
 use rustix::event::{EventfdFlags, PollFd, PollFlags, eventfd, poll};
@@ -38,7 +38,7 @@ pub const READER_LIMIT: Duration = Duration::from_secs(1);
 /// Stack of the thread, bytes: it writes and waits.
 const STACK_BYTES: usize = 64 << 10;
 
-/// A bounded queue whose sender never waits.
+/// A bounded queue whose sender never waits. Its reader must not sleep in it: then a sender would take the lock with which std wakes it.
 #[derive(Debug)]
 pub(crate) struct LossyQueue<T> {
     sender: SyncSender<T>,
@@ -130,6 +130,8 @@ impl Progress {
 pub struct Output {
     queue: LossyQueue<Text>,
     progress: Arc<Progress>,
+    /// `None` if the system has given none: every text is lost then.
+    thread: Option<Thread>,
     /// Somebody has waited for it in vain.
     is_stalled: AtomicBool,
 }
@@ -180,7 +182,7 @@ pub fn finish(text: impl Into<String>) {
 }
 
 impl Output {
-    /// Starts the thread, with all signals blocked: they are for the thread that waits for them. Without a thread every text is lost.
+    /// Starts the thread, with all signals blocked: they are for the thread that waits for them.
     fn start(to: BorrowedFd<'static>, explain: fn(u64) -> String) -> Output {
         let (queue, texts) = LossyQueue::new(MAX_WAITING);
         let closed = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK);
@@ -196,11 +198,11 @@ impl Output {
                 .stack_size(STACK_BYTES)
                 .spawn(move || write_all(to, &texts, &progress, explain))
         };
-        // The exit code says enough where there is no thread; to write without one would be to wait.
-        drop(thread);
         Output {
             queue,
             progress,
+            // The exit code says enough where there is no thread; to write without one would be to wait.
+            thread: thread.ok().map(|thread| thread.thread().clone()),
             is_stalled: AtomicBool::new(false),
         }
     }
@@ -242,11 +244,15 @@ impl Output {
     fn offer(&self, text: String) -> Result<(), String> {
         let missing = self.queue.take_lost();
         self.progress.waiting.fetch_add(1, Ordering::AcqRel);
-        self.queue.offer(Text { missing, text }).map_err(|refused| {
+        if let Err(refused) = self.queue.offer(Text { missing, text }) {
             self.progress.waiting.fetch_sub(1, Ordering::AcqRel);
             self.queue.lose(missing);
-            refused.text
-        })
+            return Err(refused.text);
+        }
+        if let Some(thread) = &self.thread {
+            thread.unpark();
+        }
+        Ok(())
     }
 
     /// Writes a text for people, which so stands before what the process does next, such as a line on the other stream. Waits for at
@@ -319,18 +325,20 @@ fn write_all(
     progress: &Progress,
     explain: fn(u64) -> String,
 ) {
-    for Text { missing, text } in texts {
-        let before = match missing {
-            0 => String::new(),
-            missing => explain(missing),
-        };
-        let is_written = [before, text]
-            .iter()
-            .all(|text| write(to, text.as_bytes()));
-        if !is_written {
-            progress.close();
+    loop {
+        for Text { missing, text } in texts.try_iter() {
+            let before = match missing {
+                0 => String::new(),
+                missing => explain(missing),
+            };
+            let is_written = [before, text].iter().all(|text| write(to, text.as_bytes()));
+            if !is_written {
+                progress.close();
+            }
+            progress.finished_one();
         }
-        progress.finished_one();
+        // A text that has come since then has left its mark, with which this returns at once.
+        thread::park();
     }
 }
 
@@ -473,10 +481,19 @@ mod tests {
     fn what_passes_leaves_room_for_what_stays() {
         let (mut reader, output) = stalled();
         let progress = std::iter::repeat_with(|| output.put_passing("progress\n"));
-        assert_eq!(progress.take(MAX_WAITING).filter(|is_taken| *is_taken).count(), MAX_WAITING / 2);
+        assert_eq!(
+            progress
+                .take(MAX_WAITING)
+                .filter(|is_taken| *is_taken)
+                .count(),
+            MAX_WAITING / 2
+        );
         assert!(!output.is_idle());
         assert!(output.put("result\n"));
         let text = read_until(&mut reader, "result\n");
-        assert!(text.ends_with("progress\n1024 are missing\nresult\n"), "{text}");
+        assert!(
+            text.ends_with("progress\n1024 are missing\nresult\n"),
+            "{text}"
+        );
     }
 }

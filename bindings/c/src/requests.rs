@@ -131,10 +131,11 @@ impl Requests {
     ///
     /// When the request was not sent.
     pub fn control(&mut self, command: ControlCommand) -> Result<u64, Error> {
-        self.send_own(&ModuleControl {
+        let control = ModuleControl {
             after: std::mem::take(&mut self.before),
             ..ModuleControl::new(0, command)
-        })
+        };
+        self.send_own(&control)
     }
 
     /// Takes off and climbs to this height above take-off, m.

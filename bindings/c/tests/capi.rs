@@ -91,7 +91,7 @@ fn null_pointers_and_senseless_arguments_are_errors() {
         refused(
             hero_ril_send(client, &movement, bytes, 8, null_mut()),
             -2,
-            "80 bytes",
+            "96 bytes",
         );
         let unknown = service(c"nothing/there");
         refused(

@@ -196,12 +196,25 @@ static void places(void) {
     MovementData request;
     uint64_t ticket;
     EXPECT(hero_ril_take(server, &request, sizeof request, &ticket, WATCHDOG_MS), HERO_RIL_OK);
+    EXPECT(request.after, 0);
     if (request.latitude_deg != there.latitude_deg || request.longitude_deg != there.longitude_deg ||
         request.altitude_m != there.altitude_m || request.first != 1 || request.last != 1 || request.request_id != id) {
         fputs("another waypoint came\n", stderr);
         exit(1);
     }
     EXPECT(hero_ril_answer(server, ticket, HERO_STAGE_DONE, HERO_REASON_NONE), HERO_RIL_OK);
+    /* A step behind it, and what comes then is none. */
+    uint64_t before[2] = {id, 0};
+    EXPECT(hero_ril_follow(client, id), HERO_RIL_OK);
+    for (int i = 0; i < 2; i++) {
+        EXPECT(hero_ril_land(client, 0, NULL), HERO_RIL_OK);
+        EXPECT(hero_ril_take(server, &request, sizeof request, &ticket, WATCHDOG_MS), HERO_RIL_OK);
+        if (request.after != before[i]) {
+            fputs("another step before\n", stderr);
+            exit(1);
+        }
+        EXPECT(hero_ril_answer(server, ticket, HERO_STAGE_DONE, HERO_REASON_NONE), HERO_RIL_OK);
+    }
 }
 
 /* Closes what is open: in a child that was forked as well, when it ends. */

@@ -41,8 +41,13 @@ int main() {
         client.hold();
         serve_one();
     }
-    auto landing = client.land();
+    auto hold = client.hold();
     serve_one();
+    auto landing = client.after(hold).land();
+    auto step = server.take(60s);
+    expect(step.has_value() && (*step)->after == hold.id(), "a step behind the hold");
+    step->accept();
+    step->done();
     expect(landing.finish().stage == HERO_STAGE_DONE, "landed");
 
     std::cout << "fork" << std::endl;

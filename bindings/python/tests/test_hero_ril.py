@@ -533,6 +533,23 @@ class Requests(InRobot):
         self.assertEqual(landing.wait().stage, "done")
         serving.join()
 
+    def test_a_step_names_the_one_before(self):
+        server, asked = self.robot.serve("movement", hero_ril.structs.MovementData), []
+
+        def serve():
+            for _ in range(4):
+                with server.receive(WATCHDOG_S) as order:
+                    asked.append(order.data.after)
+                    order.accept()
+
+        serving = threading.Thread(target=serve)
+        serving.start()
+        hold = self.robot.hold()
+        path = self.robot.go_to((37.4, -6.0, 20.0), (37.5, -6.0, 20.0), after=hold)
+        self.robot.land(after=path).wait()
+        serving.join()
+        self.assertEqual(asked, [0, hold.id, hold.id, path.id])
+
     def test_waiting_for_a_request_that_is_over_ends_at_once(self):
         server = self.robot.serve(self.KEY, SetLimit)
         sent = self.robot.send(self.KEY, SetLimit())

@@ -599,6 +599,7 @@ impl Flight {
         let Motion::Idle(then) = self.motion else {
             return;
         };
+        self.answers.take_loss();
         let requester = None;
         match (lands, cx.link.is_up()) {
             (false, _) => {}

@@ -271,6 +271,11 @@ impl Answers {
         self.last = event;
     }
 
+    /// The bridge ended a path because its sender was lost. No step follows, and orders of others are as new as before.
+    pub fn take_loss(&mut self) {
+        self.last = LastOrder::event(CameBetween::SenderLost);
+    }
+
     /// A parameter write was taken.
     pub fn wrote(&mut self, header: &RequestHeader) {
         self.last.wrote(header);

@@ -135,6 +135,7 @@ impl Audit {
             altitude_m = waypoint.map(|to| to.altitude_m),
             preempt = (movement.preempt != 0).then_some(true),
             repeat = (movement.repeat != 0).then_some(true),
+            after = (movement.after != 0).then_some(movement.after),
             "request"
         );
     }
@@ -219,7 +220,16 @@ impl Audit {
                 tracing::info!(request, stage, value, "report");
             }
             _ => tracing::warn!(
-                request, stage, reason, rule, area, waypoint, dsp_error, value, "report"
+                request,
+                stage,
+                reason,
+                rule,
+                area,
+                waypoint,
+                dsp_error,
+                value,
+                between = report.in_between(),
+                "report"
             ),
         }
     }

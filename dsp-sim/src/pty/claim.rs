@@ -31,7 +31,12 @@ impl Claim {
         let _ = fs::remove_file(&fresh);
         let device = fs::metadata(terminal)?;
         let mut file = File::create_new(&fresh)?;
-        let text = format!("{} {} {}\n", device.dev(), device.rdev(), std::process::id());
+        let text = format!(
+            "{} {} {}\n",
+            device.dev(),
+            device.rdev(),
+            std::process::id()
+        );
         let made = flock(&file, FlockOperation::NonBlockingLockExclusive)
             .map_err(io::Error::from)
             .and_then(|()| file.write_all(text.as_bytes()))

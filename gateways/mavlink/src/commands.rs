@@ -161,7 +161,12 @@ impl Commands {
             }
         }
         let subject = Subject::of(key.command);
-        self.order(Some(key.sender), subject, is_stop || key.is_disarming(), frame);
+        self.order(
+            Some(key.sender),
+            subject,
+            is_stop || key.is_disarming(),
+            frame,
+        );
         self.last_number += 1;
         key.number = self.last_number;
         self.known.push(KnownCommand {
@@ -209,10 +214,12 @@ impl Commands {
         subject: Subject,
         frame: FrameTime,
     ) -> bool {
-        let is_same =
-            |one: &&NewestOrder| (Some(one.sender), one.subject) == (sender, subject);
+        let is_same = |one: &&NewestOrder| (Some(one.sender), one.subject) == (sender, subject);
         self.newest.iter().find(is_same).is_some_and(|one| {
-            let ahead = frame.sequence.wrapping_sub(one.frame.sequence).cast_signed();
+            let ahead = frame
+                .sequence
+                .wrapping_sub(one.frame.sequence)
+                .cast_signed();
             ahead < 0 && frame.came.since(one.frame.came) < MEMORY
         })
     }
@@ -240,7 +247,11 @@ impl Commands {
     /// The answer to a command. Of one that has an answer it is the later one, which copies get for as long as they would have got the
     /// first one.
     pub fn answer(&mut self, key: &CommandKey, answer: CommandAck, now: MonotonicNs) {
-        let Some(index) = self.known.iter().position(|one| one.key.number == key.number) else {
+        let Some(index) = self
+            .known
+            .iter()
+            .position(|one| one.key.number == key.number)
+        else {
             return;
         };
         match &mut self.known[index] {
@@ -255,7 +266,8 @@ impl Commands {
 
     /// What an accepted command began has ended otherwise: copies get this answer.
     pub fn amend(&mut self, key: &CommandKey, answer: CommandAck, now: MonotonicNs) {
-        let is_answered = |one: &KnownCommand| one.key.number == key.number && one.answered.is_some();
+        let is_answered =
+            |one: &KnownCommand| one.key.number == key.number && one.answered.is_some();
         if self.known.iter().any(is_answered) {
             self.answer(key, answer, now);
         }
@@ -295,7 +307,13 @@ mod tests {
     }
 
     /// What a command is; a new one is taken.
-    fn comes(commands: &mut Commands, key: &mut CommandKey, is_stop: bool, sequence: u8, ms: u64) -> Copy {
+    fn comes(
+        commands: &mut Commands,
+        key: &mut CommandKey,
+        is_stop: bool,
+        sequence: u8,
+        ms: u64,
+    ) -> Copy {
         let copy = commands.look(key, frame(sequence, ms), at(ms));
         if matches!(copy, Copy::New | Copy::Past(_)) {
             assert!(commands.take(key, is_stop, frame(sequence, ms)));
@@ -311,7 +329,10 @@ mod tests {
         let commands = &mut commands;
         let mut goto = key(1, 192);
         assert_eq!(comes(commands, &mut goto, false, 0, 0), Copy::New);
-        assert_eq!(comes(commands, &mut key(1, 192), false, 1, 9_000), Copy::Open);
+        assert_eq!(
+            comes(commands, &mut key(1, 192), false, 1, 9_000),
+            Copy::Open
+        );
         commands.answer(&goto, DENIED, at(10_000));
         let again = |commands: &mut Commands, ms| comes(commands, &mut key(1, 192), false, 2, ms);
         assert_eq!(again(commands, 12_499), Copy::Answered(DENIED));
@@ -321,13 +342,23 @@ mod tests {
         assert_eq!(again(commands, 12_499), Copy::Answered(later));
         assert_eq!(again(commands, 12_500), Copy::New);
         commands.answer(&goto, DENIED, at(60_000));
-        assert_eq!(again(commands, 60_000), Copy::Open, "what was forgotten does not come back");
+        assert_eq!(
+            again(commands, 60_000),
+            Copy::Open,
+            "what was forgotten does not come back"
+        );
         // A stop is one while it is open only.
         let mut hold = key(1, 193);
         assert_eq!(comes(commands, &mut hold, true, 3, 60_000), Copy::New);
-        assert_eq!(comes(commands, &mut key(1, 193), true, 4, 60_000), Copy::Open);
+        assert_eq!(
+            comes(commands, &mut key(1, 193), true, 4, 60_000),
+            Copy::Open
+        );
         commands.answer(&hold, DENIED, at(60_001));
-        assert_eq!(comes(commands, &mut key(1, 193), true, 5, 60_001), Copy::New);
+        assert_eq!(
+            comes(commands, &mut key(1, 193), true, 5, 60_001),
+            Copy::New
+        );
     }
 
     #[test]
@@ -346,12 +377,18 @@ mod tests {
             assert!(matches!(copy, Copy::Open | Copy::Answered(_)), "{copy:?}");
             assert_eq!(comes(commands, &mut key(1, 22), false, 3, 3), Copy::New);
             let mut second = key(1, 192);
-            assert_eq!(comes(commands, &mut second, false, 4, 4), Copy::Past(Since::Own));
+            assert_eq!(
+                comes(commands, &mut second, false, 4, 4),
+                Copy::Past(Since::Own)
+            );
             // Each gets its own answer.
             commands.answer(&second, CommandAck::plain(MavResult::Failed), at(5));
             commands.answer(&first, DENIED, at(5));
             let failed = CommandAck::plain(MavResult::Failed);
-            assert_eq!(comes(commands, &mut key(1, 192), false, 5, 6), Copy::Answered(failed));
+            assert_eq!(
+                comes(commands, &mut key(1, 192), false, 5, 6),
+                Copy::Answered(failed)
+            );
             // A stop, then another station's.
             assert_eq!(comes(commands, &mut key(1, 193), true, 6, 7), Copy::New);
             let stopped = commands.look(&key(1, 192), frame(7, 8), at(8));
@@ -359,7 +396,10 @@ mod tests {
             assert_eq!(comes(commands, &mut key(2, 22), false, 0, 9), Copy::New);
             let overtaken = commands.look(&key(1, 192), frame(8, 10), at(10));
             assert_eq!(overtaken, Copy::Past(Since::Others));
-            assert_eq!(comes(commands, &mut key(1, 192), false, 8, 2_505), Copy::New);
+            assert_eq!(
+                comes(commands, &mut key(1, 192), false, 8, 2_505),
+                Copy::New
+            );
         }
     }
 
@@ -380,7 +420,10 @@ mod tests {
             (255, 0, 1, false),
         ] {
             let mut commands = Commands::default();
-            assert_eq!(comes(&mut commands, &mut key(1, 193), true, newest, 0), Copy::New);
+            assert_eq!(
+                comes(&mut commands, &mut key(1, 193), true, newest, 0),
+                Copy::New
+            );
             let found = comes(&mut commands, &mut key(1, 192), false, sequence, ms);
             let expected = match is_outdated {
                 true => Copy::Outdated,
@@ -388,8 +431,14 @@ mod tests {
             };
             assert_eq!(found, expected, "{sequence} after {newest}, {ms} ms");
             // Other subjects and other stations have their own order.
-            assert_eq!(comes(&mut commands, &mut key(1, 178), false, sequence, ms), Copy::New);
-            assert_eq!(comes(&mut commands, &mut key(2, 192), false, sequence, ms), Copy::New);
+            assert_eq!(
+                comes(&mut commands, &mut key(1, 178), false, sequence, ms),
+                Copy::New
+            );
+            assert_eq!(
+                comes(&mut commands, &mut key(2, 192), false, sequence, ms),
+                Copy::New
+            );
         }
     }
 
@@ -403,7 +452,10 @@ mod tests {
         }
         assert!(!commands.take(&mut key(1, 99), false, frame(0, 0)));
         assert!(commands.take(&mut key(2, 99), false, frame(0, 0)));
-        assert!(!commands.take(&mut key(1, 21), true, frame(0, 0)), "all are open");
+        assert!(
+            !commands.take(&mut key(1, 21), true, frame(0, 0)),
+            "all are open"
+        );
         commands.answer(&keys[3], DENIED, at(1));
         assert!(!commands.take(&mut key(1, 99), false, frame(0, 1)));
         assert!(commands.take(&mut key(1, 21), true, frame(0, 1)));

@@ -97,7 +97,8 @@ impl Decision {
 
     /// Whether it stops the helicopter, or the module on the ground.
     pub fn ends_something(&self) -> bool {
-        self.is_stop() || matches!(self, Decision::Orders(orders) if orders.first == OrderKind::Stop)
+        self.is_stop()
+            || matches!(self, Decision::Orders(orders) if orders.first == OrderKind::Stop)
     }
 
     /// Whether the helicopter goes somewhere.
@@ -281,11 +282,7 @@ impl VehicleFacts<'_> {
         if !known.is_started() {
             if known.is_flying() {
                 let text = "take-off was refused: the helicopter is in the air";
-                return refuse_for(
-                    MavResult::TemporarilyRejected,
-                    Reason::AlreadyFlying,
-                    text,
-                );
+                return refuse_for(MavResult::TemporarilyRejected, Reason::AlreadyFlying, text);
             }
             if let Some(why) = known.not_ready() {
                 let text = format!("take-off was refused: {why}");

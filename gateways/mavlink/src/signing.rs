@@ -359,7 +359,11 @@ mod tests {
             let passed = clock + second * PER_SECOND;
             let mut again = signing("secret", passed, kept.unwrap_or(0));
             for frame in recorded.iter().rev().take(60) {
-                assert_eq!(check(&mut again, frame, at(0)), Err(Forged::OfBefore), "{second} s");
+                assert_eq!(
+                    check(&mut again, frame, at(0)),
+                    Err(Forged::OfBefore),
+                    "{second} s"
+                );
             }
             kept = own.take_kept().or(kept);
         }

@@ -204,7 +204,10 @@ impl Known<'_> {
     /// # Errors
     ///
     /// Why it is not.
-    pub fn started_for(&self, path: OrderKind) -> Result<(OrderKind, Option<OrderKind>), &'static str> {
+    pub fn started_for(
+        &self,
+        path: OrderKind,
+    ) -> Result<(OrderKind, Option<OrderKind>), &'static str> {
         match self.not_ready() {
             _ if self.is_started() => Ok((path, None)),
             _ if !self.is_flying() => Err("the helicopter is on the ground: take off first"),

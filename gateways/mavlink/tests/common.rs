@@ -4,9 +4,9 @@ use std::cell::Cell;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use ipc_types::{MonotonicNs, TelemetryGroup};
 use ipc_types::code::{Functionality, LinkState, ModuleStatus, PilotSwitch, Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, ModuleState, RequestReport};
+use ipc_types::{MonotonicNs, TelemetryGroup};
 use mavlink_gateway::message::{self, COMMAND_LONG, HEARTBEAT, MessageKind};
 use mavlink_gateway::wire::{MessageWriter, frames};
 use mavlink_gateway::{Gateway, Mission, Order, OrderKind, Settings, Task};

@@ -8,7 +8,7 @@ use mavlink_gateway::message::{
 };
 use mavlink_gateway::number::{MissionRefusal, MissionResult};
 use mavlink_gateway::wire::MessageWriter;
-use mavlink_gateway::{Order, OrderKind, Settings};
+use mavlink_gateway::{Order, OrderKind, Settings, Task};
 
 use crate::common::{QGC, Sent, Station, World, texts};
 
@@ -461,4 +461,40 @@ fn a_fence_is_refused_in_flight_of_strangers_and_with_what_is_none() {
     assert!(texts(&world.sent())[0].1.contains("return point"));
     world.serve("");
     assert_eq!(world.put.map(|areas| areas.len()), Some(1));
+}
+
+#[test]
+fn a_fence_that_the_disk_takes_too_late_is_taken_back_and_so_is_one_that_a_take_off_has_overtaken()
+{
+    for is_late in [true, false] {
+        let mut world = accepting();
+        count(&mut world, 1);
+        circle(&mut world, 0, 5004, 12.5);
+        let task = world.gateway.poll_task();
+        assert!(matches!(task, Some(Task::PutFence(_))), "{task:?}");
+        world.sent();
+        if is_late {
+            world.pass(4_100);
+            let sent = world.sent();
+            assert_eq!(ack(&sent), [1, FENCE]);
+            let is_told = |one: &(u8, String)| one.1.contains("the disk does not take it");
+            assert!(texts(&sent).iter().any(is_told), "{sent:?}");
+            assert_eq!(world.gateway.poll_task(), None, "nothing is written yet");
+            // Another one waits for the disk as well.
+            world.heartbeat(QGC);
+            world.tick(20);
+            count(&mut world, 1);
+            circle(&mut world, 0, 5004, 12.5);
+            assert_eq!(ack(&world.sent()), [1, FENCE]);
+        } else {
+            world.telemetry.flying = 1;
+            world.tick(20);
+        }
+        let now = world.now;
+        world.gateway.fence_put(Ok(2), now);
+        assert_eq!(world.gateway.poll_task(), Some(Task::RestoreFence));
+        assert_eq!(world.kinds(), []);
+        world.gateway.fence_restored(Ok(()), now);
+        assert_eq!(world.kinds(), [OrderKind::ReloadFence]);
+    }
 }

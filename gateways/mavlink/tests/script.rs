@@ -163,6 +163,7 @@ impl Play {
         }
         assert!(sent <= 256, "{sent} datagrams wait");
         while self.gateway.poll_event().is_some() {}
+        self.gateway.poll_progress(self.now);
         let deadline = self.gateway.deadline();
         assert!(
             deadline.is_none_or(|deadline| deadline > self.now),

@@ -177,3 +177,46 @@ fn without_signatures_another_machine_watches_and_commands_only_if_it_is_named()
     world.tick(1_000);
     assert_eq!(world.sent(), []);
 }
+
+#[test]
+fn frames_of_before_a_restart_are_not_carried_out_from_another_address_and_their_station_goes_on() {
+    let mut before = signed_world(Settings::default());
+    let mut station = signing("secret", before.now);
+    let recorded = [heartbeat(), hold()].map(|message| signed(&mut station, &message, before.now));
+    for frame in &recorded {
+        send(&mut before, away(), frame);
+    }
+    assert_eq!(before.kinds(), [OrderKind::Hold]);
+    let kept = before.gateway.poll_timestamp().expect("it is kept");
+
+    let mut world = World::flying();
+    let again = Signing::new(SigningKey::of("secret"), CLOCK, kept, world.now);
+    world.gateway = mavlink_gateway::Gateway::new(Settings::default(), 1).signing(again);
+    world.tick(20);
+    let other: SocketAddr = ([10, 0, 0, 9], 14_550).into();
+    for frame in &recorded {
+        send(&mut world, other, frame);
+    }
+    assert_eq!(world.kinds(), []);
+    assert_eq!(refused(&world), [0, 0, 2]);
+    // The station itself is told, takes over our timestamp, and is there.
+    let late = signed(&mut station, &heartbeat(), world.now);
+    world.tick(1_000);
+    send(&mut world, away(), &late);
+    let mut told = 0;
+    while let Some(datagram) = world.gateway.poll_datagram() {
+        for frame in frames(&datagram.bytes).flatten() {
+            let signature = frame.signature.expect("all are signed");
+            if datagram.to == away() {
+                assert_eq!(station.check((1, 1), &signature, world.now), Ok(()));
+                told += 1;
+            }
+        }
+    }
+    assert!(told > 0);
+    for message in [heartbeat(), hold()] {
+        let frame = signed(&mut station, &message, world.now);
+        send(&mut world, away(), &frame);
+    }
+    assert_eq!(world.kinds(), [OrderKind::Hold]);
+}

@@ -130,7 +130,7 @@ mod tests {
         let fields = RequestFields::of(&Schema::of::<MovementData>());
         let movement = MovementData {
             issued_ns: 0,
-            ..MovementData::take_off(7, 10.0)
+            ..MovementData::take_off(7, 10.0).following(6)
         };
         let mut request = movement.bytes().to_vec();
         assert_eq!(fields.issued(&request), None);

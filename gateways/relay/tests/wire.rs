@@ -110,14 +110,14 @@ fn what_a_robot_tells_has_four_variants() {
         report,
     };
     let bytes = encode(&Reply::Answer(answer));
-    // 136 as a varint.
-    assert_eq!(bytes[..7], [VERSION, 2, 1, 2, 3, 0x88, 0x01]);
-    assert_eq!(bytes.len(), 7 + 136);
+    // 160 as a varint.
+    assert_eq!(bytes[..7], [VERSION, 2, 1, 2, 3, 0xA0, 0x01]);
+    assert_eq!(bytes.len(), 7 + 160);
     let Ok(Reply::Answer(read)) = decode(&bytes) else {
         panic!("it is an answer");
     };
     assert_eq!(read, answer);
-    let short = [&[VERSION, 2, 1, 2, 3, 135, 1][..], &bytes[7..142]].concat();
+    let short = [&[VERSION, 2, 1, 2, 3, 159, 1][..], &bytes[7..166]].concat();
     assert!(matches!(
         decode::<Reply>(&short),
         Err(NoMessage::Contents(_))

@@ -507,22 +507,13 @@ pub(crate) struct OpenRequest {
 #[serde(tag = "type", rename_all = "kebab-case")]
 pub(crate) enum Incoming {
     Open(OpenRequest),
-    Seen {
-        n: u64,
-    },
+    Seen { n: u64 },
     Order(OrderRequest),
     Check(CheckRequest),
-    Lease {
-        robot: u32,
-        action: LeaseAction,
-    },
+    Lease { robot: u32, action: LeaseAction },
     Replay(ReplayRequest),
-    Hidden {
-        hidden: bool,
-    },
-    Ping {
-        id: String,
-    },
+    Hidden { hidden: bool },
+    Ping { id: String },
 }
 
 /// How bad a state is.

@@ -113,7 +113,10 @@ impl Pages {
         let holder = self.leases.get(&robot).and_then(|lease| lease.holder());
         let former = holder.filter(|holder| *holder != viewer);
         if let Some(former) = former
-            && self.pages.get(&former).is_some_and(|page| page.name.as_ref() == Some(&name))
+            && self
+                .pages
+                .get(&former)
+                .is_some_and(|page| page.name.as_ref() == Some(&name))
         {
             self.act(robot, Act::Gone(former), now, events);
         }

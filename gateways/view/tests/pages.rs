@@ -670,7 +670,10 @@ fn a_page_that_is_back_commands_again_unless_another_one_does() {
     world.server.closed(page.id, world.now);
     let _ = (named(&mut world, "other", 1), world.page(Some(SECRET), 1));
     let watch = world.viewer(own(), "/", "hero.view.v1");
-    world.say(&watch, &json!({"type": "open", "token": WATCH, "robot": 1, "rate_hz": 20, "page": "tab"}));
+    world.say(
+        &watch,
+        &json!({"type": "open", "token": WATCH, "robot": 1, "rate_hz": 20, "page": "tab"}),
+    );
     assert!(!world.server.is_commanded(1));
     // What was given up, or left for another robot, is not taken again.
     for leaves in [lease(1, "release"), open(None, Some(2))] {

@@ -238,9 +238,12 @@ mod tests {
     #[test]
     fn without_a_fix_the_gps_has_measured_nothing() {
         use TelemetryGroup::{Geographic, GpsQuality, GpsVelocity, Xy};
-        for (gps_quality, says_it, expected) in
-            [(0, true, false), (1, true, true), (8, true, true), (0, false, true)]
-        {
+        for (gps_quality, says_it, expected) in [
+            (0, true, false),
+            (1, true, true),
+            (8, true, true),
+            (0, false, true),
+        ] {
             let quality = if says_it { 0 } else { GpsQuality.bit() };
             let dsp = DspTelemetry {
                 valid_groups: !quality,
@@ -253,7 +256,11 @@ mod tests {
                     GpsQuality => says_it,
                     _ => true,
                 };
-                assert_eq!(dsp.valid(group), expected, "{group:?} {gps_quality} {says_it}");
+                assert_eq!(
+                    dsp.valid(group),
+                    expected,
+                    "{group:?} {gps_quality} {says_it}"
+                );
             }
         }
     }

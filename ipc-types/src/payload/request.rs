@@ -405,6 +405,7 @@ impl RequestReport {
             (CameBetween::LinkLost, _) => "a loss of the link to the DSP".to_owned(),
             (CameBetween::DspRebooted, _) => "a reboot of the DSP".to_owned(),
             (CameBetween::BridgeBegan, _) => "a start of the bridge".to_owned(),
+            (CameBetween::SenderLost, _) => "the loss of the sender of a path".to_owned(),
             (request, _) => format!("a {request}{sender}"),
         })
     }

@@ -11,7 +11,7 @@ use std::fmt::Display;
 use std::io::{self, Write};
 
 use runtime::exit::{ExitCode, Failure, OrFail};
-use runtime::output::standard_error;
+use runtime::output::{standard_error, standard_output};
 use serde::Serialize;
 
 /// Prints a report on standard output: as one line of JSON, or as text.
@@ -40,6 +40,37 @@ pub(crate) fn note(text: impl Display) {
 
 /// Writes `value` as one line of JSON.
 pub(crate) fn json_line(to: &mut impl Write, value: &impl Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string(value).or_fail(ExitCode::Internal)? + "\n";
+    let text = json_text(value)?;
     to.write_all(text.as_bytes()).map_err(Failure::output)
+}
+
+/// `value` as one line of JSON.
+pub(crate) fn json_text(value: &impl Serialize) -> Result<String, Failure> {
+    Ok(serde_json::to_string(value).or_fail(ExitCode::Internal)? + "\n")
+}
+
+/// How much it matters that something is read which is printed while an order is followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Weight {
+    /// What comes later says more.
+    Progress,
+    /// How it ended.
+    Result,
+}
+
+/// Prints on standard output while an order is followed: nothing waits for its reader, see [`runtime::output`].
+///
+/// # Errors
+///
+/// When standard output was closed.
+pub(crate) fn tell(weight: Weight, text: impl Into<String>) -> Result<(), Failure> {
+    let out = standard_output();
+    match weight {
+        Weight::Progress => out.put_passing(text),
+        Weight::Result => out.put(text),
+    };
+    match out.is_closed() {
+        true => Err(Failure::output(io::ErrorKind::BrokenPipe.into())),
+        false => Ok(()),
+    }
 }

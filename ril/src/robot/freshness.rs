@@ -16,6 +16,10 @@ pub const OVERDUE_AFTER: Duration = Duration::from_millis(500);
 /// The same of the state of status, of the relay and of other modules, which comes once a second.
 pub const MODULE_OVERDUE_AFTER: Duration = Duration::from_millis(1500);
 
+/// A module's state older than this says nothing of the present: every module publishes it at least once a second, and this is three
+/// of them.
+pub const MODULE_STALE_AFTER: Duration = Duration::from_secs(3);
+
 /// How often a process that lives and says nothing is looked for.
 pub const LOOK_PERIOD: Duration = Duration::from_millis(500);
 

@@ -18,7 +18,9 @@ use crate::render::messages::details;
 use crate::robot::changes::{self, Alarms, Change, Weight};
 use crate::robot::chart::Chart;
 use crate::robot::controller::Senders;
-use crate::robot::freshness::{Feed, Freshness, MODULE_OVERDUE_AFTER, OVERDUE_AFTER, named};
+use crate::robot::freshness::{
+    Feed, Freshness, MODULE_OVERDUE_AFTER, MODULE_STALE_AFTER, OVERDUE_AFTER, named,
+};
 use crate::robot::geo::{Place, Track};
 use crate::robot::history::{EventLog, Past};
 use crate::robot::pilot::{self, PilotView};
@@ -27,11 +29,11 @@ use crate::robot::relay_link::STATIONS_STALE_AFTER;
 /// Telemetry older than this says nothing of the present: the DSP sends it several times a second.
 pub const TELEMETRY_STALE_AFTER: Duration = Duration::from_secs(1);
 
-/// Every module publishes its state at least once a second: three of them.
-const MODULE_STALE_AFTER: Duration = Duration::from_secs(3);
-
 /// How long a DSP error is shown as an alarm. The journal keeps it.
 const DSP_ERROR_SHOWN: Duration = Duration::from_secs(10);
+
+/// The alarm that nothing of a robot on another machine comes.
+const RELAY_LINK: &str = "relay-link";
 
 /// Most reached waypoints that are kept for the map: the longest path.
 const MAX_REACHED: usize = 1024;
@@ -463,7 +465,9 @@ impl WatchedRobot {
     /// All that is wrong, what matters most first. What follows from another finding is left out: one cause is one alarm.
     fn findings(&self, now: MonotonicNs) -> Vec<Finding> {
         let mut findings = Vec::new();
-        if let Some(cut) = self.cut(now) {
+        let cut = self.cut(now);
+        let is_robot_heard = cut.as_ref().is_none_or(|cut| cut.id != RELAY_LINK);
+        if let Some(cut) = cut {
             findings.push(cut);
         } else {
             if let Some(age) = self.telemetry_feed.at(now).age() {
@@ -477,9 +481,18 @@ impl WatchedRobot {
         if has_no_fix && self.pilot.flying == Some(true) {
             findings.push(alarm("no-fix", "no GPS fix in flight"));
         }
-        if matches!(self.process(Process::Status, now), Freshness::Gone(_)) {
-            let text = "`ril run status` has ended: telemetry is the bridge's own, and no logs are written";
-            findings.push(warning("status-gone", text));
+        match self.process(Process::Status, now) {
+            Freshness::Gone(_) => {
+                let text = "`ril run status` has ended: telemetry is the bridge's own, and no logs are written";
+                findings.push(warning("status-gone", text));
+            }
+            // Worse than its end: its consumers wait, nothing starts it again, and the logs have a gap.
+            Freshness::Stale(_) if is_robot_heard => {
+                let text = "`ril run status` says nothing: is it stopped, or is the machine overloaded? Telemetry is the bridge's own, and \
+                     no logs are written";
+                findings.push(alarm("status-silent", text));
+            }
+            _ => {}
         }
         findings
     }
@@ -496,7 +509,7 @@ impl WatchedRobot {
                     Some(age) => format!("relay's link {state}, {age}"),
                     None => format!("relay's link {state}"),
                 };
-                return Some(alarm("relay-link", text));
+                return Some(alarm(RELAY_LINK, text));
             }
         }
         match self.process(Process::Bridge, now) {

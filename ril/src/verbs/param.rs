@@ -3,8 +3,6 @@
 //! Names are the bridge's: it lists its ports, and a name is looked up in that list. The bridge checks ranges and who may
 //! write what.
 
-use std::io::{self, Write};
-
 use clap::{Args, Subcommand};
 use ipc_types::payload::{ParameterRequest, RequestReport};
 use ipc_types::{MonotonicNs, fresh_request_id};
@@ -12,10 +10,10 @@ use runtime::config::nearest;
 use runtime::exit::{ExitCode, Failure};
 
 use crate::options::{AskArgs, number};
-use crate::render::json_line;
 use crate::render::messages::Verb;
 use crate::render::messages::details::{port_header, port_name, port_row};
 use crate::render::messages::object::ReportObject;
+use crate::render::{Weight, json_text, tell};
 use crate::request::{Conversation, Format, Until, begin_by_ns};
 use crate::session::OrderContext;
 
@@ -238,20 +236,20 @@ impl ParameterPorts<'_> {
             true => self.read_values(&mut list)?,
             false => None,
         };
-        let mut out = io::stdout().lock();
-        if self.format == Format::Text {
-            writeln!(out, "{}", port_header()).map_err(Failure::output)?;
-        }
+        let mut text = match self.format {
+            Format::Text => port_header() + "\n",
+            Format::Json | Format::Silent => String::new(),
+        };
         for report in list {
             match self.format {
-                Format::Text => writeln!(out, "{}", port_row(&report.port, report.value()))
-                    .map_err(Failure::output)?,
+                Format::Text => text += &(port_row(&report.port, report.value()) + "\n"),
                 Format::Json => {
-                    json_line(&mut out, &ReportObject::new(Verb::ListParameters, &report))?;
+                    text += &json_text(&ReportObject::new(Verb::ListParameters, &report))?;
                 }
                 Format::Silent => {}
             }
         }
+        tell(Weight::Result, text)?;
         match trouble {
             None => Ok(()),
             Some(failure) => Err(failure.context("the values could not be read")),

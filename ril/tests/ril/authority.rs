@@ -179,8 +179,14 @@ fn moves_and_the_way_home_are_flown_from_where_the_helicopter_is() {
     rig.run("goto +25m,+0m", 0);
     rig.run("land", 0);
     let mut state = rig.watch(1);
-    let stood = state.until("home", |state| state.functionality() == Some(Functionality::AtRest));
-    near((stood.home_latitude_deg, stood.home_longitude_deg, 0.0), 25.0, 0.0);
+    let stood = state.until("home", |state| {
+        state.functionality() == Some(Functionality::AtRest)
+    });
+    near(
+        (stood.home_latitude_deg, stood.home_longitude_deg, 0.0),
+        25.0,
+        0.0,
+    );
     drop(state);
     rig.run("takeoff 5m", 0);
     rig.run("goto +20m,+0m", 0);

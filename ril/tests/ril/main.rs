@@ -20,6 +20,7 @@ mod limits;
 mod mavlink;
 mod measuring;
 mod operator;
+mod orders_first;
 mod package;
 mod parameters;
 mod plans;

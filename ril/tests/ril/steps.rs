@@ -73,7 +73,7 @@ fn hovering_again(rig: &Sandbox) -> Process {
 fn flight_ends(mut flight: Process, why: &str) -> String {
     let finished = flight.exits(5);
     finished.err_says("superseded").err_says(why);
-    finished.err_says("go on with `ril plan fly hovers.waypoints --from 2");
+    finished.err_says("go on with `ril plan fly hovers.waypoints --from 3");
     finished.stderr.join("\n")
 }
 

@@ -149,7 +149,7 @@ mod tests {
         let limit = Duration::from_millis(10);
         let never = move || {
             begun.send(()).unwrap();
-            drop(hangs.recv());
+            let _ = hangs.recv();
         };
         assert_eq!(within(limit, never), None);
         has_begun.recv().unwrap();

@@ -92,7 +92,14 @@ mod tests {
         let second = owner(&own);
         assert_eq!(stale(), [false; 2], "it was started again");
         drop(second);
-        for text in ["", "x", "1", "1 2 3", "18446744073709551616 1", "\u{0}\u{0}"] {
+        for text in [
+            "",
+            "x",
+            "1",
+            "1 2 3",
+            "18446744073709551616 1",
+            "\u{0}\u{0}",
+        ] {
             let _other = owner(text);
             assert_eq!(stale(), [true; 2], "{text:?}");
         }

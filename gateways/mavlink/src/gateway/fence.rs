@@ -137,12 +137,11 @@ impl Gateway {
             }
             return;
         };
+        if let (Ok(_), Some((result, why))) = (&put, not_now) {
+            upload.step = UploadStep::Watching;
+            return self.take_back_fence(result, why, now);
+        }
         match put {
-            Ok(_) if not_now.is_some() => {
-                let (result, why) = not_now.unwrap_or((MissionResult::Error, ""));
-                upload.step = UploadStep::Watching;
-                self.take_back_fence(result, why, now);
-            }
             Ok(total) => {
                 (upload.total, upload.step) = (total, UploadStep::Reloading(number));
                 self.reload_fence(now);

@@ -193,7 +193,8 @@ impl Gateway {
             }
             "it came too long ago: repeat it"
         } else {
-            self.commands.order(Some(sender), subject, false, self.frame);
+            self.commands
+                .order(Some(sender), subject, false, self.frame);
             return false;
         };
         if changes {
@@ -598,8 +599,7 @@ impl Gateway {
         now: MonotonicNs,
     ) {
         let none = super::orders::NO_COMMAND;
-        let key_or_none =
-            key.unwrap_or(CommandKey::new(sender, none, [u32::from(sequence); 8]));
+        let key_or_none = key.unwrap_or(CommandKey::new(sender, none, [u32::from(sequence); 8]));
         let run = self
             .missions
             .run
@@ -914,7 +914,12 @@ impl Gateway {
     pub(super) fn advance_missions(&mut self, now: MonotonicNs) {
         let output = self.missions.transfer.advance(now);
         self.transfer(MISSION, output, now);
-        if self.missions.saving.take_if(|until| now >= *until).is_some() {
+        if self
+            .missions
+            .saving
+            .take_if(|until| now >= *until)
+            .is_some()
+        {
             let why = "the disk does not take it; the previous one is in force".to_owned();
             self.end_saving(Mission::default(), Err(why), now);
         }

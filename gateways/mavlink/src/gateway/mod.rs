@@ -334,7 +334,9 @@ impl Gateway {
     fn heartbeat(&mut self, sender: StationAddress, now: MonotonicNs) {
         let (settings, signs) = (&self.settings, self.signing.is_some());
         let may_command = |one| settings.bars(one, signs).is_none();
-        let outcome = self.stations.heartbeat(sender, may_command, self.frame.came);
+        let outcome = self
+            .stations
+            .heartbeat(sender, may_command, self.frame.came);
         let mut text = format!("{sender} at {} has come", sender.address);
         match outcome {
             HeartbeatOutcome::Known => return,

@@ -140,7 +140,10 @@ impl Gateway {
                 self.answer(&key, answer);
                 if !answer.is_accepted() {
                     let what = decision.name();
-                    let text = format!("{what} came again, and was refused just before: {}", answer.reason);
+                    let text = format!(
+                        "{what} came again, and was refused just before: {}",
+                        answer.reason
+                    );
                     self.tell(key.sender, MavSeverity::Error, &text, now);
                 }
                 return;

@@ -109,7 +109,8 @@ impl Gateway {
             }
             let asked = self.frame.came;
             if parameter.name == SPEED {
-                self.commands.order(Some(sender), Subject::Speed, false, self.frame);
+                self.commands
+                    .order(Some(sender), Subject::Speed, false, self.frame);
             }
             let write = Write {
                 by: sender,

@@ -288,9 +288,15 @@ impl Missions {
         let hover = self.run.as_ref().and_then(|run| run.executor.deadline());
         let primed = self.primed.map(|(_, until)| until);
         let starting = self.starting.map(|starting| starting.until);
-        [hover, primed, starting, self.saving, self.transfer.deadline()]
-            .into_iter()
-            .flatten()
-            .min()
+        [
+            hover,
+            primed,
+            starting,
+            self.saving,
+            self.transfer.deadline(),
+        ]
+        .into_iter()
+        .flatten()
+        .min()
     }
 }

@@ -62,7 +62,10 @@ fn without_a_fix_the_last_place_stays_with_its_age() {
     robot.hero(&none, at(21_000));
     robot.dsp(&dsp, at(21_250));
     let view = robot.pilot;
-    assert_eq!((view.place, view.altitude_m, view.ground_speed_mps), (None, None, None));
+    assert_eq!(
+        (view.place, view.altitude_m, view.ground_speed_mps),
+        (None, None, None)
+    );
     assert_eq!((view.climb_mps, view.course_deg), (None, None));
     assert_eq!(view.gps.map(|gps| gps.0), Some(0));
     assert_eq!(
@@ -84,6 +87,7 @@ fn a_bridge_that_is_killed_is_one_alarm_and_one_bell_and_comes_back() {
     );
     robot.provider(Process::Bridge, false, lost);
     for ms in (20_500..30_000).step_by(250) {
+        robot.status(&translating(ms), at(ms));
         robot.judge(at(ms));
     }
     assert_eq!(alarms(&robot), [("bridge-gone", 0)]);
@@ -114,6 +118,31 @@ fn telemetry_that_stops_is_stale_after_a_second_although_nothing_comes() {
     assert_eq!(next, at(21_001));
     robot.judge(next);
     assert_eq!(alarms(&robot), [("telemetry", 0)]);
+}
+
+#[test]
+fn a_status_that_hangs_is_an_alarm_and_one_that_has_ended_a_warning() {
+    let mut robot = flown();
+    let dsp = |ms| DspTelemetry {
+        received_ns: at(ms).0,
+        ..DspTelemetry::default()
+    };
+    for ms in (20_250..=24_000).step_by(250) {
+        robot.state(&on_path(1, ms), at(ms));
+        robot.dsp(&dsp(ms), at(ms));
+        for process in robot.looks_due(at(ms)) {
+            robot.provider(process, process != Process::Relay, at(ms));
+        }
+        robot.judge(at(ms));
+    }
+    assert_eq!(alarms(&robot), [("status-silent", 0)]);
+    assert!(robot.telemetry_freshness(at(24_000)).is_fresh());
+    robot.provider(Process::Status, false, at(24_000));
+    robot.judge(at(24_000));
+    assert_eq!(alarms(&robot), [("status-gone", 0)]);
+    robot.status(&translating(24_000), at(24_000));
+    robot.judge(at(24_000));
+    assert!(alarms(&robot).is_empty());
 }
 
 #[test]

@@ -92,7 +92,8 @@ fn switch(facts: &PreflightFacts) -> CheckOutcome {
 /// Where the helicopter stands: without it no take-off and no path is taken.
 fn home(facts: &PreflightFacts, limits: &PreflightLimits) -> CheckOutcome {
     const ID: &str = "home";
-    let without_fix = |dsp: &DspTelemetry| dsp.valid(TelemetryGroup::GpsQuality) && dsp.gps_quality == 0;
+    let without_fix =
+        |dsp: &DspTelemetry| dsp.valid(TelemetryGroup::GpsQuality) && dsp.gps_quality == 0;
     if without_fix(sample(facts, limits, ID, None)?) {
         let why = "the GPS has no fix, and without one a position means nothing";
         return Err(Finding::unchecked(ID, why));

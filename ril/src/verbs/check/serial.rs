@@ -32,7 +32,9 @@ pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
         ),
         Ok(Device::Stale) => Finding::error(
             "port-stale",
-            format!("{path} was made by a simulator that has ended, and its terminal may be another one's by now"),
+            format!(
+                "{path} was made by a simulator that has ended, and its terminal may be another one's by now"
+            ),
             format!("start the simulator again: `ril run sim --link {path}`"),
         ),
         Ok(Device::Terminal {

@@ -9,18 +9,14 @@
 //! the gateway gives up by itself ([`mavlink_gateway`]), and the process ends without them after [`END_LIMIT`].
 
 use std::io;
-use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::os::fd::{AsFd, BorrowedFd};
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
-use std::thread;
 use std::time::Duration;
 
-use ipc_types::{SchedulingRole, request_slice};
 use mavlink_gateway::Mission;
 use mavlink_gateway::number::MissionRefusal;
 use plans::model::FenceArea;
-use rustix::event::{EventfdFlags, eventfd};
+use runtime::helper::{Helper, HelperGone};
 
 use super::fence;
 use super::state::{StateError, StateFile, warn_of_timestamp, write_timestamp};
@@ -77,10 +73,7 @@ pub(super) struct KeptFiles {
 
 /// See the module's documentation.
 pub(super) struct Keeper {
-    /// Room for the one job that is being done, so that handing it over never waits.
-    jobs: SyncSender<Job>,
-    written: Receiver<Written>,
-    woken: Arc<OwnedFd>,
+    thread: Helper<Job, Written>,
     is_busy: bool,
     waiting: [Option<Job>; KINDS],
 }
@@ -92,25 +85,10 @@ impl Keeper {
     ///
     /// When the system grants no thread or no descriptor.
     pub fn start(files: KeptFiles) -> io::Result<Keeper> {
-        let (jobs, asked) = sync_channel::<Job>(1);
-        let (ended, written) = sync_channel(1);
-        let woken = Arc::new(eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?);
-        let waker = Arc::clone(&woken);
-        let body = move || {
-            request_slice(SchedulingRole::Background);
-            for job in asked {
-                if ended.send(files.write(job)).is_err() {
-                    return;
-                }
-                // It only fails when the count is at its end: then the process is awake.
-                let _ = rustix::io::write(&waker, &1_u64.to_ne_bytes());
-            }
-        };
-        thread::Builder::new().name("state".to_owned()).spawn(body)?;
+        // Room for the one job that is being done, so that handing it over never fails.
+        let thread = Helper::start("state", 1, move |job| files.write(job))?;
         Ok(Keeper {
-            jobs,
-            written,
-            woken,
+            thread,
             is_busy: false,
             waiting: [const { None }; KINDS],
         })
@@ -124,12 +102,10 @@ impl Keeper {
     }
 
     fn go_on(&mut self) {
-        if self.is_busy {
-            return;
-        }
-        if let Some(job) = self.waiting.iter_mut().find_map(Option::take) {
-            // A thread that is gone has panicked; `written` says so.
-            self.is_busy = self.jobs.try_send(job).is_ok();
+        if !self.is_busy
+            && let Some(job) = self.waiting.iter_mut().find_map(Option::take)
+        {
+            self.is_busy = self.thread.give(job).is_ok();
         }
     }
 
@@ -139,31 +115,24 @@ impl Keeper {
     }
 
     /// How the job went that was being done, once it is over. Never waits.
-    pub fn written(&mut self) -> Option<Written> {
-        let mut count = [0; 8];
-        // It has nothing most of the time, and that is no error.
-        let _ = rustix::io::read(&self.woken, &mut count);
-        let written = match self.written.try_recv() {
-            Ok(written) => written,
-            Err(TryRecvError::Empty) => return None,
-            Err(TryRecvError::Disconnected) => {
-                if self.is_busy {
-                    tracing::error!("the thread that writes to the disk has failed: nothing is kept any more");
-                }
-                self.is_busy = false;
-                return None;
-            }
-        };
-        self.is_busy = false;
-        self.go_on();
-        Some(written)
+    ///
+    /// # Errors
+    ///
+    /// The thread is gone.
+    pub fn written(&mut self) -> Result<Option<Written>, HelperGone> {
+        let written = self.thread.take()?;
+        if written.is_some() {
+            self.is_busy = false;
+            self.go_on();
+        }
+        Ok(written)
     }
 }
 
 /// Readable when a job is over.
 impl AsFd for Keeper {
     fn as_fd(&self) -> BorrowedFd<'_> {
-        self.woken.as_fd()
+        self.thread.as_fd()
     }
 }
 
@@ -196,7 +165,11 @@ impl KeptFiles {
             }
             Job::Progress(text) => {
                 let written = self.progress.write(text.as_bytes());
-                kept("the progress of the mission", "a restart forgets it", written);
+                kept(
+                    "the progress of the mission",
+                    "a restart forgets it",
+                    written,
+                );
             }
         }
         Written::Other
@@ -228,7 +201,7 @@ mod tests {
 
     fn next(keeper: &mut Keeper) -> Written {
         loop {
-            if let Some(written) = keeper.written() {
+            if let Some(written) = keeper.written().unwrap() {
                 return written;
             }
             let mut woken = [PollFd::new(&*keeper, PollFlags::IN)];
@@ -249,7 +222,7 @@ mod tests {
         for number in 1..=3 {
             keeper.keep(Job::Progress(number.to_string()));
             keeper.keep(Job::Timestamp(number));
-            assert!(keeper.written().is_none() && !keeper.is_idle());
+            assert!(keeper.written().unwrap().is_none() && !keeper.is_idle());
         }
         keeper.keep(Job::Mission(Mission::default()));
         // The disk is back: as another one than it was, so that home is not kept.

@@ -134,7 +134,10 @@ fn restore(gateway: &mut Gateway, files: &KeptFiles, bridge: Option<u64>) {
         Ok(None) | Err(StateError::NoFolder) => {}
         Err(why) => tracing::warn!("{why}; there is no mission"),
     }
-    match files.progress.read(MAX_PROGRESS_BYTES, KeptProgress::decode) {
+    match files
+        .progress
+        .read(MAX_PROGRESS_BYTES, KeptProgress::decode)
+    {
         Ok(Some(progress)) => gateway.restore_progress(progress),
         Ok(None) | Err(StateError::NoFolder) => {}
         Err(why) => tracing::warn!("{why}; the mission begins with its first item"),

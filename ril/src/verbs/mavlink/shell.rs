@@ -109,12 +109,10 @@ impl MavlinkShell {
             match self.gateway.poll_task() {
                 None => return Ok(()),
                 Some(Task::Rules) => self.ports.ask_rules(now)?,
-                Some(Task::PutFence(areas)) => {
-                    match self.ports.bridge_file() {
-                        Ok(file) => self.keeper.keep(Job::PutFence(file, areas)),
-                        Err(refusal) => self.gateway.fence_put(Err(refusal), now),
-                    }
-                }
+                Some(Task::PutFence(areas)) => match self.ports.bridge_file() {
+                    Ok(file) => self.keeper.keep(Job::PutFence(file, areas)),
+                    Err(refusal) => self.gateway.fence_put(Err(refusal), now),
+                },
                 Some(Task::RestoreFence) => match self.fence.take() {
                     Some(change) => self.keeper.keep(Job::RestoreFence(change)),
                     None => self.gateway.fence_restored(Ok(()), now),
@@ -146,8 +144,8 @@ impl MavlinkShell {
     }
 
     /// Tells the gateway what is on the disk.
-    fn take_written(&mut self, now: MonotonicNs) {
-        while let Some(written) = self.keeper.written() {
+    fn take_written(&mut self, now: MonotonicNs) -> Result<(), Failure> {
+        while let Some(written) = self.keeper.written().or_fail(ExitCode::Internal)? {
             match written {
                 Written::Mission(mission, result) => self.gateway.saved(mission, result, now),
                 Written::Fence(put) => {
@@ -158,6 +156,7 @@ impl MavlinkShell {
                 Written::Other => {}
             }
         }
+        Ok(())
     }
 
     /// Has the disk keep what the next start needs.
@@ -212,7 +211,7 @@ impl Process for MavlinkShell {
         self.read(now);
         self.gateway.advance(now);
         self.ports.take_rules(&mut self.gateway, now);
-        self.take_written(now);
+        self.take_written(now)?;
         self.work(now)?;
         self.keep(now);
         self.write(now);

@@ -9,19 +9,21 @@ mod fence;
 mod path;
 mod progress;
 
+use std::time::Duration;
+
 use clap::{Args, Subcommand};
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, MovementData};
 use ipc_types::service::is_key;
-use ipc_types::{Request, fresh_request_id};
+use ipc_types::{MonotonicNs, Request, fresh_request_id};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure};
 
 use crate::config::Config;
 use crate::options::{RequestArgs, SampleArgs, take_off_height};
 use crate::render::messages::Verb;
-use crate::request::{Conversation, Format, Until, ask, complete, control_request};
-use crate::session::{OrderContext, Session, commandable_here, other_domains};
+use crate::request::{Conversation, Format, Until, ask, ask_at_once, complete, control_request};
+use crate::session::{OrderContext, Session, UrgentContext, commandable_here, other_domains};
 
 pub use control::{HolderArgs, control as command_of};
 pub use path::{GotoArgs, RtlArgs, go_to, rtl};
@@ -140,7 +142,9 @@ pub(crate) fn start(args: &ControlArgs, look: BeforeStart) -> Result<(), Failure
 /// was named, 3 when there is no bridge, 4 when it does not answer, 7 when a signal ends the command before the final
 /// report.
 pub fn stop(args: &ControlArgs) -> Result<(), Failure> {
-    control(Verb::Stop, ControlCommand::Stop, args, |_| Ok(()))
+    ask_at_once(Verb::Stop, control_key(args), &args.request, |asked| {
+        control_request(ControlCommand::Stop, asked.issued, asked.deadline_ms())
+    })
 }
 
 /// `ril fence …`
@@ -172,7 +176,7 @@ pub fn take_off(args: &TakeoffArgs) -> Result<(), Failure> {
 /// As [`stop`].
 pub fn land(args: &LandArgs) -> Result<(), Failure> {
     let request = MovementData::land(fresh_request_id());
-    movement(Verb::Land, request, args.preempt, &args.request)
+    urgent(Verb::Land, request, args.preempt, &args.request)
 }
 
 /// `ril hold`, which always replaces a path that is under way.
@@ -185,7 +189,7 @@ pub fn hold(args: &HoldArgs) -> Result<(), Failure> {
         true => hold_all(&args.request),
         false => {
             let request = MovementData::hold(fresh_request_id());
-            movement(Verb::Hold, request, true, &args.request)
+            urgent(Verb::Hold, request, true, &args.request)
         }
     }
 }
@@ -193,7 +197,7 @@ pub fn hold(args: &HoldArgs) -> Result<(), Failure> {
 /// Every robot has its order before the outcome of one is waited for, and one that fails keeps no other from it.
 fn hold_all(args: &RequestArgs) -> Result<(), Failure> {
     let ask = &args.ask;
-    let own = OrderContext::of_reader(ask)?;
+    let own = UrgentContext::of_all(ask)?;
     let robots = commandable_here()?;
     if robots.is_empty() {
         let text = format!("there is no robot to hold{}", other_domains());
@@ -213,8 +217,8 @@ fn hold_all(args: &RequestArgs) -> Result<(), Failure> {
             issued_ns: own.issued.0,
             ..MovementData::hold(fresh_request_id())
         };
-        let requests = [complete(request, true, own.deadline_ms)];
-        let sent = Conversation::open(session, Verb::Hold, own.timeout).and_then(|bridge| {
+        let requests = [complete(request, true, own.deadline_ms())];
+        let sent = Conversation::open(session, Verb::Hold, Duration::ZERO).and_then(|bridge| {
             let mut bridge = bridge.name_robot();
             let exchange = bridge.begin(&requests, Until::of(args))?;
             Ok((bridge, exchange))
@@ -224,7 +228,9 @@ fn hold_all(args: &RequestArgs) -> Result<(), Failure> {
             Err(failure) => failures.push((session.ipc.robot(), failure)),
         }
     }
-    for (session, mut bridge, exchange, requests) in begun {
+    let (timeout, now) = (own.timeout(), MonotonicNs::now());
+    for (session, mut bridge, mut exchange, requests) in begun {
+        exchange.await_for(timeout, now);
         let ended = bridge.follow_begun(exchange, &requests, Format::of(ask.json));
         if let Err(failure) = ended {
             failures.push((session.ipc.robot(), failure));
@@ -240,25 +246,45 @@ fn hold_all(args: &RequestArgs) -> Result<(), Failure> {
     Err(Failure::new(first.code(), text).with_next_step(first.next_step()))
 }
 
-/// A start or a stop of the bridge, or of the module that `args` name; `before` comes first.
+/// The service of the bridge, or of the module that `args` name.
+fn control_key(args: &ControlArgs) -> &'static str {
+    match &args.module {
+        None => ModuleControl::KEY,
+        // Once in the life of the process; the ports take keys that live as long as it.
+        Some(module) => format!("{module}/control").leak(),
+    }
+}
+
+/// A start of the bridge, or of the module that `args` name; `before` comes first.
 fn control(
     verb: Verb,
     command: ControlCommand,
     args: &ControlArgs,
     before: impl FnOnce(&OrderContext) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
-    let key = match &args.module {
-        None => ModuleControl::KEY,
-        // Once in the life of the process; the ports take keys that live as long as it.
-        Some(module) => format!("{module}/control").leak(),
-    };
-    ask(verb, key, &args.request, |asked| {
+    ask(verb, control_key(args), &args.request, |asked| {
         before(asked)?;
         Ok(vec![control_request(
             command,
             asked.issued,
             asked.deadline_ms,
         )])
+    })
+}
+
+/// Sends a movement of one request before anything else is read or printed.
+fn urgent(
+    verb: Verb,
+    request: MovementData,
+    preempt: bool,
+    args: &RequestArgs,
+) -> Result<(), Failure> {
+    ask_at_once(verb, MovementData::KEY, args, |asked| {
+        let request = MovementData {
+            issued_ns: asked.issued.0,
+            ..request
+        };
+        complete(request, preempt, asked.deadline_ms())
     })
 }
 

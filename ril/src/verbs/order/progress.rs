@@ -6,12 +6,14 @@ use std::time::Duration;
 
 use ipc_types::code::Stage;
 use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport, WaypointPosition};
-use ipc_types::{MonotonicNs, Source, Subscriber};
+use ipc_types::{MonotonicNs, Source, Subscriber, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::output::standard_output;
 
 use crate::render::messages::Verb;
 use crate::render::terminal::{Block, Size};
 use crate::render::words::{count, distance, duration};
+use crate::render::{Weight, tell};
 use crate::request::Companion;
 use crate::robot::geo::{Place, distance_m};
 use crate::robot::pilot::PilotView;
@@ -162,18 +164,24 @@ impl ProgressLine {
     }
 }
 
+/// The newest sample, if one came. A publisher that goes just now is no reason to end: what follows the order says how it ends.
+fn newest<T: Topic>(port: &mut Subscriber<T>) -> Option<T> {
+    port.latest().unwrap_or_else(|error| {
+        tracing::debug!(%error, "samples could not be received");
+        None
+    })
+}
+
 impl Companion for ProgressLine {
     fn source(&mut self) -> &mut dyn Source {
         &mut self.telemetry
     }
 
     fn look(&mut self) -> Result<(), Failure> {
-        let newest = self.telemetry.latest().or_fail(ExitCode::Internal)?;
-        if let Some(sample) = newest {
+        if let Some(sample) = newest(&mut self.telemetry) {
             self.now = PilotView::from(&sample);
         }
-        let state = self.states.latest().or_fail(ExitCode::Internal)?;
-        if let Some(state) = state {
+        if let Some(state) = newest(&mut self.states) {
             self.is_flown = state.movement.path_id == self.path_id;
             if self.is_flown {
                 self.reached = state.movement.waypoints_reached as usize;
@@ -186,26 +194,31 @@ impl Companion for ProgressLine {
             self.whole = self.to_go_m().map(|metres| (metres, MonotonicNs::now()));
         }
         let line = self.line().unwrap_or_default();
+        // A terminal that stands still is shown what is newest when it goes on.
         if let Some(block) = &mut self.block
             && line != self.shown
+            && standard_output().is_idle()
         {
-            let mut out = io::stdout().lock();
+            let mut text = Vec::new();
             let size = Size::of(io::stdout());
             block
-                .show(&mut out, size, [&line])
+                .show(&mut text, size, [&line])
                 .map_err(Failure::output)?;
             self.shown = line;
+            return tell(Weight::Progress, String::from_utf8_lossy(&text));
         }
         Ok(())
     }
 
     fn clear(&mut self) -> Result<(), Failure> {
         self.shown.clear();
-        match &mut self.block {
-            Some(block) => block
-                .clear(&mut io::stdout().lock())
-                .map_err(Failure::output),
-            None => Ok(()),
+        let mut text = Vec::new();
+        if let Some(block) = &mut self.block {
+            block.clear(&mut text).map_err(Failure::output)?;
+        }
+        match text.is_empty() {
+            true => Ok(()),
+            false => tell(Weight::Result, String::from_utf8_lossy(&text)),
         }
     }
 

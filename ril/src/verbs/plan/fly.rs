@@ -1,6 +1,5 @@
 //! `ril plan fly`: checks a plan, then does its steps one after the other, each followed to its final report.
 
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -11,6 +10,7 @@ use plans::executor::Executor;
 use plans::flight::{PathPoint, Step};
 use plans::model::FenceArea;
 use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::output::{standard_error, standard_output};
 
 use super::gather::{KnownPlan, gather, read};
 use super::options::PlanFlyArgs;
@@ -18,13 +18,13 @@ use super::progress::{StepEvent, resume};
 use super::report::PlanReport;
 use crate::fence_file::{FenceChange, FenceFileError};
 use crate::options::SenderArgs;
-use crate::render::json_line;
 use crate::render::messages::Verb;
 use crate::render::words::{columns, distance, duration};
+use crate::render::{Weight, json_line, json_text, tell};
 use crate::request::cruise::CruiseSpeed;
 use crate::request::{Companion, Conversation, Format, Steps, Until};
 use crate::robot::running::file_of;
-use crate::session::{Latest, OrderContext, Session};
+use crate::session::{Latest, OrderContext, Session, Unread};
 
 /// `ril plan fly`
 ///
@@ -33,7 +33,7 @@ use crate::session::{Latest, OrderContext, Session};
 /// Code 8 when a finding forbids the flight; otherwise that of the request that ended it early.
 pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
     let ask = &args.ask;
-    let asked = OrderContext::of(ask)?;
+    let asked = OrderContext::with(ask, Unread::Refused)?;
     let steps = Steps::of(&asked);
     let OrderContext {
         session,
@@ -53,9 +53,9 @@ pub fn fly(args: &PlanFlyArgs) -> Result<(), Failure> {
     )?;
     let report = PlanReport::new(&args.plan.file, &known);
     if ask.json {
-        report.write_json(&mut io::stdout().lock())?;
+        report.write_json(&mut standard_output())?;
     } else {
-        eprint!("{}", report.findings(columns()));
+        standard_error().print(report.findings(columns()));
     }
     report.verdict()?;
     if args.fence {
@@ -304,7 +304,7 @@ impl Flyer<'_> {
     fn announce(&self, event: &'static str, text: &str) -> Result<(), Failure> {
         match self.json {
             true => json_line(
-                &mut io::stdout().lock(),
+                &mut standard_output(),
                 &StepEvent::of(&self.executor, event),
             ),
             false => self.print(text),
@@ -314,7 +314,7 @@ impl Flyer<'_> {
     fn print(&self, text: &str) -> Result<(), Failure> {
         match self.json {
             true => Ok(()),
-            false => writeln!(io::stdout().lock(), "plan: {text}").map_err(Failure::output),
+            false => tell(Weight::Result, format!("plan: {text}\n")),
         }
     }
 }
@@ -367,18 +367,21 @@ impl<'a> PathWatch<'a> {
     /// So many waypoints were reached; the rest is so long.
     fn reached(&mut self, count: usize, to_go_m: Option<f64>) -> Result<(), Failure> {
         let items = self.executor.reached(count);
-        let mut out = io::stdout().lock();
         if self.json {
+            let event = StepEvent::of(self.executor, "reached");
             return match items.is_empty() {
                 true => Ok(()),
-                false => json_line(&mut out, &StepEvent::of(self.executor, "reached")),
+                false => tell(Weight::Progress, json_text(&event)?),
             };
         }
         for item in items {
             let to_go = to_go_m.map_or(String::new(), |metres| {
                 format!(", {} to go", distance(metres))
             });
-            writeln!(out, "plan: item {item} reached{to_go}").map_err(Failure::output)?;
+            tell(
+                Weight::Progress,
+                format!("plan: item {item} reached{to_go}\n"),
+            )?;
         }
         Ok(())
     }
@@ -392,13 +395,15 @@ impl Companion for PathWatch<'_> {
     fn look(&mut self) -> Result<(), Failure> {
         let mut newest = None;
         let path_id = self.path_id;
-        self.states
-            .drain(|state| {
-                if state.movement.path_id == path_id {
-                    newest = Some(state.movement);
-                }
-            })
-            .or_fail(ExitCode::Internal)?;
+        let drained = self.states.drain(|state| {
+            if state.movement.path_id == path_id {
+                newest = Some(state.movement);
+            }
+        });
+        // A publisher that goes just now is no reason to end: what follows the order says how it ends.
+        if let Err(error) = drained {
+            tracing::debug!(%error, "samples could not be received");
+        }
         let Some(movement) = newest else {
             return Ok(());
         };

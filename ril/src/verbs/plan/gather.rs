@@ -183,7 +183,13 @@ fn site(
     let present = robot.and_then(|robot| robot.present);
     let zero_above_sea_m = config.zero_above_sea_m;
     let known = robot.and_then(|robot| robot.state.home());
-    let (home, home_source) = home(plan, args.home, known, zero_above_sea_m, is_for_flight && present.is_some());
+    let (home, home_source) = home(
+        plan,
+        args.home,
+        known,
+        zero_above_sea_m,
+        is_for_flight && present.is_some(),
+    );
     let is_home_altitude_known = home.altitude_m.is_some();
     let home = Waypoint {
         latitude_deg: home.latitude_deg,

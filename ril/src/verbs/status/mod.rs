@@ -10,7 +10,7 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayStations
 use ipc_types::{MonotonicNs, Source, StateOf, StatusModule, Topic};
 use runtime::exit::{ExitCode, Failure};
 
-use self::report::{Samples, StateReport};
+use self::report::{Samples, StateReport, is_module_old};
 use crate::options::SampleArgs;
 use crate::render::terminal::{Block, Size};
 use crate::render::words::time_of_day;
@@ -160,7 +160,9 @@ impl Newest {
         if self.relay.is_missing() {
             return Ok(false);
         }
-        if self.status.sample.is_none() && session.is_provided(StateOf::<StatusModule>::KEY)? {
+        let status = self.status.sample.as_deref();
+        let is_heard = status.is_some_and(|status| !is_module_old(status, now));
+        if !is_heard && session.is_provided(StateOf::<StatusModule>::KEY)? {
             return Ok(false);
         }
         let Some(state) = &self.state.sample else {

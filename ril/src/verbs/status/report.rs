@@ -21,7 +21,9 @@ use serde::ser::{Serialize, Serializer};
 use crate::render::fields::{JsonLine, Selection, Tree};
 use crate::render::messages::details;
 use crate::robot::controller::Senders;
-use crate::robot::freshness::{STALE_AFTER, SampleAge, age_ms, is_stale, named};
+use crate::robot::freshness::{
+    MODULE_STALE_AFTER, STALE_AFTER, SampleAge, age_ms, is_stale, named,
+};
 use crate::robot::pilot::{self, PilotView};
 use crate::robot::relay_link::{LinkReport, UNREADABLE};
 
@@ -54,6 +56,17 @@ impl Samples {
     pub fn is_empty(&self) -> bool {
         self.state.is_none() && self.dsp.is_none() && self.hero.is_none() && self.status.is_none()
     }
+
+    /// Whether status lives and has not said for a while how it is.
+    pub fn is_status_silent(&self, now: MonotonicNs) -> bool {
+        let is_old = |state: State| is_module_old(&state, now);
+        self.has_status && self.status.is_none_or(is_old)
+    }
+}
+
+/// Whether a module's state is too old to say how it is.
+pub fn is_module_old(state: &State, now: MonotonicNs) -> bool {
+    is_stale(MonotonicNs(state.published_ns), now, MODULE_STALE_AFTER)
 }
 
 /// Everything that `ril status` shows.
@@ -93,7 +106,7 @@ impl StateReport {
     /// Why the command ends with another code than 0, and what to do; `None` if all is well.
     ///
     /// * 3: no bridge runs;
-    /// * 4: the bridge says nothing, or its state or the newest telemetry is old;
+    /// * 4: the bridge or status says nothing, or the bridge's state or the newest telemetry is old;
     /// * 6: the relay's link to the robot, or the robot's link to the DSP, is not up.
     pub fn trouble(&self) -> Option<(ExitCode, String)> {
         let robot = self.robot;
@@ -119,6 +132,13 @@ impl StateReport {
                 named(link.state(), link.state)
             );
             return Some((ExitCode::LinkDown, text));
+        }
+        if self.samples.is_status_silent(self.now) {
+            let text = format!(
+                "status of robot {robot} runs and says nothing: is it stopped, or is the machine overloaded? Telemetry is the bridge's own, \
+                 and no logs are written"
+            );
+            return Some((ExitCode::Timeout, text));
         }
         if link.telemetry_published > 0 && self.is_telemetry_old() != Some(false) {
             let text = format!(
@@ -159,6 +179,11 @@ impl StateReport {
 
     fn sample(&self, sequence: u64, time_ns: u64) -> SampleAge {
         SampleAge::new(sequence, MonotonicNs(time_ns), self.now)
+    }
+
+    fn status_sample(&self, state: &State) -> SampleAge {
+        let published = MonotonicNs(state.published_ns);
+        SampleAge::with_limit(state.sequence, published, self.now, MODULE_STALE_AFTER)
     }
 
     fn dsp(&self) -> Option<SampleAge> {
@@ -305,10 +330,7 @@ impl StateReport {
             ("doing", state.doing().unwrap_or(UNREADABLE).into()),
             ("blocked", state.is_blocked().into()),
             ("error", state.error().to_string().into()),
-            (
-                "sample",
-                self.sample(state.sequence, state.published_ns).tree(),
-            ),
+            ("sample", self.status_sample(state).tree()),
         ])
     }
 }

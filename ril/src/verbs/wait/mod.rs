@@ -16,7 +16,7 @@ use serde::Serialize;
 
 use self::condition::{Condition, Newest, Standing};
 use crate::options::{EXIT_CODES, duration};
-use crate::render::print_as;
+use crate::render::{Weight, json_text, tell};
 use crate::robot::absence::absent;
 use crate::session::{Latest, Session, configuration};
 
@@ -115,7 +115,11 @@ pub fn wait(args: &WaitArgs) -> Result<(), Failure> {
     };
     let lines = object.conditions.iter().filter(|_| is_met);
     let text = lines.map(|one| format!("{}: {}\n", one.condition, one.value));
-    print_as(args.json, &object, text.collect::<String>())?;
+    let text = match args.json {
+        true => json_text(&object)?,
+        false => text.collect(),
+    };
+    tell(Weight::Result, text)?;
     if is_met {
         return Ok(());
     }

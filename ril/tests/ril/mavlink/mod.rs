@@ -1,6 +1,7 @@
 //! `ril run mavlink` beside a real robot, as a ground station sees it.
 
 mod fences;
+mod late;
 mod missions;
 
 use std::fs::{self, Permissions};

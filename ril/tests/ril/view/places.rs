@@ -172,7 +172,8 @@ fn a_movement_whose_page_is_loaded_again_goes_on() {
     rig.write("view.toml", "page_lost = \"hold\"\npage_lost_s = 2\n");
     let flight = Flight::begin(&rig);
     let view = View::start(&rig);
-    let open = json!({"type": "open", "token": view.token, "robot": 1, "rate_hz": 20, "page": "tab"});
+    let open =
+        json!({"type": "open", "token": view.token, "robot": 1, "rate_hz": 20, "page": "tab"});
     let mut page = view.page();
     page.send(&open);
     let mut page = {
@@ -190,8 +191,10 @@ fn a_movement_whose_page_is_loaded_again_goes_on() {
         message["type"] == "now" && message["telemetry"]["freshness"] == "fresh"
     });
     let (latitude, longitude, altitude) = flight.place;
-    page.press(&json!({"type": "order", "order": "far", "robot": 1, "kind": "goto", "seen": 0,
-        "position": [latitude + 0.004, longitude], "altitude_m": altitude, "confirm": null}));
+    page.press(
+        &json!({"type": "order", "order": "far", "robot": 1, "kind": "goto", "seen": 0,
+        "position": [latitude + 0.004, longitude], "altitude_m": altitude, "confirm": null}),
+    );
     page.until("its acceptance", |message| {
         message["type"] == "order" && message["stage"] == "accepted"
     });
@@ -204,7 +207,10 @@ fn a_movement_whose_page_is_loaded_again_goes_on() {
     });
     let mut since = None;
     page.until("twice the time", |message| {
-        assert_ne!(message["text"], "no page commands any more and a movement of one goes on: hold");
+        assert_ne!(
+            message["text"],
+            "no page commands any more and a movement of one goes on: hold"
+        );
         let Some(now) = message["sent_ms"].as_u64() else {
             return false;
         };

@@ -7,7 +7,7 @@ use ril_tests::process::Signal;
 use ril_tests::{StandInBridge, StandInStatus};
 
 use super::screen::Screen;
-use crate::common::{end, json, sandbox, shown_state, state_of};
+use crate::common::{end, json, sandbox, shown_state, start_robot, state_of};
 
 #[test]
 fn a_flight_is_told_first_and_the_link_s_state_is_the_exit_code() {
@@ -71,6 +71,25 @@ fn old_telemetry_over_a_link_that_is_up_is_code_4() {
         ..DspTelemetry::default()
     });
     rig.run("state --timeout 5s", 4).out_says(", STALE");
+}
+
+#[test]
+fn a_status_that_hangs_is_told_from_one_that_is_not_there() {
+    let rig = sandbox();
+    let robot = start_robot(&rig, 10);
+    rig.run("state --timeout 60s", 0);
+    let mut screen = Screen::start(&rig, "watch", 160, 50);
+    screen.shows("on the ground");
+    robot.status.signal(Signal::STOP);
+    screen.shows("`ril run status` says nothing");
+    rig.run("state --timeout 5s", 4)
+        .out_says(", STALE")
+        .err_says("status of robot 1 runs and says nothing");
+    robot.status.signal(Signal::CONT);
+    rig.run("state --timeout 60s", 0);
+    screen.signal(Signal::INT);
+    screen.ends(true);
+    robot.end();
 }
 
 /// A sample in which position and switch are valid.

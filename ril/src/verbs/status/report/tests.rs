@@ -394,6 +394,23 @@ fn the_exit_code_says_what_is_missing() {
     assert_eq!(code(&silent, fresh()), ExitCode::Timeout);
     let relayed = report(1, &now_over(LinkState::Up), None, fresh(), None).relayed(None);
     assert_eq!(code_of(&relayed), ExitCode::Ok);
+    // Status publishes its state once a second.
+    let with_status = |age_ms| {
+        let status = State {
+            published_ns: ago(age_ms).0,
+            ..translating()
+        };
+        report(1, &now_over(LinkState::Up), None, fresh(), Some(&status))
+    };
+    assert_eq!(code_of(&with_status(2900)), ExitCode::Ok);
+    assert!(!with_status(2900).to_string().contains("STALE"));
+    let hung = with_status(3100);
+    assert_eq!(code_of(&hung), ExitCode::Timeout);
+    assert!(hung.to_string().contains("3100 ms old, STALE"), "{hung}");
+    assert!(
+        hung.situation()
+            .contains("status of robot 1 runs and says nothing")
+    );
 }
 
 #[test]

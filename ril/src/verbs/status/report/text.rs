@@ -163,7 +163,7 @@ impl StateReport {
         if says_blocked(state.status(), state.is_blocked()) {
             text += ", blocked";
         }
-        let sample = self.sample(state.sequence, state.published_ns);
+        let sample = self.status_sample(state);
         format!("{text}; {}; {sample}", error_words(state.error()))
     }
 

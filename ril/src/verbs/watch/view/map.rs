@@ -213,7 +213,11 @@ impl Sheet<'_> {
                 .add_modifier(Modifier::REVERSED);
             self.mark(&place, arrow(direction, glyphs), style);
         } else if let Some((place, _)) = robot.last_place {
-            self.mark(&place, glyphs.pick("◌", "?"), Style::new().fg(Color::Magenta));
+            self.mark(
+                &place,
+                glyphs.pick("◌", "?"),
+                Style::new().fg(Color::Magenta),
+            );
         }
     }
 
