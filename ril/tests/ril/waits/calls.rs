@@ -51,6 +51,7 @@ const ALL: &[&str] = &[];
 #[rustfmt::skip]
 pub const LIST: &[Row] = &[
     Row { of: ALL, about: About::Socket, calls: "ppoll", why: "the one wait" },
+    Row { of: &["bridge"], about: About::Event, calls: "ppoll", why: "asks with a limit of 0 whether a process has ended" },
     Row { of: &["bridge"], about: About::Line, calls: "ppoll", why: "the line alone, after a standstill: for at most 10 ms, while a backlog comes" },
     Row { of: &["status"], about: About::Doorbell, calls: "futex", why: "the one wait of a process that has publishers and subscribers alone" },
     Row { of: ALL, about: About::Wake, calls: "futex", why: "wakes others and goes on" },
@@ -60,7 +61,7 @@ pub const LIST: &[Row] = &[
     Row { of: ALL, about: About::Nothing, calls: "eventfd2 socket", why: "a new descriptor" },
     Row { of: ALL, about: About::SharedMemory, calls: "openat access statx newfstatat fstat lstat statfs fcntl fchmod ftruncate fallocate mmap close unlink unlinkat rename renameat mkdir mkdirat rmdir readlink getdents64 read pread64 write pwrite64 lseek fsync", why: "tmpfs: memory alone, where forcing does nothing; files of this user that members of the domain have made" },
     Row { of: ALL, about: About::SharedMemory, calls: "flock", why: "with LOCK_NB" },
-    Row { of: ALL, about: About::Proc, calls: "openat statx newfstatat read close fcntl readlink", why: "the kernel's own memory, of this process and of one that sent a request" },
+    Row { of: ALL, about: About::Proc, calls: "openat statx newfstatat getdents64 read close fcntl readlink readlinkat", why: "the kernel's own memory, of this process and of one that sent a request" },
     Row { of: ALL, about: About::Event, calls: "read write close fcntl timerfd_settime epoll_pwait epoll_ctl ioctl", why: "made with the flag not to wait; an epoll is asked with a limit of 0, the one wait is elsewhere" },
     Row { of: ALL, about: About::Socket, calls: "sendto recvfrom sendmsg recvmsg read write accept4 getsockopt setsockopt getsockname getpeername shutdown bind connect listen close fcntl ioctl", why: "asked not to wait: what finds no room fails at once" },
     Row { of: ALL, about: About::WaitingSocket, calls: "fcntl ioctl setsockopt getsockopt bind close connect", why: "datagrams of the same machine: joining and leaving is a matter of the kernel's memory" },
