@@ -9,7 +9,7 @@ use runtime::config::resulting::{Resulting, given, value_of};
 use runtime::exit::{ExitCode, Failure};
 
 use crate::config::BridgeConfig;
-use crate::shell::{self, ShellError};
+use crate::shell::{self, PortError, ShellError};
 
 /// The configuration file that is read when none is named; it may be absent.
 pub const DEFAULT_CONFIG_FILE: &str = "bridge.toml";
@@ -78,7 +78,7 @@ pub fn run(args: Args) -> Result<(), Failure> {
         &set_up.supervisor,
     )
     .map_err(|error| match error {
-        ShellError::NotAPort(_) => Failure::new(ExitCode::Configuration, error),
+        ShellError::Port(PortError::NotAPort(_)) => Failure::new(ExitCode::Configuration, error),
         _ => Failure::internal(error),
     })
 }

@@ -32,6 +32,7 @@ use crate::core::Input;
 use crate::journal::Journaled;
 use crate::link::commands::ATTEMPTS;
 use controller::Watched;
+pub use port::PortError;
 use port::PortSlot;
 use publish::{BridgeServices, OutlinePort};
 use reload::FenceReader;
@@ -83,13 +84,13 @@ pub enum ShellError {
     /// Waiting failed.
     #[error(transparent)]
     Wait(#[from] WaitError),
-    /// The port is something that can never be one.
+    /// See [`PortError`].
     #[error(transparent)]
-    NotAPort(serial::OpenError),
+    Port(#[from] PortError),
     /// The system grants no thread for what may take long.
     #[error("the bridge has no thread for its port, or for its geofence")]
     NoThread(#[source] std::io::Error),
-    /// Such a thread has failed.
+    /// The geofence's thread has failed.
     #[error(transparent)]
     ThreadGone(#[from] HelperGone),
 }
@@ -113,7 +114,7 @@ pub fn run(
         ipc: ipc.clone(),
         watched: Default::default(),
         suspended: MonotonicNs::suspended(),
-        port: PortSlot::start(&config.serial)?,
+        port: PortSlot::start(&config.serial).map_err(ShellError::NoThread)?,
         fence: FenceReader::start(read_fence).map_err(ShellError::NoThread)?,
         inbox: Vec::new(),
         buffer: vec![0; DRAIN_LEN],

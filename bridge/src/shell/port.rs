@@ -12,10 +12,9 @@ use std::os::fd::{AsFd, BorrowedFd};
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
-use runtime::helper::Helper;
+use runtime::helper::{Helper, HelperGone};
 use rustix::time::{ClockId, clock_gettime};
 
-use super::ShellError;
 use super::serial::{Gone, OpenError, SerialPort};
 use crate::config::SerialConfig;
 
@@ -39,6 +38,17 @@ const CLOSES_WITHIN: Duration = Duration::from_millis(500);
 
 /// What can wait for the thread: a port that is gone, and the next attempt.
 const MAX_JOBS: usize = 2;
+
+/// Why the bridge cannot go on with its port.
+#[derive(Debug, thiserror::Error)]
+pub enum PortError {
+    /// The port is something that can never be one.
+    #[error(transparent)]
+    NotAPort(OpenError),
+    /// The thread has failed.
+    #[error(transparent)]
+    ThreadGone(#[from] HelperGone),
+}
 
 /// What the thread does.
 enum PortJob {
@@ -75,16 +85,16 @@ pub(super) struct PortSlot {
 }
 
 impl PortSlot {
-    /// Starts the thread and the first attempt, for which it waits a little.
+    /// Starts the thread.
     ///
     /// # Errors
-    /// There is no thread, or the port is something that can never be one.
-    pub fn start(config: &SerialConfig) -> Result<PortSlot, ShellError> {
+    /// The system grants none.
+    pub fn start(config: &SerialConfig) -> io::Result<PortSlot> {
         let mut opener = Opener {
             config: config.clone(),
             was_missing: false,
         };
-        PortSlot::with(config, move |job| opener.work(job)).map_err(ShellError::NoThread)
+        PortSlot::with(config, move |job| opener.work(job))
     }
 
     fn with(
@@ -120,8 +130,8 @@ impl PortSlot {
     /// Makes the first attempt, and waits a little for what comes of it. Says whether the port is open.
     ///
     /// # Errors
-    /// Those of [`PortSlot::step`].
-    pub fn begin(&mut self) -> Result<bool, ShellError> {
+    /// See [`PortError`].
+    pub fn begin(&mut self) -> Result<bool, PortError> {
         self.try_open(MonotonicNs::now());
         match self.thread.wait(FIRST_ATTEMPT) {
             Some(result) => self.ended(MonotonicNs::now(), result),
@@ -132,8 +142,8 @@ impl PortSlot {
     /// Takes what the thread has done, if it has done something, and lets it try again if it is time to. Says whether the port was opened.
     ///
     /// # Errors
-    /// The port is something that can never be one, or the thread is gone.
-    pub fn step(&mut self, now: MonotonicNs, is_done: bool) -> Result<bool, ShellError> {
+    /// See [`PortError`].
+    pub fn step(&mut self, now: MonotonicNs, is_done: bool) -> Result<bool, PortError> {
         let mut is_opened = false;
         while is_done && let Some(result) = self.thread.take()? {
             is_opened |= self.ended(now, result)?;
@@ -150,7 +160,7 @@ impl PortSlot {
     }
 
     /// A failure is logged when it differs from the one before; repetitions are counted.
-    fn ended(&mut self, now: MonotonicNs, result: PortResult) -> Result<bool, ShellError> {
+    fn ended(&mut self, now: MonotonicNs, result: PortResult) -> Result<bool, PortError> {
         match result.outcome {
             Outcome::Opened(port) => {
                 tracing::info!(port = %self.config.port.display(), tries = self.failures + 1, "port open");
@@ -163,7 +173,7 @@ impl PortSlot {
             Outcome::Closed => {}
             Outcome::Settles => self.next_try = Some(now + PTY_SETTLING),
             Outcome::Failed(error @ OpenError::NotATerminal(_)) if !self.ever_open => {
-                return Err(ShellError::NotAPort(error));
+                return Err(PortError::NotAPort(error));
             }
             Outcome::Failed(error) => self.failed(now, &error, result.spent),
         }

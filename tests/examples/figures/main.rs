@@ -5,6 +5,7 @@
 //! cargo run --release -p ril-tests --example figures -- missions [--seeds 0..10000] [--kind noise]
 //! cargo run --release -p ril-tests --example figures -- delivery [--seeds 0..14000]
 //! cargo run --release -p ril-tests --example figures -- boundaries [--seeds 0..100000]
+//! cargo run --release -p ril-tests --example figures -- orders [--seeds 0..100000]
 //! cargo run --release -p ril-tests --example figures -- bytes [--bytes 1e9] [--seed 1]
 //! cargo run --release -p ril-tests --example figures -- replay [--seconds 600]
 //! cargo run --release -p ril-tests --example figures -- fleet [--robots 100] [--hours 24]
@@ -42,6 +43,7 @@ use dsp_protocol::Profile;
 use missions::boundaries;
 use missions::chance::{self, Seen};
 use missions::delivery;
+use missions::machine;
 use missions::seeds::{self, sums};
 
 #[global_allocator]
@@ -69,6 +71,12 @@ enum Measure {
     Boundaries {
         /// Seeds, such as `17` or `0..100`
         #[arg(long, value_parser = range, default_value = "0..1000")]
+        seeds: Range<u64>,
+    },
+    /// Runs of the order machine: orders of several senders while everything goes wrong
+    Orders {
+        /// Seeds, such as `17` or `0..100`
+        #[arg(long, value_parser = range, default_value = "0..10000")]
         seeds: Range<u64>,
     },
     /// Random and damaged bytes into the decoders and the bridge's core
@@ -128,6 +136,10 @@ fn main() -> ExitCode {
         Measure::Delivery { seeds } => deliveries(seeds),
         Measure::Boundaries { seeds } => {
             println!("{}", seeds::fly_range(seeds, boundaries::fly_bounded));
+            true
+        }
+        Measure::Orders { seeds } => {
+            println!("{}", seeds::fly_range(seeds, machine::play_seed));
             true
         }
         Measure::Bytes { bytes, seed } => random_bytes(bytes, seed),

@@ -1,13 +1,13 @@
-//! Flights of chance along the boundaries of a fence: polygons and circles, floor and ceiling, in wind and gusts, and with a speed that is
-//! raised in the middle of a path. The helicopter never leaves the fence, judged by where it truly is and by other formulas than the
-//! bridge's; and a path that stays well inside is never held.
+//! Flights of chance along the boundaries of a fence: polygons and circles, floor and ceiling, in wind and gusts, with a speed that is
+//! raised in the middle of a path, and by DSPs that fly beside the path. The helicopter never leaves the fence, judged by where it truly
+//! is and by other formulas than the bridge's; and a path that stays well inside is never held.
 
 use std::time::Duration;
 
 use dsp_protocol::port;
 use dsp_sim::helicopter::vector::Vector;
 use ipc_types::code::{Reason, SafetyRule, Stage};
-use ipc_types::payload::ParameterRequest;
+use ipc_types::payload::{MovementData, ParameterRequest};
 
 use bridge::BridgeConfig;
 use bridge::safety::fence::{Fence, Speeds};
@@ -17,13 +17,19 @@ use crate::missions::config::WorldConfig;
 use crate::missions::dice::Dice;
 use crate::missions::operator::{Step, fly, point};
 use crate::missions::seeds::sums;
-use crate::missions::world::World;
+use crate::missions::world::{Beside, World};
 
 /// How often the truth is looked at: at 8 m/s the helicopter goes 0.4 m meanwhile.
 const LOOK: Duration = Duration::from_millis(50);
 
+/// How long a path is flown beside where it leads.
+const BESIDE: Duration = Duration::from_secs(25);
+
 /// How long the helicopter is watched after the end of a path: for longer than it brakes.
 const AFTERWARDS: Duration = Duration::from_secs(4);
+
+/// So many paths are drawn to find one that may be flown.
+const DRAWS: u32 = 40;
 
 /// Well inside: with twice the margin, and at three quarters of the braking.
 const WELL_INSIDE: (f64, f64) = (4.0, 1.9);
@@ -40,12 +46,14 @@ sums! {
         pub well_inside: u64,
         /// Paths that were held before the fence.
         pub held: u64,
+        /// Those of a DSP that flew beside the path.
+        pub held_beside: u64,
         /// Those that were flown as they were ordered, and not well inside.
         pub held_as_ordered: u64,
     }
     "{flights} flights; {refused} paths refused, {refused_ahead} of them because there was no room to stop; {flown} flown, \
-     {well_inside} of them well inside; {held} held before the fence, {held_as_ordered} of them flown as they were ordered; \
-     0 outside"
+     {well_inside} of them well inside; {held} held before the fence, {held_beside} of them beside the path, {held_as_ordered} \
+     of them flown as they were ordered; 0 outside"
 }
 
 /// An outline in the flat world.
@@ -134,7 +142,7 @@ impl Site {
 
     /// `[fence]` of the bridge.
     fn toml(&self, config: &WorldConfig) -> String {
-        let frame = World::new(config).simulator.helicopter().world().clone();
+        let frame = *World::new(config).simulator.helicopter().world();
         let home_m = config.simulator.model.home.altitude_m;
         let at = |point: &Vector| {
             let place = frame.to_geographic(*point);
@@ -174,13 +182,18 @@ fn fence(table: &str) -> Fence {
 
 /// One flight of up to five paths.
 pub fn fly_bounded(seed: u64) -> Bounded {
+    fly_with_room(seed, "")
+}
+
+/// The same with other settings of the room to stop.
+fn fly_with_room(seed: u64, room: &str) -> Bounded {
     let mut dice = Dice::new(seed);
     let site = Site::draw(&mut dice);
     let speeds = Speeds {
         cruise_mps: dice.within(1.5, 8.0),
         climb_mps: dice.within(1.0, 3.0),
     };
-    let (wind_mps, gust_mps) = (dice.within(0.0, 7.0), dice.within(0.0, 1.0));
+    let (wind_mps, gust_mps) = (dice.within(0.0, 8.0), dice.within(0.0, 1.0));
     let mut config = WorldConfig::new()
         .seed(seed)
         .wind(wind_mps, dice.within(0.0, 360.0), gust_mps)
@@ -190,7 +203,7 @@ pub fn fly_bounded(seed: u64) -> Bounded {
         ));
     config.bridge.movement.time_limit_s = 300.0;
     let table = site.toml(&config);
-    config.bridge.fence = fence(&table);
+    config.bridge.fence = fence(&format!("{room}{table}"));
     let (margin_m, braking_mps2) = WELL_INSIDE;
     let well_inside = fence(&format!(
         "margin_m = {margin_m:.1}\nbraking_mps2 = {braking_mps2:.1}\n{table}"
@@ -202,25 +215,40 @@ pub fn fly_bounded(seed: u64) -> Bounded {
         flights: 1,
         ..Bounded::default()
     };
+    let beside = dice.once_in(3).then(|| {
+        let direction = dice.within(0.0, std::f64::consts::TAU);
+        let (by_m, up_m) = (dice.within(5.0, 60.0), dice.within(-2.0, 8.0));
+        point(direction.sin() * by_m, direction.cos() * by_m, up_m)
+    });
     for path_id in 1..=5 {
-        let path: Vec<Vector> = (0..dice.count(1, 4))
-            .map(|_| waypoint(&mut dice, &site))
-            .collect();
         let from = world.simulator.helicopter().body().position_m;
-        let mut legs = std::iter::once(&from).chain(&path).zip(&path);
+        let frame = *world.simulator.helicopter().world();
         let place = |at: &Vector| {
-            let place = world.simulator.helicopter().world().to_geographic(*at);
+            let place = frame.to_geographic(*at);
             Waypoint {
                 latitude_deg: place.latitude_deg,
                 longitude_deg: place.longitude_deg,
                 altitude_m: place.altitude_m,
             }
         };
-        let is_well_inside = legs.all(|(from, to)| {
-            well_inside
-                .check_flight(&place(from), &place(to), &speeds)
-                .is_none()
-        });
+        let keeps = |fence: &Fence, path: &[Vector]| {
+            let mut legs = std::iter::once(&from).chain(path).zip(path);
+            legs.all(|(from, to)| {
+                fence
+                    .check_flight(&place(from), &place(to), &speeds)
+                    .is_none()
+            })
+        };
+        // Most paths are drawn until one may be flown.
+        let mut path = draw_path(&mut dice, &site);
+        let mut draws = if dice.once_in(5) { 0 } else { DRAWS };
+        while draws > 0 && !keeps(&config.bridge.fence, &path) {
+            path = draw_path(&mut dice, &site);
+            draws -= 1;
+        }
+        let is_well_inside = keeps(&well_inside, &path);
+        // In a third of the flights the DSP flies beside the path, and the fence is all that keeps it inside.
+        world.beside = beside.map(Beside::new);
         // In a third of the paths somebody makes the helicopter faster than the path was checked for.
         let faster = dice.once_in(3).then(|| dice.duration(0.0, 12.0));
         let mut id = 0;
@@ -246,12 +274,17 @@ pub fn fly_bounded(seed: u64) -> Bounded {
             if faster_at.take_if(|at| world.now() >= *at).is_some() {
                 world.parameter(ParameterRequest::write(0, port::CRUISE_SPEED_MPS, 8.0));
             }
+            if beside.is_some() && world.now() > begin + BESIDE {
+                world.movement(MovementData::hold(0));
+            }
             watch(&mut world, &site, LOOK);
         }
         let outcome = world.witness.outcome(id).expect("it was awaited");
-        let is_as_ordered = faster.is_none() || speeds.cruise_mps >= 8.0;
+        let is_as_ordered = beside.is_none() && faster.is_none();
+        let is_given_up = beside.is_some() && outcome.reason == Reason::Replaced;
         seen.well_inside += u64::from(is_well_inside && is_as_ordered);
-        if !outcome.is_done() {
+        if !outcome.is_done() && !is_given_up {
+            seen.held_beside += u64::from(beside.is_some());
             assert_eq!(outcome.reason, Reason::FenceBreach, "{outcome:?}");
             let last = world.witness.words(id);
             let word = last.last().expect("a final report");
@@ -264,6 +297,10 @@ pub fn fly_bounded(seed: u64) -> Bounded {
             seen.held_as_ordered += u64::from(is_as_ordered);
         }
         watch(&mut world, &site, AFTERWARDS);
+        // Who sees that the DSP flies elsewhere than it is told to orders nothing more of it.
+        if beside.is_some() && !outcome.is_done() && !is_given_up {
+            break;
+        }
         if faster.is_some() {
             let slow = ParameterRequest::write(0, port::CRUISE_SPEED_MPS, speeds.cruise_mps);
             world.parameter(slow);
@@ -272,6 +309,12 @@ pub fn fly_bounded(seed: u64) -> Bounded {
     }
     world.finish();
     seen
+}
+
+fn draw_path(dice: &mut Dice, site: &Site) -> Vec<Vector> {
+    (0..dice.count(1, 3))
+        .map(|_| waypoint(dice, site))
+        .collect()
 }
 
 /// A point of the field, or a little outside of it.
@@ -309,7 +352,24 @@ mod tests {
         let seen = seeds::fly_each(0..60, fly_bounded);
         println!("{seen}");
         if seen.flights >= 60 {
-            assert!(seen.held > 0 && seen.well_inside > 0 && seen.refused_ahead > 0);
+            assert!(seen.held_beside > 0 && seen.well_inside > 0 && seen.refused_ahead > 0);
         }
+    }
+
+    /// What keeps them inside is the room to stop.
+    #[test]
+    fn without_room_to_stop_flights_leave_the_fence() {
+        let no_room = "margin_m = 0.0\nbraking_mps2 = 20.0\nreaction_s = 0.0\n";
+        let leaves = |seed: &u64| {
+            let flown = std::panic::catch_unwind(|| fly_with_room(*seed, no_room));
+            let reason = flown
+                .err()
+                .and_then(|reason| reason.downcast::<String>().ok());
+            reason.is_some_and(|reason| reason.starts_with("outside at"))
+        };
+        assert!(
+            (0..60).any(|seed| leaves(&seed)),
+            "the flights prove nothing"
+        );
     }
 }

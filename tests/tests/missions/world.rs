@@ -27,7 +27,7 @@ use crate::missions::witness::{Outcome, Witness};
 
 mod trouble;
 
-pub use trouble::Trouble;
+pub use trouble::{Beside, Trouble};
 use trouble::{Ending, Plan};
 
 /// The host's clock when the world begins: far from zero, so that neither clock is taken for the other.
@@ -81,6 +81,8 @@ pub struct World {
     /// The device as it was last seen.
     device: PortState,
     noise: [Noise; 2],
+    /// By how much the DSP flies beside where it is told to, m.
+    pub beside: Option<Beside>,
     plan: Option<Plan>,
     /// Troubles and when they happen, the next one last.
     agenda: Vec<(Duration, Trouble)>,
@@ -126,6 +128,7 @@ impl World {
             port_opens: Some(Duration::from_millis(10)),
             device: PortState::default(),
             noise: [Noise::new(seed, 101), Noise::new(seed, 102)],
+            beside: None,
             plan: None,
             agenda: Vec::new(),
             movement: None,
@@ -441,6 +444,9 @@ impl World {
             self.probe.hear_bridge(&to_dsp);
             if self.probe.paths != paths {
                 self.buffer.path_begins(self.simulator.held_waypoints());
+            }
+            if let Some(beside) = &mut self.beside {
+                to_dsp = beside.bend(&to_dsp, self.simulator.helicopter().world());
             }
             self.noise[0].damage(self.now, &mut from_dsp);
             self.noise[1].damage(self.now, &mut to_dsp);

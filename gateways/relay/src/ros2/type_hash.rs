@@ -112,23 +112,23 @@ mod tests {
         ),
         (
             "hero_msgs/msg/ModuleControl",
-            "8cff0aef1d98de723986593aa484166e03b7b7b21e27743acddb0d3cca23ef2f",
+            "79354edf43cc804dc03a09ba1d364a09d54b2bdf151cd7c15c90c300d33583bb",
         ),
         (
             "hero_msgs/msg/ModuleState",
-            "ba3c45e244e1db2758776ddf93889f0502814d28fb08cdbcb893a32631664d92",
+            "bafad26e7c7ae678ae966a038b7c7903842a5445b1670e1b15688699fb278eab",
         ),
         (
             "hero_msgs/msg/MovementData",
-            "cbad4a723cf78f1aa4de6402e83b1738aea892b639e7c012eb54dcfdc6d270c3",
+            "57e67f9e1071174b0f007f95cea94b23c2895679495ad415b9608c8d06468287",
         ),
         (
             "hero_msgs/msg/ParameterRequest",
-            "1ca17da82eaeff7feed1b58148eddab87f97481c467bdda472be5bac0e12c874",
+            "da6daf1f82718d94bd38882d99bd913bed0178c89e5ddd785a38ea6ccaf70015",
         ),
         (
             "hero_msgs/msg/RequestReport",
-            "9c1c5fc24fa2247e7a313e8689da367ced390d00b192aac34444961f69820dd3",
+            "ff8096a82a8d69cedef0e47b1aa6b8f4773310cf4541243a1a1304a2a904e4dd",
         ),
         (
             "module_msgs/msg/State",

@@ -102,6 +102,8 @@ fn state() -> ModuleState {
     state.link.telemetry_published = 10_000;
     state.safety.pilot_switch = PilotSwitch::Auto.code();
     state.safety.fence_areas = 1;
+    (state.home_latitude_deg, state.home_longitude_deg) = (37.4112, -6.001);
+    (state.ground_altitude_m, state.ground_valid) = (15.0, 1);
     state
 }
 

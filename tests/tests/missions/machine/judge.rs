@@ -64,8 +64,9 @@ pub struct Ordered {
     pub accepted: Option<(u32, u64)>,
     pub ended: Option<(u32, u64)>,
     pub began_ms: Option<u64>,
+    pub is_superseded: bool,
     /// When its sender was lost, and for how long the bridge stood still since.
-    lost: Option<(u64, u64)>,
+    pub lost: Option<(u64, u64)>,
 }
 
 impl Default for Order {
@@ -92,6 +93,23 @@ impl Ordered {
         };
         let by_default = (self.ids.len() == 1).then_some(self.issued_ms + within_ms);
         self.begin_by_ms.or(by_default)
+    }
+
+    /// Since when it counts against older ones: what ends movements from its reading on, if it is no step, which may be refused for what
+    /// came before.
+    fn counted(&self) -> Option<(u32, u64)> {
+        let is_absolute = self.order.what.ends_movements() && self.after == 0;
+        if is_absolute {
+            self.read
+        } else {
+            self.accepted
+        }
+    }
+
+    /// From when on a step may follow it. What ends movements counts although it is refused, unless it was superseded itself.
+    fn followed_from(&self) -> Option<(u32, u64)> {
+        let is_read = !self.is_superseded && self.order.what.ends_movements();
+        if is_read { self.read } else { self.accepted }
     }
 
     fn ends_with_its_sender(&self) -> bool {
@@ -156,7 +174,11 @@ impl Judge {
     }
 
     pub fn ordered(&mut self, ordered: Ordered) {
-        self.note(format!("  is order {}, requests {:?}", self.orders.len(), ordered.ids));
+        self.note(format!(
+            "  is order {}, requests {:?}",
+            self.orders.len(),
+            ordered.ids
+        ));
         self.orders.push(ordered);
         self.ran.orders += 1;
     }
@@ -165,7 +187,8 @@ impl Judge {
     pub fn step_before(&self, sender: usize, number: usize) -> u64 {
         let before = self.orders[..number].iter().rev();
         let mut own = before.filter(|ordered| ordered.order.sender == sender);
-        own.next().map_or(0, |ordered| ordered.ids[ordered.ids.len() - 1])
+        own.next()
+            .map_or(0, |ordered| ordered.ids[ordered.ids.len() - 1])
     }
 
     pub fn meant_after(&mut self, number: usize, after: u64) {
@@ -195,14 +218,22 @@ impl Judge {
 
     pub fn stalled(&mut self, ms: u64) {
         self.last_stall_ms = self.now_ms;
-        for (_, stalled_ms) in self.orders.iter_mut().filter_map(|ordered| ordered.lost.as_mut()) {
+        for (_, stalled_ms) in self
+            .orders
+            .iter_mut()
+            .filter_map(|ordered| ordered.lost.as_mut())
+        {
             *stalled_ms += ms;
         }
     }
 
     pub fn bridge_killed(&mut self) {
         self.ran.restarts += 1;
-        for asked in self.asked.iter_mut().filter(|asked| asked.life == self.life) {
+        for asked in self
+            .asked
+            .iter_mut()
+            .filter(|asked| asked.life == self.life)
+        {
             asked.is_killed = true;
         }
     }
@@ -216,7 +247,10 @@ impl Judge {
     /// The bridge reads a request.
     pub fn delivered(&mut self, order: usize, id: u64, told_id: u64) {
         let life = self.life;
-        let asked = self.asked.iter_mut().find(|asked| asked.life == life && asked.told_id == told_id);
+        let asked = self
+            .asked
+            .iter_mut()
+            .find(|asked| asked.life == life && asked.told_id == told_id);
         match asked {
             Some(asked) => asked.times += 1,
             None => self.asked.push(Asked {
@@ -238,9 +272,14 @@ impl Judge {
 
     /// The sender of a path and how often it renews it, ms.
     pub fn leased(&self, path_id: u64) -> Option<(u32, u64)> {
-        let ordered = self.orders.iter().find(|ordered| ordered.ids[0] == path_id)?;
+        let ordered = self
+            .orders
+            .iter()
+            .find(|ordered| ordered.ids[0] == path_id)?;
         // A station's lease is the relay's to renew, which lives.
-        let process = ordered.process.unwrap_or(1000 + ordered.order.sender as u32);
+        let process = ordered
+            .process
+            .unwrap_or(1000 + ordered.order.sender as u32);
         Some((process, ordered.order.lease_ms?.into()))
     }
 
@@ -252,17 +291,26 @@ impl Judge {
         if stage != Stage::Progress {
             self.note(format!("{id}: {stage} {reason}"));
         }
-        let asked = self.asked.iter_mut().find(|asked| asked.life == life && asked.told_id == id);
+        let asked = self
+            .asked
+            .iter_mut()
+            .find(|asked| asked.life == life && asked.told_id == id);
         let Some(asked) = asked else { return };
         if stage.is_final() {
             asked.finals += 1;
             if asked.finals > asked.times {
-                let text = format!("{} final reports for request {id}, which was asked {} times", asked.finals, asked.times);
+                let text = format!(
+                    "{} final reports for request {id}, which was asked {} times",
+                    asked.finals, asked.times
+                );
                 return self.fail(text);
             }
             self.ran.copies += u64::from(asked.finals > 1);
         }
-        let (order, is_last) = (asked.order, self.orders[asked.order].ids.last() == Some(&asked.id));
+        let (order, is_last) = (
+            asked.order,
+            self.orders[asked.order].ids.last() == Some(&asked.id),
+        );
         let is_about_a_copy = matches!(reason, Reason::StillOpen | Reason::NotRemembered);
         if !is_last || is_about_a_copy || asked.id != asked.told_id {
             return;
@@ -270,6 +318,7 @@ impl Judge {
         self.ran.superseded += u64::from(reason == Reason::Superseded);
         self.ran.too_late += u64::from(reason == Reason::TooLate);
         self.ran.lost += u64::from(reason == Reason::SenderLost);
+        self.orders[order].is_superseded |= reason == Reason::Superseded;
         let is_new = self.orders[order].ended.is_none();
         let at = Some((life, self.now_ms));
         let is_taken = stage == Stage::Accepted || stage == Stage::Done;
@@ -291,27 +340,38 @@ impl Judge {
             return;
         }
         self.ran.steps += 1;
-        let Some(before) = self.orders.iter().position(|ordered| ordered.ids.last() == Some(&after)) else {
+        let Some(before) = self
+            .orders
+            .iter()
+            .position(|ordered| ordered.ids.last() == Some(&after))
+        else {
             return;
         };
         let (life, now_ms) = (self.life, self.now_ms);
         let text = format!("order {number} is accepted as the step after order {before}");
-        let Some((_, since_ms)) = self.orders[before].accepted.filter(|(other, _)| *other == life) else {
+        let since = self.orders[before].followed_from();
+        let Some((_, since_ms)) = since.filter(|(other, _)| *other == life) else {
             return self.fail(format!("{text}, which this bridge did not accept"));
         };
         let between = self.orders.iter().enumerate().find(|(other, ordered)| {
-            let is_between = ordered.accepted.is_some_and(|(of, at)| of == life && at > since_ms && at < now_ms);
+            let is_between = ordered
+                .accepted
+                .is_some_and(|(of, at)| of == life && at > since_ms && at < now_ms);
             is_between && *other != number && *other != before
         });
         if let Some((other, _)) = between {
             return self.fail(format!("{text}, but order {other} came between"));
         }
         let is_calm = self.last_trouble_ms < since_ms && self.last_stall_ms < since_ms;
+        let flew_before = self
+            .pilot
+            .iter()
+            .any(|(from, until)| *from <= since_ms && *until >= since_ms);
         let flew = self.pilot.iter().any(|(from, until)| {
             let until = (*until).min(now_ms);
             *from >= since_ms && until >= from + PILOT_SEEN_MS
         });
-        if is_calm && flew {
+        if is_calm && flew && !flew_before {
             self.fail(format!("{text}, but the pilot flew between"));
         }
     }
@@ -331,16 +391,17 @@ impl Judge {
             self.ran.began += 1;
             self.orders[number].began_ms = Some(now_ms);
             if ordered.latest_ms().is_some_and(|latest| now_ms > latest) {
-                return self.fail(format!("order {number} begins after its moment, {:?} ms", ordered.latest_ms()));
+                return self.fail(format!(
+                    "order {number} begins after its moment, {:?} ms",
+                    ordered.latest_ms()
+                ));
             }
         }
         let newer = self.orders.iter().enumerate().find(|(_, other)| {
-            let counts = match other.order.what.ends_movements() {
-                true => other.read,
-                false => other.accepted,
-            };
+            let counts = other.counted();
             // At one wake-up the requests are read after the grant that a path goes on with.
-            other.true_ms > ordered.true_ms && counts.is_some_and(|(of, at)| of == life && at < now_ms)
+            other.true_ms > ordered.true_ms
+                && counts.is_some_and(|(of, at)| of == life && at < now_ms)
         });
         if let Some((other, _)) = newer {
             // A start changes nothing of a path that goes on.
@@ -357,7 +418,10 @@ impl Judge {
         if let Some((lost_ms, stalled_ms)) = ordered.lost
             && now_ms > lost_ms + stalled_ms + LOST_WITHIN_MS
         {
-            self.fail(format!("{text} {} ms after its sender was lost", now_ms - lost_ms));
+            self.fail(format!(
+                "{text} {} ms after its sender was lost",
+                now_ms - lost_ms
+            ));
         }
     }
 
@@ -370,21 +434,28 @@ impl Judge {
                 let is_its = ordered.process == Some(process) && ordered.ends_with_its_sender();
                 if let Some(lease_ms) = lease_ms.filter(|_| is_its) {
                     // It renewed up to when it hung, or ordered since.
-                    let lost_ms = ordered.accepted.map_or(from_ms, |(_, at)| at.max(from_ms)) + lease_ms;
+                    let lost_ms =
+                        ordered.accepted.map_or(from_ms, |(_, at)| at.max(from_ms)) + lease_ms;
                     if lost_ms < until_ms && lost_ms <= now_ms && ordered.accepted.is_some() {
                         ordered.lost.get_or_insert((lost_ms, 0));
                     }
                 }
             }
         }
-        let path = self.orders.iter().position(|ordered| Some(ordered.ids[0]) == follows);
+        let path = self
+            .orders
+            .iter()
+            .position(|ordered| Some(ordered.ids[0]) == follows);
         let Some(number) = path else { return };
         self.judge_last(number);
         let Some((lost_ms, stalled_ms)) = self.orders[number].lost else {
             return;
         };
         if is_awake && now_ms > lost_ms + stalled_ms + LOST_WITHIN_MS {
-            self.fail(format!("order {number} is followed {} ms after its sender was lost", now_ms - lost_ms));
+            self.fail(format!(
+                "order {number} is followed {} ms after its sender was lost",
+                now_ms - lost_ms
+            ));
         }
     }
 
@@ -397,19 +468,30 @@ impl Judge {
         };
         let later = self.orders.iter().enumerate().find(|(other, ordered)| {
             let at_ms = taken(ordered).map_or(0, |(_, at)| at);
-            *other != number && ordered.order.what != What::Start && at_ms > since_ms && at_ms < self.now_ms
+            *other != number
+                && ordered.order.what != What::Start
+                && at_ms > since_ms
+                && at_ms < self.now_ms
         });
         if let Some((other, _)) = later {
-            self.fail(format!("order {number} is followed after order {other} was accepted"));
+            self.fail(format!(
+                "order {number} is followed after order {other} was accepted"
+            ));
         }
     }
 
     /// The bridge has ended in order: every request that this life read has its final reports.
     pub fn closed(&mut self) {
         let life = self.life;
-        let open = self.asked.iter().find(|asked| asked.life == life && !asked.is_killed && asked.finals != asked.times);
+        let open = self
+            .asked
+            .iter()
+            .find(|asked| asked.life == life && !asked.is_killed && asked.finals != asked.times);
         if let Some(asked) = open {
-            let text = format!("{} final reports for request {}, which was asked {} times", asked.finals, asked.told_id, asked.times);
+            let text = format!(
+                "{} final reports for request {}, which was asked {} times",
+                asked.finals, asked.told_id, asked.times
+            );
             self.fail(text);
         }
     }

@@ -12,6 +12,7 @@ use std::sync::OnceLock;
 use std::time::Duration;
 
 use bridge::journal::Snapshot;
+use bridge::outputs::Notice;
 use bridge::{Bridge, BridgeConfig, Input, Outputs, RequestKey, Sender};
 use dsp_protocol::{Decoded, Decoder, Uplink};
 use dsp_sim::faults::HelicopterEvent;
@@ -97,6 +98,8 @@ impl Outputs for Said {
     fn report(&mut self, _: RequestKey, report: &RequestReport) {
         self.0.push(*report);
     }
+
+    fn notice(&mut self, _: &Notice) {}
 }
 
 /// A request on its way to the bridge.
@@ -183,7 +186,17 @@ pub fn play_seed(seed: u64) -> Ran {
     }
     let shortest = sequence.shrink(|sequence| play(sequence, Plant::Nothing).is_err());
     let failure = play(&shortest, Plant::Nothing).expect_err("it failed before");
-    panic!("seed {seed}: {}\n{:#?}\n{}", failure.what, shortest, failure.log.join("\n"));
+    let acts = shortest
+        .acts
+        .iter()
+        .map(|(at, act)| format!("{at:>6} ms: {act:?}\n"));
+    panic!(
+        "seed {seed}: {}\n{:?}\n{}what happened:\n{}",
+        failure.what,
+        shortest.senders,
+        acts.collect::<String>(),
+        failure.log.join("\n")
+    );
 }
 
 /// A bridge and a DSP whose helicopter hovers, and when that is.
@@ -308,7 +321,8 @@ impl Machine {
             Act::Dies(sender) => {
                 let process = self.processes[sender];
                 self.ended.push((now_ms, process));
-                self.messages.retain(|message| message.process != process || message.at_ms <= now_ms);
+                self.messages
+                    .retain(|message| message.process != process || message.at_ms <= now_ms);
                 self.judge.process_ended(process, now_ms);
                 self.processes[sender] += 100;
                 self.hang_until[sender] = 0;
@@ -316,7 +330,8 @@ impl Machine {
             }
             Act::Hangs(sender, ms) => {
                 self.hang_until[sender] = self.hang_until[sender].max(now_ms + ms);
-                self.judge.process_hangs(self.processes[sender], now_ms, now_ms + ms);
+                self.judge
+                    .process_hangs(self.processes[sender], now_ms, now_ms + ms);
             }
             Act::Stall(ms) => self.stall_until = self.stall_until.max(now_ms + ms),
             Act::Silence(ms) => self.silent_until = self.silent_until.max(now_ms + ms),
@@ -357,8 +372,12 @@ impl Machine {
         let requests: Vec<Request> = match &order.what {
             What::Start => vec![self.control(ControlCommand::Start)],
             What::Stop => vec![self.control(ControlCommand::Stop)],
-            What::Hold => vec![Request::Movement(MovementData::hold(self.id()).preempting())],
-            What::Land => vec![Request::Movement(MovementData::land(self.id()).preempting())],
+            What::Hold => vec![Request::Movement(
+                MovementData::hold(self.id()).preempting(),
+            )],
+            What::Land => vec![Request::Movement(
+                MovementData::land(self.id()).preempting(),
+            )],
             What::Path(places) => {
                 let path_id = self.next_id + 1;
                 let count = places.len();
@@ -400,7 +419,8 @@ impl Machine {
         });
         if self.plant == Plant::NoStep && order.is_step {
             // The judge knows what the sender meant.
-            self.judge.meant_after(number, self.judge.step_before(order.sender, number));
+            self.judge
+                .meant_after(number, self.judge.step_before(order.sender, number));
         }
         for request in requests {
             let request = match request {
@@ -486,7 +506,9 @@ impl Machine {
         let bytes = self.from_dsp();
         if let Some(until) = self.away_until {
             // What is sent to nobody is lost, and its sender knows.
-            let lost = self.messages.partition_point(|message| message.at_ms <= self.now_ms);
+            let lost = self
+                .messages
+                .partition_point(|message| message.at_ms <= self.now_ms);
             self.messages.drain(..lost);
             if until <= self.now_ms {
                 self.away_until = None;
@@ -515,15 +537,22 @@ impl Machine {
             self.apply(Input::Received(&line));
             self.exchange();
         }
-        while self.messages.first().is_some_and(|message| message.at_ms <= self.now_ms) {
+        while self
+            .messages
+            .first()
+            .is_some_and(|message| message.at_ms <= self.now_ms)
+        {
             let message = self.messages.remove(0);
             let request = self.planted(message.request);
-            self.judge.delivered(message.order, message.request.id(), request.id());
+            self.judge
+                .delivered(message.order, message.request.id(), request.id());
             self.ask(request, message.process);
             self.hear();
         }
         let live_for_ever = self.plant == Plant::SendersLiveForEver;
-        let told = self.ended.partition_point(|(at, _)| at + TOLD_MS <= self.now_ms);
+        let told = self
+            .ended
+            .partition_point(|(at, _)| at + TOLD_MS <= self.now_ms);
         for (_, process) in self.ended.drain(..told).collect::<Vec<_>>() {
             if !live_for_ever {
                 self.apply(Input::ProcessEnded(process));
@@ -563,7 +592,7 @@ impl Machine {
     fn exchange(&mut self) {
         let now = self.host();
         loop {
-            self.bridge.take_discard_unsent(now);
+            self.bridge.take_discard_unsent();
             let mut bytes = self.bridge.transmit(now).to_vec();
             if bytes.is_empty() {
                 return;
@@ -574,7 +603,8 @@ impl Machine {
                 continue;
             }
             self.damage(&mut bytes);
-            self.simulator.receive(Duration::from_millis(self.now_ms), &bytes);
+            self.simulator
+                .receive(Duration::from_millis(self.now_ms), &bytes);
             let answer = self.from_dsp();
             if !answer.is_empty() {
                 self.apply(Input::Received(&answer));
@@ -617,10 +647,16 @@ impl Machine {
             if let Decoded::Message(received) = decoded
                 && let Uplink::Waypoint(waypoint) = received.message
             {
-                let home_m = self.simulator.helicopter().world().to_geographic(Vector::ZERO).altitude_m;
+                let home_m = self
+                    .simulator
+                    .helicopter()
+                    .world()
+                    .to_geographic(Vector::ZERO)
+                    .altitude_m;
                 let half_steps = (waypoint.altitude_m - home_m - HEIGHT_M) / STEP_M * 2.0;
                 let half_steps = half_steps.round().max(0.0) as usize;
-                self.judge.waypoint_sent(half_steps / 2, half_steps % 2 == 0);
+                self.judge
+                    .waypoint_sent(half_steps / 2, half_steps % 2 == 0);
             }
         }
     }
@@ -644,7 +680,10 @@ impl Machine {
         if self.away_until.is_none() {
             let state = self.bridge.state();
             let follows = state.functionality() == Some(Functionality::FollowingPath);
-            self.judge.look(follows.then_some(state.movement.path_id), self.stall_until <= self.now_ms);
+            self.judge.look(
+                follows.then_some(state.movement.path_id),
+                self.stall_until <= self.now_ms,
+            );
         }
     }
 
@@ -669,7 +708,10 @@ mod tests {
         let ran = seeds::fly_each(0..1000, play_seed);
         println!("{ran}");
         if ran.sequences >= 1000 {
-            assert!(ran.began > 0 && ran.superseded > 0 && ran.too_late > 0 && ran.lost > 0, "{ran}");
+            assert!(
+                ran.began > 0 && ran.superseded > 0 && ran.too_late > 0 && ran.lost > 0,
+                "{ran}"
+            );
             assert!(ran.copies > 0 && ran.restarts > 0 && ran.steps > 0, "{ran}");
         }
     }
@@ -677,14 +719,23 @@ mod tests {
     #[test]
     fn the_machine_finds_what_is_planted_and_makes_it_short() {
         for plant in Plant::ALL {
-            let found = (0..2000).map(Sequence::draw).find(|sequence| play(sequence, plant).is_err());
+            let found = (0..2000)
+                .map(Sequence::draw)
+                .find(|sequence| play(sequence, plant).is_err());
             let sequence = found.unwrap_or_else(|| panic!("{plant:?} is never found"));
             let before = sequence.acts.len();
             let shortest = sequence.shrink(|sequence| play(sequence, plant).is_err());
             let failure = play(&shortest, plant).expect_err("it failed before");
-            println!("{plant:?}: {} of {before} acts: {}", shortest.acts.len(), failure.what);
+            println!(
+                "{plant:?}: {} of {before} acts: {}",
+                shortest.acts.len(),
+                failure.what
+            );
             assert!(shortest.acts.len() <= 4, "{plant:?}: {shortest:#?}");
-            assert!(play(&shortest, Plant::Nothing).is_ok(), "{plant:?}: {shortest:#?}");
+            assert!(
+                play(&shortest, Plant::Nothing).is_ok(),
+                "{plant:?}: {shortest:#?}"
+            );
         }
     }
 }

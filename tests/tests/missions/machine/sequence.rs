@@ -201,7 +201,11 @@ fn draw_order(dice: &mut Dice, sender: usize) -> Order {
     Order {
         sender,
         what,
-        late_ms: if dice.once_in(3) { dice.count(0, 3000) } else { dice.count(0, 30) },
+        late_ms: if dice.once_in(3) {
+            dice.count(0, 3000)
+        } else {
+            dice.count(0, 30)
+        },
         copy_ms: dice.once_in(4).then(|| dice.count(0, 3000)),
         within_ms: dice.once_in(3).then(|| dice.count(100, 3000)),
         is_step: dice.once_in(3),

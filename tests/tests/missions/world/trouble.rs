@@ -3,7 +3,11 @@
 use std::time::Duration;
 
 use bridge::Input;
+use bridge::geodesy::{here, there};
 use bridge::link::commands::ATTEMPTS;
+use dsp_protocol::{Decoded, Decoder, Uplink};
+use dsp_sim::helicopter::geodesy::LocalFrame;
+use dsp_sim::helicopter::vector::Vector;
 
 use super::{REOPENING, World, host};
 
@@ -22,6 +26,43 @@ pub enum Trouble {
     Noise(Duration),
     /// One of a hundred is.
     FaintNoise(Duration),
+}
+
+/// A DSP that flies beside where it is told to, as one with a wrong frame of reference.
+pub struct Beside {
+    by_m: Vector,
+    decoder: Decoder<Uplink>,
+}
+
+impl Beside {
+    /// By so many metres to the east, to the north and up.
+    pub fn new(by_m: Vector) -> Beside {
+        Beside {
+            by_m,
+            decoder: Decoder::new(),
+        }
+    }
+
+    /// What the DSP takes for what was said to it, in the classic profile.
+    pub(super) fn bend(&mut self, bytes: &[u8], frame: &LocalFrame) -> Vec<u8> {
+        let (mut rest, mut bent) = (bytes, Vec::new());
+        while !rest.is_empty() {
+            let (used, decoded) = self.decoder.receive(rest);
+            rest = &rest[used..];
+            let Decoded::Message(received) = decoded else {
+                continue;
+            };
+            let message = match received.message {
+                Uplink::Waypoint(waypoint) => {
+                    let there = frame.to_flat(there(&waypoint)) + self.by_m;
+                    Uplink::Waypoint(here(&frame.to_geographic(there)))
+                }
+                command => command,
+            };
+            bent.extend_from_slice(message.encode().as_bytes());
+        }
+        bent
+    }
 }
 
 /// A trouble that waits for its moment.
