@@ -159,13 +159,16 @@ impl Ports {
         gateway.rules(rules.as_ref(), now);
     }
 
-    /// Gives the gateway what has come.
-    pub fn drain(&mut self, gateway: &mut Gateway, now: MonotonicNs) {
-        let states = self.state.drain(|state| gateway.state(state, now));
+    /// Gives the gateway what has come. The clock is read behind each sample: a process that was stopped in between must not take a sample
+    /// for one of the future.
+    pub fn drain(&mut self, gateway: &mut Gateway) {
+        let states = self
+            .state
+            .drain(|state| gateway.state(state, MonotonicNs::now()));
         // Of telemetry the newest counts.
         let newest = self.telemetry.latest().map(|newest| {
             if let Some(telemetry) = newest {
-                gateway.telemetry(&telemetry, now);
+                gateway.telemetry(&telemetry, MonotonicNs::now());
             }
         });
         let outlines = self.outline.drain(|piece| gateway.outline(piece));
@@ -179,6 +182,7 @@ impl Ports {
         drain(&mut self.movement, &mut reports);
         drain(&mut self.control, &mut reports);
         drain(&mut self.parameters, &mut reports);
+        let now = MonotonicNs::now();
         for report in reports {
             self.report(&report, gateway, now);
         }

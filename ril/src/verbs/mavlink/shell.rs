@@ -85,11 +85,13 @@ impl MavlinkShell {
         }
     }
 
-    fn read(&mut self, now: MonotonicNs) {
+    fn read(&mut self) {
         let mut buffer = [0; MAX_BYTES];
         for _ in 0..MAX_DATAGRAMS {
             match self.socket.receive(&mut buffer) {
                 Ok(Datagram { length, from, came }) => {
+                    // Read behind the datagram: one that came while the process was stopped is not of now.
+                    let now = MonotonicNs::now();
                     let came = MonotonicNs(u64::try_from(came.as_nanos()).unwrap_or(now.0));
                     self.gateway.datagram(from, &buffer[..length], came, now);
                 }
@@ -206,9 +208,9 @@ impl Process for MavlinkShell {
     }
 
     fn drain(&mut self, _wake: Wake) -> Result<(), MavlinkError> {
+        self.ports.drain(&mut self.gateway);
+        self.read();
         let now = MonotonicNs::now();
-        self.ports.drain(&mut self.gateway, now);
-        self.read(now);
         self.gateway.advance(now);
         self.ports.take_rules(&mut self.gateway, now);
         self.take_written(now)?;
