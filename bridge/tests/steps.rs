@@ -247,7 +247,8 @@ fn a_rule_that_holds_comes_between_and_is_named() {
 
 #[test]
 fn a_step_follows_when_nothing_came_between() {
-    let quiet: [(&str, fn(&mut Rig)); 6] = [
+    type Happens = fn(&mut Rig);
+    let quiet: [(&str, Happens); 6] = [
         ("nothing", |_| {}),
         ("a minute", |rig| rig.run(60_000)),
         ("another's read", |rig| {

@@ -33,7 +33,7 @@ use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::thread::futex;
 
 use crate::forked::{Forked, Maker};
-use crate::lease::{LeasePlace, PLACES};
+use crate::lease_page::{LeasePlace, PLACES};
 use crate::random;
 use crate::service::{SERVICES, own};
 use crate::time::MonotonicNs;
@@ -56,7 +56,7 @@ struct DoorbellPage {
     reserved: u32,
     /// For each service, how many subscribers have joined: the publisher then has a latest sample to hand on.
     joined: [AtomicU32; SLOTS + 1],
-    /// The leases of paths: see [`lease`](crate::lease).
+    /// The leases of paths: see [`lease_page`](crate::lease_page).
     leases: [LeasePlace; PLACES],
     also_reserved: [u32; 76],
 }

@@ -6,7 +6,7 @@ use crate::client::{BytesClient, Client};
 use crate::domain::Domain;
 use crate::forked::Forked;
 use crate::journal::{JournalPiece, JournalTail, LeftTail};
-use crate::lease;
+use crate::lease_page;
 use crate::open::{Offer, OpenError};
 use crate::provider::{Provider, namespace};
 use crate::publisher::{BytesPublisher, Publisher};
@@ -173,7 +173,7 @@ impl Ipc {
 
     /// When the lease of this path was last renewed by its sender, by that one's clock; `None` if it has none.
     pub fn lease_renewed(&self, path_id: u64) -> Option<MonotonicNs> {
-        lease::renewed(self.session.doorbell().leases(), path_id)
+        lease_page::renewed(self.session.doorbell().leases(), path_id)
     }
 
     pub(crate) fn session(&self) -> &Arc<Session> {

@@ -69,6 +69,7 @@ mod iox;
 pub mod ipc;
 pub mod journal;
 pub mod lease;
+mod lease_page;
 mod limits;
 mod lock_file;
 // What the macros make is unsafe to implement by hand: they check what makes it safe.

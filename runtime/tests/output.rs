@@ -81,13 +81,17 @@ fn code(mut child: Child) -> Option<i32> {
     status.code()
 }
 
+const TESTS: &[fn()] = &[
+    last_words_arrive_in_order_when_somebody_reads,
+    a_process_ends_while_nobody_reads_its_standard_error,
+    what_is_missing_is_said_where_it_is_missing,
+];
+
 fn main() -> std::process::ExitCode {
     if let Ok(role) = env::var(ROLE) {
         return child(&role);
     }
-    last_words_arrive_in_order_when_somebody_reads();
-    a_process_ends_while_nobody_reads_its_standard_error();
-    what_is_missing_is_said_where_it_is_missing();
+    TESTS.iter().for_each(|test| test());
     std::process::ExitCode::SUCCESS
 }
 

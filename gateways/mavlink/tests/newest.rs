@@ -330,7 +330,8 @@ fn a_station_gets_out_of_every_rest_in_the_air_by_its_own_means() {
             world
         };
         // The command, and the orders that it becomes when the bridge does each.
-        let commands: [(MessageWriter, fn(&[OrderKind]) -> bool); 7] = [
+        type IsRight = fn(&[OrderKind]) -> bool;
+        let commands: [(MessageWriter, IsRight); 7] = [
             (long(400, one(1.0)), |kinds| kinds == [OrderKind::Start]),
             (long(193, one(0.0)), |kinds| kinds == [OrderKind::Hold]),
             (long(21, [0.0; 7]), |kinds| kinds == [OrderKind::Land]),

@@ -80,7 +80,9 @@ impl Chain {
         self.status.take_events();
         self.recording.take(self.status.writer(), now);
         assert_eq!(hero.source_sequence, sample.sequence);
-        assert_eq!(hero.valid_groups, u32::from(sample.valid_groups));
+        for group in TelemetryGroup::ALL {
+            assert_eq!(hero.valid(group), sample.valid(group), "{group:?}");
+        }
         assert_eq!(hero.received(), sample.received());
         if let Some(last) = &self.latest {
             assert_eq!(hero.source_sequence, last.source_sequence + 1);

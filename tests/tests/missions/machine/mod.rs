@@ -503,7 +503,7 @@ impl Machine {
         self.judge.now_ms = self.now_ms;
         let now = Duration::from_millis(self.now_ms);
         self.simulator.advance(now);
-        let bytes = self.from_dsp();
+        let bytes = self.dsp_bytes();
         if let Some(until) = self.away_until {
             // What is sent to nobody is lost, and its sender knows.
             let lost = self
@@ -605,14 +605,14 @@ impl Machine {
             self.damage(&mut bytes);
             self.simulator
                 .receive(Duration::from_millis(self.now_ms), &bytes);
-            let answer = self.from_dsp();
+            let answer = self.dsp_bytes();
             if !answer.is_empty() {
                 self.apply(Input::Received(&answer));
             }
         }
     }
 
-    fn from_dsp(&mut self) -> Vec<u8> {
+    fn dsp_bytes(&mut self) -> Vec<u8> {
         let mut bytes = Vec::new();
         self.simulator.transmit(|piece| {
             bytes.extend_from_slice(piece);
@@ -630,7 +630,7 @@ impl Machine {
             return;
         }
         for byte in bytes {
-            if self.noise.next_u64() % 100 == 0 {
+            if self.noise.next_u64().is_multiple_of(100) {
                 *byte ^= 1 << (self.noise.next_u64() % 8);
             }
         }
@@ -656,7 +656,7 @@ impl Machine {
                 let half_steps = (waypoint.altitude_m - home_m - HEIGHT_M) / STEP_M * 2.0;
                 let half_steps = half_steps.round().max(0.0) as usize;
                 self.judge
-                    .waypoint_sent(half_steps / 2, half_steps % 2 == 0);
+                    .waypoint_sent(half_steps / 2, half_steps.is_multiple_of(2));
             }
         }
     }
