@@ -83,7 +83,7 @@ fn a_status_that_hangs_is_told_from_one_that_is_not_there() {
     robot.status.signal(Signal::STOP);
     screen.shows("`ril run status` says nothing");
     rig.run("state --timeout 5s", 4)
-        .out_says(", STALE")
+        .out_says("status      no sample")
         .err_says("status of robot 1 runs and says nothing");
     robot.status.signal(Signal::CONT);
     rig.run("state --timeout 60s", 0);
