@@ -218,6 +218,16 @@ fn a_step_is_superseded_by_whatever_came_after_the_step_before() {
 }
 
 #[test]
+fn no_step_follows_an_order_that_was_refused() {
+    let (mut rig, _) = hovering();
+    rig.movement(MovementData::land(0).preempting());
+    let hold = rig.movement(MovementData::hold(0));
+    assert_eq!(rig.last(hold).0, Stage::Refused);
+    let step = rig.movement(to(hold, 6));
+    assert_eq!(rig.last(step), refused(Reason::Superseded));
+}
+
+#[test]
 fn a_rule_that_holds_comes_between_and_is_named() {
     let (mut rig, first) = hovering();
     rig.dsp.status.geographic.as_mut().unwrap().altitude_m = 70.0;

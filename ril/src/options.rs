@@ -94,16 +94,26 @@ pub struct SenderArgs {
     #[arg(long, value_name = "ACTION", value_parser = sender_lost())]
     pub sender_lost: Option<SenderLost>,
 
+    /// Let the helicopter hover when this command ends before the path, whatever bridge.toml says: --sender-lost hold
+    #[arg(long, conflicts_with = "sender_lost")]
+    pub hold_on_exit: bool,
+
     /// Renew the path, at least as often as this, such as 2s: when this command hangs, or is stopped, for so long, the helicopter hovers
     #[arg(long, value_name = "DURATION", value_parser = lease_ms)]
     pub lease: Option<u32>,
 }
 
 impl SenderArgs {
+    /// What becomes of the path without its sender; `None` if the bridge's configuration says it.
+    pub fn action(&self) -> Option<SenderLost> {
+        let hold = self.hold_on_exit.then_some(SenderLost::Hold);
+        self.sender_lost.or(hold)
+    }
+
     /// `request` of a path with what becomes of that.
     pub fn complete(&self, request: MovementData) -> MovementData {
         MovementData {
-            sender_lost: self.sender_lost.map_or(0, SenderLost::code),
+            sender_lost: self.action().map_or(0, SenderLost::code),
             lease_ms: self.lease.unwrap_or_default(),
             ..request
         }
@@ -115,13 +125,13 @@ impl SenderArgs {
     ///
     /// Code 2 when it should follow its path.
     pub fn unfollowed(&self) -> Result<SenderArgs, Failure> {
-        match (self.sender_lost, self.lease) {
+        match (self.action(), self.lease) {
             (None | Some(SenderLost::Continue), None) => Ok(SenderArgs {
                 sender_lost: Some(SenderLost::Continue),
-                lease: None,
+                ..SenderArgs::default()
             }),
             _ => Err(Failure::usage(
-                "with --no-wait the command ends before its path: leave out --sender-lost and --lease",
+                "with --no-wait the command ends before its path: leave out --sender-lost, --hold-on-exit and --lease",
             )),
         }
     }

@@ -3,7 +3,8 @@
 //!
 //! The kernel stamps by the wall clock (`SO_TIMESTAMPNS`). The stamp is turned into a moment of `CLOCK_MONOTONIC` by its age, and kept
 //! between two moments that are certain: a datagram came after the socket was last seen empty, and before it is read. So a wall clock
-//! that is set meanwhile makes no datagram older than that.
+//! that is set meanwhile makes no datagram older than that. The kernel begins to stamp a moment after the first socket of the machine has
+//! asked for it; what comes before that counts from when it is read.
 
 use std::io::{self, ErrorKind};
 use std::mem;
@@ -206,6 +207,25 @@ mod tests {
         }
     }
 
+    /// This process stands still; nothing ever comes over the channel.
+    fn stand_still(ms: u64) {
+        let (_keep, nothing) = channel::<()>();
+        let stood_still = nothing.recv_timeout(Duration::from_millis(ms));
+        assert_eq!(stood_still, Err(RecvTimeoutError::Timeout));
+    }
+
+    /// Returns when the kernel stamps what comes.
+    fn await_stamps(socket: &mut StampedSocket, sender: &UdpSocket, to: SocketAddr) {
+        loop {
+            sender.send_to(b"probe", to).unwrap();
+            stand_still(20);
+            let (probe, _) = receive(socket);
+            if probe.came + Duration::from_millis(10) < now(ClockId::Monotonic) {
+                return;
+            }
+        }
+    }
+
     #[test]
     fn a_datagram_is_as_old_as_the_time_for_which_it_has_waited() {
         for loopback in ["127.0.0.1:0", "[::1]:0"] {
@@ -217,15 +237,13 @@ mod tests {
                 continue;
             };
             let to = socket.local_addr().unwrap();
+            await_stamps(&mut socket, &sender, to);
             let mut none = [0; 8];
             let empty = socket.receive(&mut none).unwrap_err();
             assert_eq!(empty.kind(), ErrorKind::WouldBlock);
             let sent = now(ClockId::Monotonic);
             sender.send_to(b"first", to).unwrap();
-            // This process stands still; nothing ever comes over the channel.
-            let (_keep, nothing) = channel::<()>();
-            let stood_still = nothing.recv_timeout(Duration::from_millis(300));
-            assert_eq!(stood_still, Err(RecvTimeoutError::Timeout));
+            stand_still(300);
             let resumed = now(ClockId::Monotonic);
             sender.send_to(b"second", to).unwrap();
             let (first, bytes) = receive(&mut socket);

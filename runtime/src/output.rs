@@ -170,11 +170,11 @@ pub fn standard_output() -> &'static Output {
 /// then `text` on standard error, the last words of the process or nothing, for at most [`END_LIMIT`].
 pub fn finish(text: impl Into<String>) {
     let text = text.into();
-    if let Some(output) = STANDARD_OUTPUT.get() {
-        if !output.finish_while_read() {
-            let missing = output.progress.waiting.load(Ordering::Acquire);
-            tracing::warn!(missing, "nobody reads standard output: its end is missing");
-        }
+    if let Some(output) = STANDARD_OUTPUT.get()
+        && !output.finish_while_read()
+    {
+        let missing = output.progress.waiting.load(Ordering::Acquire);
+        tracing::warn!(missing, "nobody reads standard output: its end is missing");
     }
     if !text.is_empty() || STANDARD_ERROR.get().is_some() {
         standard_error().finish(text);

@@ -5,7 +5,7 @@
 //! | the step names | the last order is | |
 //! |---|---|---|
 //! | no request | any | taken, if its moment allows it ([`IssueMark`](super::request::IssueMark)) |
-//! | a request | that request, or that request and a parameter write that named it | taken |
+//! | a request | that request, if it was accepted, or that request and a parameter write that named it | taken |
 //! | a parameter write | the request that the write named, and no later write named that | taken |
 //! | any request | another one, a safety rule, the pilot, a loss of the link or of the DSP, nothing yet | superseded |
 //!
@@ -25,6 +25,8 @@ pub struct LastOrder {
     pub what: CameBetween,
     /// The request; 0 if it was none.
     pub request_id: u64,
+    /// It was refused: a hold, a landing and a stop count all the same, and no step follows them.
+    is_refused: bool,
     /// The last parameter write that was a step after it; 0 if there is none.
     write_id: u64,
     /// Who sent the request.
@@ -55,6 +57,7 @@ impl LastOrder {
         LastOrder {
             what,
             request_id: 0,
+            is_refused: false,
             write_id: 0,
             sender: None,
             rule: None,
@@ -74,7 +77,13 @@ impl LastOrder {
 
     /// Whether the step may follow.
     pub fn is_before(&self, step: &RequestHeader) -> bool {
-        step.after == 0 || step.after == self.request_id || step.after == self.write_id
+        let follows = step.after == self.request_id || step.after == self.write_id;
+        step.after == 0 || follows && !self.is_refused
+    }
+
+    /// A request was refused.
+    pub fn refused(&mut self, header: &RequestHeader) {
+        self.is_refused |= self.request_id == header.request_id;
     }
 
     /// A parameter write was taken. It counts if it is a step.

@@ -265,6 +265,7 @@ impl Flight {
         self.is_changed = true;
         self.arm_control();
         if let Err(refusal) = outcome {
+            self.answers.refused(header);
             // A path with a hole is never flown: a refused waypoint takes its open path along.
             let is_of_open_path = self.assembler.open_path() == Some(header.path_id);
             if is_of_open_path && matches!(header.key, RequestKey::Movement(_)) {

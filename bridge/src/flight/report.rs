@@ -281,6 +281,11 @@ impl Answers {
         self.last.wrote(header);
     }
 
+    /// A request was refused: no step follows it.
+    pub fn refused(&mut self, header: &RequestHeader) {
+        self.last.refused(header);
+    }
+
     /// Whether the request, if it is a step, follows the last order.
     ///
     /// # Errors

@@ -27,12 +27,12 @@ pub(crate) struct Present {
 pub(crate) fn present_position(session: &Session, timeout: Duration) -> Result<Present, Failure> {
     let mut telemetry = Latest::<DspTelemetry>::open(&session.ipc)?;
     let begin = MonotonicNs::now();
-    let mut found = None;
+    let (mut found, mut is_heard) = (None, false);
     session.gather(&mut telemetry, begin + timeout, |telemetry, _| {
         let sample = telemetry.sample.as_ref();
-        found = sample
-            .filter(|sample| sample.received_ns >= begin.0)
-            .and_then(present);
+        let new = sample.filter(|sample| sample.received_ns >= begin.0);
+        is_heard |= new.is_some();
+        found = new.and_then(present);
         Ok(found.is_some())
     })?;
     match found {
@@ -40,6 +40,12 @@ pub(crate) fn present_position(session: &Session, timeout: Duration) -> Result<P
         None if session.termination.requested() => {
             let text = "interrupted before the position was known; nothing was sent";
             Err(Failure::new(ExitCode::OutcomeUnknown, text))
+        }
+        None if is_heard => {
+            let text = "the position is not known: the helicopter has no GPS fix; nothing was sent";
+            Err(Failure::new(ExitCode::Timeout, text).with_next_step(
+                "wait for a fix: `ril status` shows it; `ril hold` and `ril land` need none",
+            ))
         }
         None => Err(nothing_came(session, DspTelemetry::KEY, timeout)?),
     }
@@ -81,7 +87,7 @@ fn present(sample: &DspTelemetry) -> Option<Present> {
         altitude_m: sample.geographic.altitude_m,
     };
     let is_known = sample.valid(TelemetryGroup::Geographic) && at.is_plausible();
-    is_known.then(|| Present {
+    is_known.then_some(Present {
         at,
         is_flying: sample.flying == 1,
     })

@@ -284,6 +284,7 @@ fn a_path_says_what_becomes_of_it_without_its_command() {
     for (options, sender_lost, lease_ms) in [
         ("", None, 0),
         ("--sender-lost land", Some(SenderLost::Land), 0),
+        ("--hold-on-exit", Some(SenderLost::Hold), 0),
         (
             "--sender-lost continue --lease 1.5s",
             Some(SenderLost::Continue),

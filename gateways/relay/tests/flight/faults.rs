@@ -19,6 +19,7 @@ use super::{rig, ril};
 
 /// Exit code of a verb whose outcome is not known.
 const OUTCOME_UNKNOWN: i32 = 7;
+const ENDED_EARLY: i32 = 5;
 
 /// How often the verb said how its request ended: `done` is data, any other end an error.
 fn finals(finished: &Finished) -> usize {
@@ -38,15 +39,19 @@ fn a_robot_relay_that_is_killed_in_mid_path_and_started_again_reports_the_true_e
     let mut consumer = rig.station.subscribe::<HeroTelemetry>(1);
     let before = consumer.next_sample();
     let generations = consumer.port.generations();
-    let mut path = rig.station.start(&format!(
-        "goto {},{longitude},{altitude}",
-        latitude + 0.0005
-    ));
-    path.wait_for_text("accepted");
-    rig.kill_robot_relay();
-    rig.start_robot_relay();
-    let flown = path.exits(0);
-    assert_eq!(finals(&flown), 1, "{flown:#?}");
+    let goto = format!("goto {},{longitude},{altitude}", latitude + 0.0005);
+    for (option, code) in [("", ENDED_EARLY), (" --sender-lost continue", 0)] {
+        let mut path = rig.station.start(&format!("{goto}{option}"));
+        path.wait_for_text("accepted");
+        rig.kill_robot_relay();
+        rig.start_robot_relay();
+        let ended = path.exits(code);
+        assert_eq!(finals(&ended), 1, "{ended:#?}");
+        if code == ENDED_EARLY {
+            ended.err_says("sender-lost");
+            await_link(&rig.station, 1);
+        }
+    }
     // The same publisher at the station, with newer samples.
     let after = consumer.until("newer samples", |sample| {
         sample.source_sequence > before.source_sequence + 10

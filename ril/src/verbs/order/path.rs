@@ -258,7 +258,7 @@ impl PathOrder {
         let mut progress =
             ProgressLine::open(&asked.session, self.verb, path_id, waypoints, !json)?;
         Conversation::open(&asked.session, self.verb, asked.timeout)?
-            .without_sender(sender.sender_lost)
+            .without_sender(sender.action())
             .beside(&mut progress)
             .follow(&requests, Until::of(args), Format::of(json))?;
         Ok(requests.last().map_or(0, |last| last.request_id))

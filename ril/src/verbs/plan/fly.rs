@@ -271,7 +271,7 @@ impl Flyer<'_> {
         let format = Flyer::format(self.json);
         let mut watch = PathWatch::open(self.session, path_id, &mut self.executor, self.json)?;
         let report = Conversation::open(self.session, Verb::GoTo, self.timeout)?
-            .without_sender(self.sender.sender_lost)
+            .without_sender(self.sender.action())
             .beside(&mut watch)
             .follow(&requests, Until::Final, format)?;
         let reached = report.map_or(0, |report| report.waypoints_reached);

@@ -72,7 +72,7 @@ pub fn resume(executor: &Executor, args: &PlanFlyArgs, home: &Waypoint) -> Optio
     if let Some(plans::model::Altitude::AboveTakeOff(metres)) = plan.altitude {
         add("--altitude", format!("{metres}m"));
     }
-    if let Some(action) = args.sender.sender_lost {
+    if let Some(action) = args.sender.action() {
         add("--sender-lost", action.name().to_owned());
     }
     if let Some(lease_ms) = args.sender.lease {
