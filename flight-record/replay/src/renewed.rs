@@ -45,6 +45,8 @@ fn renewed<C: Core>(journal: Vec<u8>, streams: &mut Streams) -> Result<Vec<u8>, 
                 said.truncate(recorded);
                 write_outputs::<C>(&mut said, &mut writer, streams);
                 core = Some(C::begin(beginning, None).ok_or(NotKept::Damaged)?);
+                // A writer that starts drops what it has.
+                drain(&mut writer, &mut bytes);
                 writer.start();
                 writer.snapshot(record.at, beginning);
             }

@@ -24,6 +24,7 @@ mod mavlink;
 mod module_state;
 #[allow(unsafe_code)]
 mod outline;
+mod position;
 #[allow(unsafe_code)]
 mod relay;
 #[allow(unsafe_code)]
@@ -39,6 +40,7 @@ pub use mavlink::{MAVLINK_ADDRESS_LEN, MAX_MAVLINK_STATIONS, MavlinkStation, Mav
 pub use module_state::*;
 pub use number::Number;
 pub use outline::{BridgeOutline, OUTLINE_NAME_LEN, OUTLINE_POINTS, OutlinePoint};
+pub use position::WaypointPosition;
 pub use relay::{
     LINK_TEXT_LEN, MAX_STATIONS, RelayLink, RelayStation, RelayStations, STATION_NAME_LEN,
 };

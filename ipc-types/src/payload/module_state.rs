@@ -1,7 +1,7 @@
 //! [`ModuleState`]: how the bridge, its movement, its line and the DSP are (`ModuleState`).
 
 use super::number::given;
-use super::request::WaypointPosition;
+use super::position::WaypointPosition;
 use crate::code::{
     DspPathState, Functionality, ImiCode, LinkState, ModuleId, ModuleStatus, MovementKind,
     PilotSwitch, SafetyAction, SafetyRule,

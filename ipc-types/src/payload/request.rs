@@ -5,6 +5,7 @@
 
 use super::module_state::ControlSender;
 use super::number::given;
+use super::position::WaypointPosition;
 use super::text::{ascii_bytes, ascii_text};
 use crate::code::{
     CameBetween, ControlCommand, ImiCode, MovementKind, ParameterOperation, PortKind, Reason,
@@ -190,17 +191,6 @@ impl ModuleControl {
             ..ModuleControl::default()
         }
     }
-}
-
-/// A place to fly to.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct WaypointPosition {
-    /// Latitude, degrees, north positive.
-    pub latitude_deg: f64,
-    /// Longitude, degrees, east positive.
-    pub longitude_deg: f64,
-    /// Altitude, m, same zero as telemetry.
-    pub altitude_m: f64,
 }
 
 impl MovementData {
