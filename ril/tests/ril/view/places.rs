@@ -150,7 +150,13 @@ fn what_a_page_pressed_is_not_carried_out_late_over_a_newer_order() {
                     && message["order"] == format!("{name}{late_s}")
                     && message["final"] == true
             });
-            assert_eq!(report["stage"], "not-sent", "{report}");
+            // The server does not send it, or the bridge finds it too late.
+            let is_late = report["stage"] == "not-sent"
+                || report["stage"] == "refused"
+                    && report["text"]
+                        .as_str()
+                        .is_some_and(|text| text.contains("too-late"));
+            assert!(is_late, "{report}");
         }
         state.until("it flies on", |state| {
             state.functionality() == Some(Functionality::FollowingPath)
