@@ -113,7 +113,7 @@ pub struct MovementLimits {
 
 /// As the name that people write.
 mod by_name {
-    use super::SenderLost;
+    use ipc_types::code::SenderLost;
     use serde::de::{Deserialize, Deserializer, Error};
     use serde::ser::Serializer;
 
