@@ -175,7 +175,7 @@ int32_t hero_dsp_steps_i32(double value, uint32_t steps_per_unit)
 
 /* ---- groups, limits, ports ---- */
 
-/* made: dsp-protocol/tests/firmware writes it */
+/* made: crates/dsp-protocol/tests/firmware writes it */
 /* Bytes of each group on the line. */
 #define TIME_LEN 5u
 #define GEOGRAPHIC_LEN 15u

@@ -41,7 +41,7 @@ typedef struct {
     float boot; /* value at boot */
 } hero_dsp_port32;
 
-/* made: dsp-protocol/tests/firmware writes it */
+/* made: crates/dsp-protocol/tests/firmware writes it */
 /* Headers (2). The classic header names a message in both profiles. */
 #define HERO_DSP_STATUS 0xE9u /* DSP to PC */
 #define HERO_DSP_FLOW_CONTROL 0xAAu /* DSP to PC */

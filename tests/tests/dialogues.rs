@@ -1,8 +1,8 @@
-//! Plays the conversations of `dsp-protocol/vectors/dialogues/` against the simulated DSP, against the DSP in C of `examples/firmware`,
+//! Plays the conversations of `crates/dsp-protocol/vectors/dialogues/` against the simulated DSP, against the DSP in C of `examples/firmware`,
 //! and against the bridge's core.
 //!
 //! Each side is given what the other end says, at the stated times, and must say its own part byte by byte at the stated
-//! times. The files were derived by hand from `docs/protocol.md`; their format stands in `dsp-protocol/vectors/README.md`.
+//! times. The files were derived by hand from `docs/protocol.md`; their format stands in `crates/dsp-protocol/vectors/README.md`.
 //! Time is virtual and moves in steps of 1 ms, because all times of the files are whole milliseconds.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -121,7 +121,7 @@ enum Step {
 
 /// All dialogues, by name.
 fn dialogues() -> Vec<Dialogue> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../dsp-protocol/vectors/dialogues");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/dsp-protocol/vectors/dialogues");
     let mut files: Vec<_> = fs::read_dir(&folder)
         .expect("the folder of the dialogues")
         .map(|entry| entry.expect("an entry").path())

@@ -28,7 +28,7 @@ pub struct ReplayError {
     pub what: &'static str,
 }
 
-/// A dialogue of `dsp-protocol/vectors/dialogues/`, or one that the kit has written: what the PC says in it.
+/// A dialogue of `crates/dsp-protocol/vectors/dialogues/`, or one that the kit has written: what the PC says in it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Dialogue {
     /// The profile of the PC.

@@ -9,7 +9,7 @@ use dsp_protocol::Profile;
 
 /// The sections of docs/protocol.md: number and text, in one line.
 fn sections() -> Vec<(String, String)> {
-    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/protocol.md");
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/protocol.md");
     let text = fs::read_to_string(page).expect("the page");
     let mut sections: Vec<(String, String)> = Vec::new();
     for line in text.lines() {

@@ -3,7 +3,7 @@
 use dsp_protocol::Group;
 use dsp_protocol::port::{Access, PORTS_16, PORTS_32};
 
-const CONTRACT: &str = include_str!("../../docs/protocol.md");
+const CONTRACT: &str = include_str!("../../../docs/protocol.md");
 
 /// The rows below each table header that begins with `header`, cut into cells.
 fn rows(header: &str) -> Vec<Vec<String>> {

@@ -2,7 +2,7 @@
 
 // The program uses the rest of what it shares with these tests.
 #[allow(dead_code)]
-#[path = "../../tests/examples/figures/undetected/mod.rs"]
+#[path = "../../../tests/examples/figures/undetected/mod.rs"]
 mod figure;
 
 use self::figure::damage::Damage;

@@ -88,7 +88,7 @@ fn a_broken_sentence_is_named_and_its_dialogue_is_written() {
     // The start-up switches following on.
     let dialogues = concat!(
         env!("CARGO_MANIFEST_DIR"),
-        "/../dsp-protocol/vectors/dialogues"
+        "/../crates/dsp-protocol/vectors/dialogues"
     );
     let args = format!("conform --port dsp --replay {dialogues}/start_up.txt");
     let finished = rig.run(&args, 5);

@@ -13,7 +13,7 @@ use dsp_protocol::{
     header,
 };
 
-const BEGIN: &str = "/* made: dsp-protocol/tests/firmware writes it */\n";
+const BEGIN: &str = "/* made: crates/dsp-protocol/tests/firmware writes it */\n";
 const END: &str = "/* end of what is made */\n";
 
 /// The names that the errors of section 7 have in C; every known code needs one.
@@ -81,7 +81,7 @@ const COMMANDS: [&str; 8] = [
 /// A path below `bindings/firmware`.
 pub fn path(file: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../bindings/firmware")
+        .join("../../bindings/firmware")
         .join(file)
 }
 

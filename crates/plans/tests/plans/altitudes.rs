@@ -336,7 +336,7 @@ fn flown(name: &str, text: &str, zero_above_sea_m: Option<f64>) -> Result<f64, V
 
 #[test]
 fn each_format_and_reference_has_the_rule_of_the_table_in_the_documents() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/plans.md");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/plans.md");
     let document = std::fs::read_to_string(root).unwrap();
     let mut expected = Vec::new();
     for Row {
