@@ -1,7 +1,7 @@
 //! The command line of `ril`: the list of verbs, and the options that may stand before a verb as well as behind it.
 //!
 //! Everything is checked here, once; the verbs get typed values. The options of a verb are in the verb's own folder, those that several
-//! take in [`options`](crate::options). Every verb has its own of the global ones, so that its help says what they do there and a verb
+//! take in [`options`](operator::options). Every verb has its own of the global ones, so that its help says what they do there and a verb
 //! refuses what it has no use for; those that stand before the verb are written behind it before the command line is read. Nothing here
 //! talks to another process.
 
@@ -17,7 +17,6 @@ use clap::{ArgAction, Args, CommandFactory, FromArgMatches, Parser, Subcommand, 
 use runtime::args::SettingsArgs;
 use runtime::manual::ManualArgs;
 
-use crate::options::{EXIT_CODES, SampleArgs, duration};
 use crate::verbs::check::{DoctorArgs, PreflightArgs};
 use crate::verbs::conform::ConformArgs;
 use crate::verbs::demo;
@@ -39,6 +38,7 @@ use crate::verbs::topic::measure::MeasureArgs;
 use crate::verbs::view::options::{RunViewArgs, ViewArgs};
 use crate::verbs::wait::WaitArgs;
 use crate::verbs::watch::WatchArgs;
+use operator::options::{EXIT_CODES, SampleArgs, duration};
 
 /// The operator's tool of the HERO helicopter's Robot Implementation Layer.
 ///

@@ -1,44 +1,16 @@
 //! `ril`: the operator's tool of the HERO's Robot Implementation Layer, and its one installed binary.
 //!
-//! * [`cli`]: the command line; [`options`]: what several verbs take;
-//! * [`config`]: the file `ril.toml`;
-//! * [`session`]: configuration, which robot, its shared memory and the one wait;
-//! * [`request`]: follows a request to its final report;
-//! * [`robot`]: what an operator sees of a robot;
-//! * [`render`]: JSON, fields, findings, words, reports as messages, the terminal;
-//! * [`recorded`]: what is in a flight record;
-//! * `view_setup`: what verbs know of a view's configuration and surroundings;
-//! * [`completion`]: what can follow on a command line in bash, zsh and fish;
-//! * [`verbs`]: the verbs, each in a file or folder.
+//! * [`cli`]: the command line; [`verbs`]: the verbs, each in a file or folder;
+//! * [`completion`]: what can follow on a command line in bash, zsh and fish.
 //!
-//! `ril run bridge`, `ril run status` and `ril run sim` are those crates' own command lines; `ril relay` is a program of its own,
-//! `ril-relay`, which it starts. Nothing here decides what the helicopter
-//! does: that is the bridge's.
-//!
-//! # Example
-//!
-//! ```
-//! use ipc_types::code::{Reason, Stage};
-//! use ipc_types::payload::RequestReport;
-//! use ril::render::messages::{self, FinalReport, Verb};
-//!
-//! let report = RequestReport::new(Stage::Refused, Reason::LinkDown);
-//! assert_eq!(messages::line(Verb::Start, 0, 1, &report).as_deref(), Some("start: refused (link-down)"));
-//! let end = FinalReport::of(&report).expect("a refusal is final");
-//! assert_eq!(end.exit_code().code(), 6);
-//! ```
+//! What verbs share stands in the crate `operator`. The processes that `ril run` starts are rooms of their own: this crate reads their command
+//! lines and starts them. `ril relay` is a program of its own, `ril-relay`. Nothing here decides what the helicopter does: that is the
+//! bridge's.
 
 pub mod cli;
 pub mod completion;
-pub mod config;
-mod fence_file;
 mod mavlink_setup;
-pub mod options;
-pub mod recorded;
-pub mod render;
-pub mod request;
-pub mod robot;
-pub mod session;
+mod new_file;
 pub mod verbs;
 mod view_setup;
 
@@ -48,7 +20,8 @@ use std::process::ExitCode;
 
 use clap::CommandFactory;
 use cli::{MavlinkCommand, RunCommand};
-use render::messages::object::ErrorObject;
+use operator::render::messages::object::ErrorObject;
+use operator::{options, render, session};
 use runtime::exit::{self, Failure, OrFail};
 use runtime::manual;
 use runtime::output::standard_output;

@@ -121,7 +121,8 @@ enum Step {
 
 /// All dialogues, by name.
 fn dialogues() -> Vec<Dialogue> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/dsp-protocol/vectors/dialogues");
+    let folder =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../crates/dsp-protocol/vectors/dialogues");
     let mut files: Vec<_> = fs::read_dir(&folder)
         .expect("the folder of the dialogues")
         .map(|entry| entry.expect("an entry").path())

@@ -19,7 +19,7 @@ const PREFIX: &str = "plan: ";
 
 /// Why the file was not changed.
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum FenceFileError {
+pub enum FenceFileError {
     /// It is not there, or not for this user.
     #[error("{}: cannot be read: {source}", path.display())]
     Read {
@@ -70,7 +70,7 @@ impl FenceFileError {
 
 /// A change of the bridge's configuration file, which can be taken back.
 #[derive(Debug)]
-pub(crate) struct FenceChange {
+pub struct FenceChange {
     path: PathBuf,
     before: String,
     after: String,
@@ -214,7 +214,7 @@ mod tests {
         let twice = with_areas(&once, &[circle("c", true)]).unwrap();
         assert_eq!(names(&twice), ["plan: c"]);
         assert!(twice.starts_with(text), "{twice}");
-        let example = include_str!("../../bridge/bridge.toml");
+        let example = include_str!("../../../bridge/bridge.toml");
         let with_example = with_areas(example, &[circle("d", true)]).unwrap();
         assert_eq!(names(&with_example), ["plan: d"]);
         let lines_of = |text: &str| -> Vec<String> { text.lines().map(str::to_owned).collect() };

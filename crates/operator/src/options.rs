@@ -163,7 +163,7 @@ pub fn wants_json(args: &[OsString]) -> bool {
 /// # Errors
 ///
 /// Code 2 when it cannot be read, is no text, or is longer than [`MAX_TEXT_BYTES`].
-pub(crate) fn read_text(path: &Path) -> Result<String, Failure> {
+pub fn read_text(path: &Path) -> Result<String, Failure> {
     let name = path.display();
     let mut text = String::new();
     let read = if path == Path::new("-") {
@@ -186,7 +186,7 @@ fn bounded<R: Read>(source: R) -> io::Take<R> {
 }
 
 /// Reads a finite number of at most `limit`, either way.
-pub(crate) fn number(what: &str, text: &str, limit: f64) -> Result<f64, String> {
+pub fn number(what: &str, text: &str, limit: f64) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(number) if !number.is_finite() => Err(format!("the {what} `{text}` is not finite")),
         Ok(number) if number.abs() > limit => Err(format!(
@@ -198,13 +198,13 @@ pub(crate) fn number(what: &str, text: &str, limit: f64) -> Result<f64, String> 
 }
 
 /// Reads how long something may take or is to go on, such as `5s` or `1m30s`.
-pub(crate) fn duration(text: &str) -> Result<Duration, String> {
+pub fn duration(text: &str) -> Result<Duration, String> {
     let bounds = [MIN_TIMEOUT_S, MAX_TIMEOUT_S].map(Duration::from_secs_f64);
     within(duration::parse(text)?, bounds)
 }
 
 /// Reads until how long after its issue an order may begin, in whole ms; `0s` leaves it to the bridge.
-pub(crate) fn deadline_ms(text: &str) -> Result<u32, String> {
+pub fn deadline_ms(text: &str) -> Result<u32, String> {
     let longest = Duration::from_millis(MAX_DEADLINE_MS.into());
     let deadline = within(duration::parse(text)?, [Duration::ZERO, longest])?;
     match u32::try_from(deadline.as_millis()) {
@@ -270,7 +270,7 @@ fn metres(what: &str, text: &str) -> Result<f64, String> {
 }
 
 /// Reads a telemetry altitude such as `20`, `20m` or `60ft`, or a height above take-off such as `+20m`.
-pub(crate) fn height(text: &str) -> Result<Height, String> {
+pub fn height(text: &str) -> Result<Height, String> {
     match text.trim().strip_prefix('+') {
         Some(rest) if rest.starts_with(['+', '-']) => {
             Err(format!("the altitude `{text}` has two signs"))
@@ -282,7 +282,7 @@ pub(crate) fn height(text: &str) -> Result<Height, String> {
 
 /// Reads the height of a take-off, which is above take-off with and without a plus sign. Its upper limit is the DSP's, which the
 /// bridge knows.
-pub(crate) fn take_off_height(text: &str) -> Result<f64, String> {
+pub fn take_off_height(text: &str) -> Result<f64, String> {
     match height(text)?.from(0.0) {
         metres if metres > 0.0 => Ok(metres),
         _ => Err("the height of a take-off is greater than 0".to_owned()),
@@ -353,7 +353,7 @@ fn target(numbers: &[String]) -> Result<Target, String> {
 }
 
 /// The waypoints of the words of a command line. None without words: they come from a file.
-pub(crate) fn targets(words: &[String]) -> Result<Targets, String> {
+pub fn targets(words: &[String]) -> Result<Targets, String> {
     if words.is_empty() {
         return Ok(Targets::At(Vec::new()));
     }

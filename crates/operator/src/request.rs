@@ -9,8 +9,8 @@
 //!
 //! A screen or a page orders by `ports`, which feed what is known of the robot.
 
-pub(crate) mod cruise;
-pub(crate) mod ports;
+pub mod cruise;
+pub mod ports;
 #[cfg(test)]
 mod tests;
 
@@ -40,7 +40,7 @@ pub enum Until {
 
 impl Until {
     /// What the operator asked for.
-    pub(crate) fn of(args: &RequestArgs) -> Until {
+    pub fn of(args: &RequestArgs) -> Until {
         match args.no_wait {
             true => Until::Accepted,
             false => Until::Final,
@@ -223,7 +223,7 @@ fn is_failure(report: &RequestReport) -> bool {
 
 /// How reports are printed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Format {
+pub enum Format {
     /// Not at all: the command needs the answer itself.
     Silent,
     /// As lines for people.
@@ -242,7 +242,7 @@ impl Format {
 }
 
 /// A start, a stop or a reload that was issued at `issued`, to be begun within `deadline_ms` of that.
-pub(crate) fn control_request(
+pub fn control_request(
     command: ControlCommand,
     issued: MonotonicNs,
     deadline_ms: u32,
@@ -255,7 +255,7 @@ pub(crate) fn control_request(
 }
 
 /// Until when an order may begin that was issued at `issued_ns`; 0 leaves it to the bridge, as a deadline of 0 does.
-pub(crate) fn begin_by_ns(issued_ns: u64, deadline_ms: u32) -> u64 {
+pub fn begin_by_ns(issued_ns: u64, deadline_ms: u32) -> u64 {
     match deadline_ms {
         0 => 0,
         ms => (MonotonicNs(issued_ns) + Duration::from_millis(ms.into())).0,
@@ -263,7 +263,7 @@ pub(crate) fn begin_by_ns(issued_ns: u64, deadline_ms: u32) -> u64 {
 }
 
 /// `request` to be begun within `deadline_ms` of its issue; says also whether it replaces a path that is under way.
-pub(crate) fn complete(request: MovementData, preempt: bool, deadline_ms: u32) -> MovementData {
+pub fn complete(request: MovementData, preempt: bool, deadline_ms: u32) -> MovementData {
     MovementData {
         begin_by_ns: begin_by_ns(request.issued_ns, deadline_ms),
         preempt: u16::from(preempt),
@@ -277,7 +277,7 @@ const FIRST_STEP_MS: u32 = 5000;
 
 /// The steps of one command: each names the one before, so that none is done after something newer. The first one was issued with
 /// the command.
-pub(crate) struct Steps {
+pub struct Steps {
     issued: MonotonicNs,
     deadline_ms: u32,
     /// The request that was the last step; 0 if there is none.
@@ -329,7 +329,7 @@ impl Steps {
 /// # Errors
 ///
 /// As [`Conversation::follow`], and what `requests` fails with.
-pub(crate) fn ask<R: Request>(
+pub fn ask<R: Request>(
     verb: Verb,
     key: &'static str,
     args: &RequestArgs,
@@ -347,7 +347,7 @@ pub(crate) fn ask<R: Request>(
 /// # Errors
 ///
 /// As [`Conversation::follow`].
-pub(crate) fn ask_at_once<R: Request>(
+pub fn ask_at_once<R: Request>(
     verb: Verb,
     key: &'static str,
     args: &RequestArgs,
@@ -363,7 +363,7 @@ pub(crate) fn ask_at_once<R: Request>(
 }
 
 /// Something that a command looks at while it follows a request.
-pub(crate) trait Companion {
+pub trait Companion {
     /// What wakes it.
     fn source(&mut self) -> &mut dyn Source;
 
@@ -390,7 +390,7 @@ pub(crate) trait Companion {
 }
 
 /// A command's conversations with the bridge over one service.
-pub(crate) struct Conversation<'a, R: Request> {
+pub struct Conversation<'a, R: Request> {
     verb: Verb,
     timeout: Duration,
     key: &'static str,

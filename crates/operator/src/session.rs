@@ -44,7 +44,7 @@ const READ_LIMIT: Duration = Duration::from_millis(300);
 /// # Errors
 ///
 /// Code 78 when it is wrong; the quiet end when it was only to be checked, after it was printed.
-pub(crate) fn configuration(common: &CommonArgs) -> Result<Config, Failure> {
+pub fn configuration(common: &CommonArgs) -> Result<Config, Failure> {
     begin(common)?;
     let loaded = runtime::config::load::<Config>(
         common.settings.config.as_deref(),
@@ -109,7 +109,7 @@ fn in_unit<V>(
 }
 
 /// Prints the configuration of a process, or of the operator's commands, as text or as JSON.
-pub(crate) fn print_configuration(of: &str, resulting: &Resulting) -> Result<(), Failure> {
+pub fn print_configuration(of: &str, resulting: &Resulting) -> Result<(), Failure> {
     let args: Vec<OsString> = std::env::args_os().collect();
     match wants_json(&args) {
         true => json_line(&mut io::stdout().lock(), &resulting.object(of)),
@@ -118,31 +118,29 @@ pub(crate) fn print_configuration(of: &str, resulting: &Resulting) -> Result<(),
 }
 
 /// The command's part in the robot's shared memory, and its one wait.
-pub(crate) struct Session {
-    pub(crate) ipc: Ipc,
+pub struct Session {
+    pub ipc: Ipc,
     waiter: Waiter,
-    pub(crate) termination: Rc<Termination>,
+    pub termination: Rc<Termination>,
 }
 
 impl Session {
     /// Takes part. Signals no longer end the process by themselves from here on.
-    pub(crate) fn join(common: &CommonArgs) -> Result<Session, Failure> {
+    pub fn join(common: &CommonArgs) -> Result<Session, Failure> {
         let termination = Termination::install().or_fail(ExitCode::Internal)?;
         request_slice(SchedulingRole::Consumer);
         Session::of(common.robot().into(), Rc::new(termination))
     }
 
     /// Takes part to show samples, for which it waits this long.
-    pub(crate) fn for_samples(args: &SampleArgs) -> Result<(Session, Duration), Failure> {
+    pub fn for_samples(args: &SampleArgs) -> Result<(Session, Duration), Failure> {
         let config = configuration(&args.common)?;
         let timeout = args.timeout.unwrap_or_else(|| config.observe.timeout());
         Ok((Session::join(&args.common)?, timeout))
     }
 
     /// Takes part in the shared memory of each of these robots.
-    pub(crate) fn join_each(
-        robots: impl IntoIterator<Item = RobotId>,
-    ) -> Result<Vec<Session>, Failure> {
+    pub fn join_each(robots: impl IntoIterator<Item = RobotId>) -> Result<Vec<Session>, Failure> {
         let termination = Rc::new(Termination::install().or_fail(ExitCode::Internal)?);
         request_slice(SchedulingRole::Consumer);
         let join = |robot| Session::of(robot, Rc::clone(&termination));
@@ -150,7 +148,7 @@ impl Session {
     }
 
     /// Takes part in the shared memory of another robot as well.
-    pub(crate) fn beside(&self, robot: RobotId) -> Result<Session, Failure> {
+    pub fn beside(&self, robot: RobotId) -> Result<Session, Failure> {
         Session::of(robot, Rc::clone(&self.termination))
     }
 
@@ -164,7 +162,7 @@ impl Session {
     }
 
     /// Sleeps until a source has something, a signal comes or it is `until`; `None` is no limit.
-    pub(crate) fn wait<'a>(
+    pub fn wait<'a>(
         &self,
         others: impl IntoIterator<Item = &'a mut dyn Source>,
         until: Option<MonotonicNs>,
@@ -182,7 +180,7 @@ impl Session {
     }
 
     /// Takes what comes of `topics` until it is enough, or `give_up`, or a signal comes; says whether it was enough.
-    pub(crate) fn gather<T: Topics>(
+    pub fn gather<T: Topics>(
         &self,
         topics: &mut T,
         give_up: MonotonicNs,
@@ -202,43 +200,43 @@ impl Session {
     }
 
     /// The live process that provides the service `key`.
-    pub(crate) fn provider(&self, key: &str) -> Result<Option<Provider>, Failure> {
+    pub fn provider(&self, key: &str) -> Result<Option<Provider>, Failure> {
         self.ipc.provider(key).or_fail(ExitCode::Internal)
     }
 
     /// Whether a live process provides the service `key`.
-    pub(crate) fn is_provided(&self, key: &str) -> Result<bool, Failure> {
+    pub fn is_provided(&self, key: &str) -> Result<bool, Failure> {
         Ok(self.provider(key)?.is_some())
     }
 
     /// Whether the service `key`, which `provider` provides, comes from another machine. A station shows the stations of the robot's
     /// relay, and has a link itself.
-    pub(crate) fn is_relayed(&self, key: &str, provider: &Provider) -> Result<bool, Failure> {
+    pub fn is_relayed(&self, key: &str, provider: &Provider) -> Result<bool, Failure> {
         let may_be_station = key == RelayStations::KEY && provider.process == RelayModule::NAME;
         Ok(is_relayed(key, provider) || may_be_station && self.is_provided(RelayLink::KEY)?)
     }
 }
 
 /// The same for any topic but `relay/stations`, which a robot's machine and a station's both have. The relay's own do not.
-pub(crate) fn is_relayed(key: &str, provider: &Provider) -> bool {
+pub fn is_relayed(key: &str, provider: &Provider) -> bool {
     let is_own = key.split('/').next() == Some(RelayModule::NAME);
     provider.process == RelayModule::NAME && !is_own
 }
 
 /// The process that provides the service `key`; `None` if that is a module outside the RIL.
-pub(crate) fn process_of(key: &str) -> Option<&'static str> {
+pub fn process_of(key: &str) -> Option<&'static str> {
     own(key).map(ServiceId::provider)
 }
 
 /// When the operator gave the command: the first call is at the beginning of the process, and later ones say the same.
-pub(crate) fn began() -> MonotonicNs {
+pub fn began() -> MonotonicNs {
     static BEGAN: OnceLock<MonotonicNs> = OnceLock::new();
     *BEGAN.get_or_init(MonotonicNs::now)
 }
 
 /// What becomes of a command whose configuration is not read in time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Unread {
+pub enum Unread {
     /// It goes on with the built-in values, with a warning.
     LeftOut,
     /// It ends with code 78: what it does depends on values of the file.
@@ -246,7 +244,7 @@ pub(crate) enum Unread {
 }
 
 /// What a command has that asks the bridge for something.
-pub(crate) struct OrderContext {
+pub struct OrderContext {
     pub session: Session,
     /// When the operator gave the command, however long it takes until its request goes out.
     pub issued: MonotonicNs,
@@ -293,7 +291,7 @@ impl OrderContext {
 }
 
 /// What a command has whose order goes out before its configuration is read: one that makes the helicopter safer is not kept by a disk.
-pub(crate) struct UrgentContext<'a> {
+pub struct UrgentContext<'a> {
     ask: &'a AskArgs,
     pub session: Session,
     /// When the operator gave the command.
@@ -340,7 +338,7 @@ impl<'a> UrgentContext<'a> {
 }
 
 /// The newest sample of a topic, and the port it comes from.
-pub(crate) struct Latest<T: Topic> {
+pub struct Latest<T: Topic> {
     /// What to wait for.
     pub port: Subscriber<T>,
     /// `None` before the first one.
@@ -366,7 +364,7 @@ impl<T: Topic> Latest<T> {
 }
 
 /// Topics of which the newest samples are gathered.
-pub(crate) trait Topics {
+pub trait Topics {
     /// What to wait for.
     fn ports(&mut self) -> Vec<&mut dyn Source>;
 
@@ -466,7 +464,7 @@ fn refuse_to_guess(common: &CommonArgs) -> Result<(), Failure> {
 }
 
 /// Which other robots could be meant when the one that was asked for does not answer; empty when there is none.
-pub(crate) fn others_alive(robot: RobotId) -> String {
+pub fn others_alive(robot: RobotId) -> String {
     let mut others = commandable_here().unwrap_or_default();
     others.retain(|other| *other != robot);
     match others.as_slice() {
@@ -480,7 +478,7 @@ pub(crate) fn others_alive(robot: RobotId) -> String {
 }
 
 /// Which domain was looked at, when no robot is alive there, and which others there are; empty when a robot is alive there.
-pub(crate) fn other_domains() -> String {
+pub fn other_domains() -> String {
     let Ok(domain) = Domain::from_environment() else {
         return String::new();
     };
@@ -515,12 +513,12 @@ fn elsewhere(root: &Path, own: Option<&Path>, others: &[(u32, &Path)]) -> String
 }
 
 /// The way to the robots of another user. RIL_IPC_ROOT does not lead there: no process enters the folder of another user.
-pub(crate) fn as_user(uid: u32) -> String {
+pub fn as_user(uid: u32) -> String {
     format!("if its robots are meant, run as that user: `sudo -u '#{uid}' ril ...`")
 }
 
 /// What [`commandable`] finds in the domain of this process.
-pub(crate) fn commandable_here() -> Result<Vec<RobotId>, Failure> {
+pub fn commandable_here() -> Result<Vec<RobotId>, Failure> {
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     commandable(&domain).or_fail(ExitCode::Internal)
 }

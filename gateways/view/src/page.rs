@@ -4,6 +4,8 @@
 //! `docs/view-protocol.md` describes them. Field names carry units. What is not known is `None`, which is null in JSON, and never 0; a
 //! number that is not finite is null, too.
 
+pub use operator::robot::changes::Weight;
+pub use operator::robot::chart::ChartArea;
 use serde::{Deserialize, Serialize};
 
 /// The name of the WebSocket subprotocol, and of these messages.
@@ -192,7 +194,7 @@ pub struct Chart {
     /// Of the bridge's outline; grows at each change.
     pub number: u64,
     /// Areas of the fence.
-    pub fence: Vec<Area>,
+    pub fence: Vec<ChartArea>,
     /// Floor everywhere; `None` if there is none.
     pub floor_m: Option<f64>,
     /// Ceiling everywhere; `None` if there is none.
@@ -201,21 +203,6 @@ pub struct Chart {
     pub path: Vec<[f64; 3]>,
     /// Latitude, longitude (degrees), altitude (m); `None` if it is not known.
     pub home: Option<[f64; 3]>,
-}
-
-/// An area of a fence.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Area {
-    /// Its name; empty if it has none.
-    pub name: String,
-    /// Whether the helicopter must be inside; else it must be outside.
-    pub inclusion: bool,
-    /// `None` if it has no floor.
-    pub floor_m: Option<f64>,
-    /// `None` if it has no ceiling.
-    pub ceiling_m: Option<f64>,
-    /// Latitude and longitude, degrees.
-    pub corners: Vec<[f64; 2]>,
 }
 
 /// Whether values are of the present, and how old they were when they were sent.
@@ -527,20 +514,6 @@ pub enum Severity {
     /// To be watched.
     Warning,
     /// To be acted on.
-    Alarm,
-}
-
-/// How much an event matters, to a page, on a terminal and in a report.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Weight {
-    /// Something went on as it should.
-    Note,
-    /// An order, or what became of it.
-    Order,
-    /// Something to look at.
-    Warning,
-    /// Something to act on.
     Alarm,
 }
 

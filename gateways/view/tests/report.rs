@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use proptest::prelude::*;
 use serde_json::Value;
 use sha2::{Digest as _, Sha256};
-use view::page::{Area, Weight};
+use view::page::{ChartArea, Weight};
 use view::report::envelope::{Bins, Envelope};
 use view::report::flight::{
     Curve, Event, Ink, Lane, Limit, Map, Outcome, Plot, RequestRow, Scale, Span, Table,
@@ -93,7 +93,7 @@ fn flight(text: impl Fn(&str) -> String) -> FlightReport {
         track: vec![[37.411, -6.001], [37.4115, -6.001]],
         track_s: vec![10.0, 100.0],
         plan: vec![[37.411, -6.001]],
-        fence: vec![Area {
+        fence: vec![ChartArea {
             name: text("field"),
             inclusion: true,
             floor_m: None,

@@ -9,13 +9,13 @@ use ipc_types::{MonotonicNs, fresh_request_id};
 use runtime::config::nearest;
 use runtime::exit::{ExitCode, Failure};
 
-use crate::options::{AskArgs, number};
-use crate::render::messages::Verb;
-use crate::render::messages::details::{port_header, port_name, port_row};
-use crate::render::messages::object::ReportObject;
-use crate::render::{Weight, json_text, tell};
-use crate::request::{Conversation, Format, Until, begin_by_ns};
-use crate::session::OrderContext;
+use operator::options::{AskArgs, number};
+use operator::render::messages::Verb;
+use operator::render::messages::details::{port_header, port_name, port_row};
+use operator::render::messages::object::ReportObject;
+use operator::render::{Weight, json_text, tell};
+use operator::request::{Conversation, Format, Until, begin_by_ns};
+use operator::session::OrderContext;
 
 /// `ril param`
 #[derive(Args, Clone, Debug)]
@@ -111,7 +111,7 @@ const MAX_PORTS: u32 = 1 << 16;
 ///
 /// # Errors
 ///
-/// As all requests: see [`messages::exit_code`](crate::render::messages::exit_code); code 2 also for a name that no port has.
+/// As all requests: see [`messages::exit_code`](operator::render::messages::exit_code); code 2 also for a name that no port has.
 pub fn param(command: &ParamCommand) -> Result<(), Failure> {
     match command {
         ParamCommand::List(args) => run(Verb::ListParameters, &args.ask, |ports| {

@@ -14,13 +14,13 @@ use ipc_types::{Domain, Ipc, Module, MonotonicNs, RelayModule, RobotId, Source, 
 use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
 
-use crate::options::SampleArgs;
-use crate::render::words::{module_words, or_dash};
-use crate::render::{json_line, note};
-use crate::robot::domain::{DomainFacts, Provided};
-use crate::robot::freshness::{age_ms, is_present, named};
-use crate::robot::pilot;
-use crate::session::{Latest, Session, Topics, as_user, configuration, other_domains};
+use operator::options::SampleArgs;
+use operator::render::words::{module_words, or_dash};
+use operator::render::{json_line, note};
+use operator::robot::domain::{DomainFacts, Provided};
+use operator::robot::freshness::{age_ms, is_present, named};
+use operator::robot::pilot;
+use operator::session::{Latest, Session, Topics, as_user, configuration, other_domains};
 
 /// `ril robots`
 ///

@@ -12,7 +12,7 @@ use runtime::exit::Failure;
 use serde::Deserialize;
 use view::page::Role;
 
-use crate::config::RequestConfig;
+use operator::config::RequestConfig;
 
 /// The file that is read when none is named; it may be absent.
 pub(crate) const DEFAULT_FILE: &str = "view.toml";

@@ -9,7 +9,7 @@ use std::io::Read;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 
-use crate::robot::domain::{PROC, open_files};
+use operator::robot::domain::{PROC, open_files};
 
 /// Most bytes that are read of a table: 55,000 connections. What lies beyond is not found, and so is not taken for this user's.
 const MAX_TABLE_BYTES: u64 = 8 << 20;

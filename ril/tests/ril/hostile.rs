@@ -12,11 +12,11 @@ use ipc_types::service::{MAX_OUTSTANDING, Request};
 use ipc_types::{
     Client, Losses, MonotonicNs, RobotId, Schema, SendError, Topic, Wake, fresh_request_id,
 };
-use ril::render::fields::{JsonLine, Plain, Selection, Shown, Tree};
-use ril::render::messages::object::ReportObject;
-use ril::render::messages::{self, FinalReport, Verb};
-use ril::render::stamps::StampReader;
-use ril::request::{Exchange, Next, Until};
+use operator::render::fields::{JsonLine, Plain, Selection, Shown, Tree};
+use operator::render::messages::object::ReportObject;
+use operator::render::messages::{self, FinalReport, Verb};
+use operator::render::stamps::StampReader;
+use operator::request::{Exchange, Next, Until};
 use ril::verbs::status::report::{Samples, StateReport};
 use ril::verbs::topic::histogram::Detail;
 use ril::verbs::topic::meter::{Meter, MeterReport, Of, Quantity};

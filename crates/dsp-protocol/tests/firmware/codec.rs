@@ -22,7 +22,7 @@ use crate::vectors::{self, bytes_of, rows};
 const SEEDS: u64 = 3000;
 
 fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02"../../examples/firmware/dsp.c"}")).collect()
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect()
 }
 
 /// Digits of 7 bits and unused bits on top of a value of this type.
@@ -449,7 +449,7 @@ fn steps_are_those_of_the_rust_codec() {
 fn ports_lengths_and_errors_are_those_of_the_tables() {
     let mut rng = Rng::with_seed(8);
     let mut quiz = Quiz::default();
-    for number in (0..=u16::MA"../../examples/firmware/dsp.c")
+    for number in (0..=u16::MAX)
         .filter(|number| number % 97 == 0 || *number / 1000 == 10 || *number / 1000 == 20)
     {
         let row = PORTS_16.iter().find(|port| port.number == number);
@@ -488,7 +488,7 @@ fn ports_lengths_and_errors_are_those_of_the_tables() {
             quiz.add(format!("port32 {number} {}", value.to_bits()), answer);
         }
     }
-    for mask in (0..=u16::MA"../../examples/firmware/dsp.c").step_by(61).map(StatusMask) {
+    for mask in (0..=u16::MAX).step_by(61).map(StatusMask) {
         let len = mask.status_frame_len();
         quiz.add(format!("len classic {}", mask.0), len.to_string());
         quiz.add(format!("len extended {}", mask.0), (len + 6).to_string());
@@ -525,7 +525,7 @@ fn payload(rng: &mut Rng, header: u8) -> Vec<u8> {
     match header {
         header::STATUS => {
             let mask = match rng.u8(..4) {
-                0 => u16::MA"../../examples/firmware/dsp.c",
+                0 => u16::MAX,
                 1 => 1 << rng.u8(..16),
                 _ => rng.u16(..),
             };
@@ -598,8 +598,8 @@ fn frame(rng: &mut Rng, profile: Profile, direction: &str) -> Vec<u8> {
     ];
     const UPLINK: [u8; 2] = [header::COMMAND, header::WAYPOINT];
     let (headers, extended) = match direction {
-        Uplink::NAME => (&UPLINK[..], header::E"../../examples/firmware/dsp.c"TENDED_UPLINK),
-        _ => (&DOWNLINK[..], header::E"../../examples/firmware/dsp.c"TENDED_DOWNLINK),
+        Uplink::NAME => (&UPLINK[..], header::EXTENDED_UPLINK),
+        _ => (&DOWNLINK[..], header::EXTENDED_DOWNLINK),
     };
     let header = headers[rng.usize(..headers.len())];
     let payload = payload(rng, header);
@@ -836,12 +836,12 @@ const MISTAKES: [(&str, &str); 22] = [
     ),
     ("is_possible = (on <= 1u)", "is_possible = (on <= 127u)"),
     (
-        "message->command <= MA"../../examples/firmware/dsp.c"_COMMAND_CODE)",
+        "message->command <= MAX_COMMAND_CODE)",
         "message->command <= 127u)",
     ),
     (
-        "payload[0] > MA"../../examples/firmware/dsp.c"_COMMAND_CODE",
-        "payload[0] > MA"../../examples/firmware/dsp.c"_COMMAND_CODE + 1u",
+        "payload[0] > MAX_COMMAND_CODE",
+        "payload[0] > MAX_COMMAND_CODE + 1u",
     ),
     (
         "decoder->skipping = true;\n        decoder->held = 0u",

@@ -2,7 +2,8 @@
 //!
 //! * [`Recorder`]: messages in, [`FileAction`]s on files out;
 //! * [`read`]: messages, checks, recovery and summaries of such files;
-//! * [`play`]: a recording as live services, as if its robot were there.
+//! * [`play`]: a recording as live services, as if its robot were there;
+//! * [`topic_of`]: how topics are called; [`RequestEvent`]: a request, or a report about one, as a message.
 //!
 //! docs/recording.md describes the layout of a file.
 //!
@@ -52,8 +53,10 @@ pub mod play;
 mod queue;
 pub mod read;
 mod recorder;
+mod request_event;
 mod settings;
 mod sink;
+mod topic_name;
 
 pub use action::{DiskError, DiskErrorKind, FileAction, Part};
 pub use event::{Event, EventKind};
@@ -61,4 +64,6 @@ pub use files::{RETRY_PERIOD, Totals};
 pub use inbox::MAX_CHANNELS;
 pub use notes::FILE_METADATA;
 pub use recorder::Recorder;
+pub use request_event::{REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent};
 pub use settings::{Anchor, Attachment, Channel, ChannelId, FlightInfo, Settings};
+pub use topic_name::{FLIGHT, name_of, topic, topic_of};

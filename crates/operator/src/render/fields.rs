@@ -200,7 +200,7 @@ fn is_at_or_under(path: &str, name: &str) -> bool {
 }
 
 /// The names of all fields, each nested struct before what lies in it; of an array of structs the first stands for all.
-pub(crate) fn field_names(message: &Message) -> Vec<String> {
+pub fn field_names(message: &Message) -> Vec<String> {
     let mut names = Vec::new();
     for field in &message.fields {
         names.push(field.name.clone());

@@ -15,16 +15,12 @@ use runtime::output::{standard_error, standard_output};
 use serde::Serialize;
 
 /// Prints a report on standard output: as one line of JSON, or as text.
-pub(crate) fn print(report: &(impl Serialize + Display), is_json: bool) -> Result<(), Failure> {
+pub fn print(report: &(impl Serialize + Display), is_json: bool) -> Result<(), Failure> {
     print_as(is_json, report, report)
 }
 
 /// The same of what has its JSON and its text apart.
-pub(crate) fn print_as(
-    is_json: bool,
-    object: &impl Serialize,
-    text: impl Display,
-) -> Result<(), Failure> {
+pub fn print_as(is_json: bool, object: &impl Serialize, text: impl Display) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     match is_json {
         true => json_line(&mut out, object)?,
@@ -34,24 +30,24 @@ pub(crate) fn print_as(
 }
 
 /// Writes a line for people on standard error, which may be closed, or read by nobody: data and exit code say enough.
-pub(crate) fn note(text: impl Display) {
+pub fn note(text: impl Display) {
     standard_error().print(format!("{text}\n"));
 }
 
 /// Writes `value` as one line of JSON.
-pub(crate) fn json_line(to: &mut impl Write, value: &impl Serialize) -> Result<(), Failure> {
+pub fn json_line(to: &mut impl Write, value: &impl Serialize) -> Result<(), Failure> {
     let text = json_text(value)?;
     to.write_all(text.as_bytes()).map_err(Failure::output)
 }
 
 /// `value` as one line of JSON.
-pub(crate) fn json_text(value: &impl Serialize) -> Result<String, Failure> {
+pub fn json_text(value: &impl Serialize) -> Result<String, Failure> {
     Ok(serde_json::to_string(value).or_fail(ExitCode::Internal)? + "\n")
 }
 
 /// How much it matters that something is read which is printed while an order is followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Weight {
+pub enum Weight {
     /// What comes later says more.
     Progress,
     /// How it ended.
@@ -63,7 +59,7 @@ pub(crate) enum Weight {
 /// # Errors
 ///
 /// When standard output was closed.
-pub(crate) fn tell(weight: Weight, text: impl Into<String>) -> Result<(), Failure> {
+pub fn tell(weight: Weight, text: impl Into<String>) -> Result<(), Failure> {
     let out = standard_output();
     match weight {
         Weight::Progress => out.put_passing(text),

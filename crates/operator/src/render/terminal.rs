@@ -87,7 +87,7 @@ const MAX_SEQUENCE: usize = 32;
 const MAX_KEYS: usize = 256;
 
 /// The keys that wait at standard input; `None` if it is gone. To be called when the wait says so: else it waits for one.
-pub(crate) fn read_keys() -> Option<Vec<Key>> {
+pub fn read_keys() -> Option<Vec<Key>> {
     let mut bytes = [0; MAX_KEYS];
     match rustix::io::read(stdin(), &mut bytes) {
         Ok(0) => None,

@@ -14,7 +14,7 @@ use crate::render::note;
 use crate::session::Session;
 
 /// Reads a speed that the DSP's port takes, m/s.
-pub(crate) fn speed_mps(text: &str) -> Result<f64, String> {
+pub fn speed_mps(text: &str) -> Result<f64, String> {
     let number = text.trim().trim_end_matches("m/s").trim_end();
     let speed_mps: f64 = number
         .parse()
@@ -33,7 +33,7 @@ pub(crate) fn speed_mps(text: &str) -> Result<f64, String> {
 /// # Errors
 ///
 /// As [`Conversation::follow`].
-pub(crate) fn read_mps(session: &Session, timeout: Duration) -> Result<Option<f64>, Failure> {
+pub fn read_mps(session: &Session, timeout: Duration) -> Result<Option<f64>, Failure> {
     let request = ParameterRequest::read(fresh_request_id(), port::CRUISE_SPEED_MPS);
     let report = Conversation::open(session, Verb::GetParameter, timeout)?.follow(
         &[request],
@@ -45,7 +45,7 @@ pub(crate) fn read_mps(session: &Session, timeout: Duration) -> Result<Option<f6
 }
 
 /// See the module's documentation.
-pub(crate) struct CruiseSpeed<'a> {
+pub struct CruiseSpeed<'a> {
     session: &'a Session,
     timeout: Duration,
     deadline_ms: u32,
@@ -140,7 +140,7 @@ impl<'a> CruiseSpeed<'a> {
 /// # Errors
 ///
 /// As [`read_mps`], and code 5 when the DSP says no speed.
-pub(crate) fn known_mps(session: &Session, timeout: Duration) -> Result<f64, Failure> {
+pub fn known_mps(session: &Session, timeout: Duration) -> Result<f64, Failure> {
     read_mps(session, timeout)?.ok_or_else(|| {
         let text =
             "the DSP does not say its cruise speed, so it could not be restored; nothing was sent";

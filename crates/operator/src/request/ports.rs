@@ -25,10 +25,10 @@ use crate::robot::model::{Process, WatchedRobot};
 use crate::session::is_relayed;
 
 /// Services that orders go to.
-pub(crate) const MAX_CLIENTS: usize = 2;
+pub const MAX_CLIENTS: usize = 2;
 
 /// Topics that wake the screen for the robot in detail: its state, its telemetry, the relay's link.
-pub(crate) const DETAIL_TOPICS: usize = 3;
+pub const DETAIL_TOPICS: usize = 3;
 
 /// Most orders of a robot that are followed at a time. A further one is refused: the operator sees why nothing goes on.
 const MAX_ORDERS: usize = 4;
@@ -39,7 +39,7 @@ const MAX_NEWS: usize = 64;
 
 /// What wakes the screen.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Wakers {
+pub enum Wakers {
     /// Reports about orders alone.
     Orders,
     /// The bridge's state as well.
@@ -50,7 +50,7 @@ pub(crate) enum Wakers {
 
 /// What became of an order.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct OrderNews {
+pub struct OrderNews {
     /// As [`RobotPorts::send`] has given it.
     pub number: u64,
     /// As the bridge calls its request.
@@ -64,7 +64,7 @@ pub(crate) struct OrderNews {
 }
 
 /// See the module's documentation.
-pub(crate) struct RobotPorts {
+pub struct RobotPorts {
     ipc: Ipc,
     state: Subscriber<ModuleState>,
     hero: Subscriber<HeroTelemetry>,
@@ -355,7 +355,7 @@ impl RobotPorts {
 }
 
 /// Sends one request over a client that is opened with the first one.
-pub(crate) fn send<R: Request>(
+pub fn send<R: Request>(
     ipc: &Ipc,
     client: &mut Option<Client<R>>,
     request: &R,
@@ -424,7 +424,7 @@ pub enum RobotOrder {
 }
 
 /// The request of an order, by the service that takes it.
-pub(crate) enum OrderRequest {
+pub enum OrderRequest {
     /// A movement.
     Movement(MovementData),
     /// A start or a stop.
@@ -466,7 +466,7 @@ impl RobotOrder {
     }
 
     /// Its one request, to be begun within `deadline_ms` of now.
-    pub(crate) fn request(self, deadline_ms: u32) -> OrderRequest {
+    pub fn request(self, deadline_ms: u32) -> OrderRequest {
         let id = fresh_request_id();
         let now = MonotonicNs::now();
         let control = |command| OrderRequest::Control(control_request(command, now, deadline_ms));

@@ -15,7 +15,7 @@ use crate::session::{Latest, Session, other_domains, others_alive, process_of};
 const LINK_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// The failure that no process provides the service `key`. At a station it is that of the link to the robot, unless that is up.
-pub(crate) fn absent(session: &Session, key: &str) -> Failure {
+pub fn absent(session: &Session, key: &str) -> Failure {
     match link(session, key) {
         Ok(link) => not_provided(key, session.ipc.robot(), link.as_ref()),
         Err(failure) => failure,
@@ -68,11 +68,7 @@ fn not_provided(key: &str, robot: RobotId, link: Option<&LinkReport>) -> Failure
 }
 
 /// The failure that nothing of the topic `key` came in time: it is [`absent`], or its provider publishes nothing.
-pub(crate) fn nothing_came(
-    session: &Session,
-    key: &str,
-    timeout: Duration,
-) -> Result<Failure, Failure> {
+pub fn nothing_came(session: &Session, key: &str, timeout: Duration) -> Result<Failure, Failure> {
     let robot = session.ipc.robot();
     let timeout = DurationText(timeout);
     let Some(provider) = session.provider(key)? else {

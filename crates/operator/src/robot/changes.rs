@@ -8,10 +8,36 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{LinkState, MovementKind, PilotSwitch};
 use ipc_types::payload::{ControlSender, ModuleState};
+use ros_messages::Level;
 use runtime::finding::{Finding, Severity};
-pub use view::page::Weight;
+use serde::{Deserialize, Serialize};
 
 use crate::robot::controller::Senders;
+
+/// How much an event matters, to a page, on a terminal and in a report.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Weight {
+    /// Something went on as it should.
+    Note,
+    /// An order, or what became of it.
+    Order,
+    /// Something to look at.
+    Warning,
+    /// Something to act on.
+    Alarm,
+}
+
+/// The level of ROS 2 that a weight has.
+impl From<Weight> for Level {
+    fn from(weight: Weight) -> Level {
+        match weight {
+            Weight::Note | Weight::Order => Level::Info,
+            Weight::Warning => Level::Warn,
+            Weight::Alarm => Level::Error,
+        }
+    }
+}
 
 /// What changed, each in a line.
 pub fn of_states(before: &ModuleState, state: &ModuleState) -> Vec<(Weight, String)> {

@@ -11,8 +11,7 @@ use ipc_types::payload::WaypointPosition;
 use plans::Plan;
 use plans::error::MAX_FILE_BYTES;
 use runtime::exit::Failure;
-use serde::Deserialize;
-use view::page;
+use serde::{Deserialize, Serialize};
 
 use crate::robot::geo::{METRES_PER_DEGREE, Place};
 
@@ -27,11 +26,26 @@ pub struct FenceFile {
     pub fence: FenceConfig,
 }
 
-/// See the module's documentation.
+/// An area of a fence, as a map draws it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ChartArea {
+    /// Its name; empty if it has none.
+    pub name: String,
+    /// Whether the helicopter must be inside; else it must be outside.
+    pub inclusion: bool,
+    /// `None` if it has no floor.
+    pub floor_m: Option<f64>,
+    /// `None` if it has no ceiling.
+    pub ceiling_m: Option<f64>,
+    /// Latitude and longitude, degrees.
+    pub corners: Vec<[f64; 2]>,
+}
+
+/// What a map has besides the robot.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Chart {
     /// The areas of the fence, each a closed line: a circle is one of many corners.
-    pub fence: Vec<page::Area>,
+    pub fence: Vec<ChartArea>,
     /// Lowest altitude everywhere, m.
     pub floor_m: Option<f64>,
     /// Highest altitude everywhere, m.
@@ -118,12 +132,12 @@ pub fn read_plan(file: &Path) -> Result<Plan, Failure> {
 }
 
 /// An area as it is drawn.
-fn drawn(area: &AreaConfig) -> page::Area {
+fn drawn(area: &AreaConfig) -> ChartArea {
     let corners = match (area.centre, area.radius_m) {
         (Some(centre), Some(radius_m)) => circle(centre, radius_m),
         _ => corners(area.polygon.as_deref().unwrap_or_default()),
     };
-    page::Area {
+    ChartArea {
         name: area.name.clone(),
         inclusion: area.kind == AreaKind::Inclusion,
         floor_m: area.floor_m,
@@ -193,7 +207,7 @@ mod tests {
 
     #[test]
     fn the_annotated_example_has_a_polygon_and_a_circle() {
-        let example = include_str!("../../../bridge/bridge.toml");
+        let example = include_str!("../../../../bridge/bridge.toml");
         let fence = example.split("# floor_m").nth(1).unwrap();
         let fence = fence.split("[errors]").next().unwrap().replace("# ", "");
         let text = format!(

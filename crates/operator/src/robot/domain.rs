@@ -21,10 +21,10 @@ use runtime::exit::Failure;
 
 /// How long looks may take that begin together. They take milliseconds; a machine that is overloaded a thousand times
 /// is still waited for.
-pub(crate) const LOOK_TIMEOUT: Duration = Duration::from_secs(5);
+pub const LOOK_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The directory that shows processes and what they have open.
-pub(crate) const PROC: &str = "/proc";
+pub const PROC: &str = "/proc";
 
 /// What a look found, or why it found nothing.
 pub type Look<T> = Result<T, Trouble>;
@@ -90,18 +90,18 @@ pub enum Namespace {
 }
 
 /// A look that goes on in the background.
-pub(crate) struct Looking<T> {
+pub struct Looking<T> {
     found: Receiver<Look<T>>,
     began: Instant,
 }
 
 impl<T: Send + 'static> Looking<T> {
-    pub(crate) fn start(look: impl FnOnce() -> T + Send + 'static) -> Looking<T> {
+    pub fn start(look: impl FnOnce() -> T + Send + 'static) -> Looking<T> {
         Looking::attempt(move || Ok::<T, Infallible>(look()))
     }
 
     /// The same of a look that may fail.
-    pub(crate) fn attempt<E: Into<Box<dyn Error + Send + Sync>>>(
+    pub fn attempt<E: Into<Box<dyn Error + Send + Sync>>>(
         look: impl FnOnce() -> Result<T, E> + Send + 'static,
     ) -> Looking<T> {
         let (sender, found) = mpsc::sync_channel(1);
@@ -116,7 +116,7 @@ impl<T: Send + 'static> Looking<T> {
     }
 
     /// What it found by the time that `timeout` is over, counted from its start.
-    pub(crate) fn end(self, timeout: Duration) -> Look<T> {
+    pub fn end(self, timeout: Duration) -> Look<T> {
         let left = timeout.saturating_sub(self.began.elapsed());
         match self.found.recv_timeout(left) {
             Ok(found) => found,
@@ -151,7 +151,7 @@ impl DomainFacts {
 }
 
 /// Number and path of everything that a process has open.
-pub(crate) fn open_files(process: &Path) -> io::Result<Vec<(u32, PathBuf)>> {
+pub fn open_files(process: &Path) -> io::Result<Vec<(u32, PathBuf)>> {
     let entries = fs::read_dir(process.join("fd"))?.flatten();
     let open = entries.filter_map(|entry| {
         let number = entry.file_name().to_str()?.parse().ok()?;

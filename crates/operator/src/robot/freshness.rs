@@ -212,7 +212,7 @@ impl SampleAge {
     }
 
     /// As part of a JSON object.
-    pub(crate) fn tree(self) -> Tree {
+    pub fn tree(self) -> Tree {
         Tree::nested([
             ("sequence", self.sequence.into()),
             ("age_ms", self.age_ms.into()),
@@ -235,23 +235,23 @@ impl fmt::Display for SampleAge {
 }
 
 /// Whether what was so at `time` says nothing of `now` any more. What is dated in the future is of unknown age, so it is stale.
-pub(crate) fn is_stale(time: MonotonicNs, now: MonotonicNs, limit: Duration) -> bool {
+pub fn is_stale(time: MonotonicNs, now: MonotonicNs, limit: Duration) -> bool {
     time > now || now.since(time) > limit
 }
 
 /// Whether what was so at `time` still says how things are at `now`.
-pub(crate) fn is_present(time: MonotonicNs, now: MonotonicNs) -> bool {
+pub fn is_present(time: MonotonicNs, now: MonotonicNs) -> bool {
     !is_stale(time, now, STALE_AFTER)
 }
 
 /// The name of a code, or a number that is not in the contract.
-pub(crate) fn named(name: Option<impl fmt::Display>, number: u32) -> String {
+pub fn named(name: Option<impl fmt::Display>, number: u32) -> String {
     name.map_or_else(|| format!("unknown-{number}"), |name| name.to_string())
 }
 
 /// How long ago `time` was, in milliseconds, the unit of all ages. A time of the future, which only a faulty publisher gives,
 /// must not look like the present.
-pub(crate) fn age_ms(time: MonotonicNs, now: MonotonicNs) -> Option<u64> {
+pub fn age_ms(time: MonotonicNs, now: MonotonicNs) -> Option<u64> {
     let age = (time <= now).then(|| now.since(time))?;
     u64::try_from(age.as_millis()).ok()
 }

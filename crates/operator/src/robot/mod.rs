@@ -3,22 +3,21 @@
 //! it comes.
 //!
 //! `model` is all that a screen or a page knows of one robot: `freshness` says how old that is, `changes` what is wrong now, `history` what
-//! happened and how values went. `played` feeds it from a recording.
+//! happened and how values went.
 
-pub(crate) mod absence;
+pub mod absence;
 pub mod changes;
 pub mod chart;
 pub mod clock;
 pub mod controller;
 pub mod domain;
-#[cfg(test)]
-pub(crate) mod fixture;
+#[doc(hidden)]
+pub mod fixture;
 pub mod freshness;
 pub mod geo;
 pub mod history;
 pub mod model;
 pub mod pilot;
-pub mod played;
-pub(crate) mod position;
+pub mod position;
 pub mod relay_link;
 pub mod running;

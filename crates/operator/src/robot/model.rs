@@ -92,48 +92,48 @@ struct DspError {
 /// See the module's documentation.
 #[derive(Clone, Debug)]
 pub struct WatchedRobot {
-    pub(crate) id: RobotId,
+    pub id: RobotId,
     /// The bridge's newest state.
-    pub(crate) state: Option<ModuleState>,
+    pub state: Option<ModuleState>,
     hero: Option<HeroTelemetry>,
     dsp: Option<DspTelemetry>,
     /// The newest state of the process status.
-    pub(crate) status: Option<State>,
+    pub status: Option<State>,
     relay: Option<RelayLink>,
     /// The stations that the robot is relayed to.
     stations: Option<RelayStations>,
     /// Whether the robot's topics come from another machine.
-    pub(crate) is_relayed: bool,
+    pub is_relayed: bool,
     /// The session of this process.
-    pub(crate) own_session: Option<u32>,
+    pub own_session: Option<u32>,
     /// How old the newest sample of each process is.
     feeds: [Feed; Process::ALL.len()],
     telemetry_feed: Feed,
     /// What the live bridge holds; `None` if it has not said it.
-    pub(crate) held: Option<HeldOutline>,
+    pub held: Option<HeldOutline>,
     /// When the bridge was first seen to have another movement than before; `None` if it was not.
-    pub(crate) last_movement: Option<MonotonicNs>,
+    pub last_movement: Option<MonotonicNs>,
     /// The state of the link, and when it was first seen.
     link_seen: Option<(u32, MonotonicNs)>,
     /// What the newest telemetry says.
-    pub(crate) pilot: PilotView,
+    pub pilot: PilotView,
     /// Where it stands, or took off.
-    pub(crate) home: Option<Home>,
+    pub home: Option<Home>,
     /// Where it was when that was last known, and when.
-    pub(crate) last_place: Option<(Place, MonotonicNs)>,
+    pub last_place: Option<(Place, MonotonicNs)>,
     /// Where it was.
-    pub(crate) track: Track,
+    pub track: Track,
     /// Its last minutes.
-    pub(crate) past: Past,
+    pub past: Past,
     /// Where it was when it reached the waypoints of the path under way, or of the last.
-    pub(crate) reached: Vec<Place>,
+    pub reached: Vec<Place>,
     /// Samples of telemetry that were lost between processes.
-    pub(crate) lost: u64,
+    pub lost: u64,
     dsp_error: Option<DspError>,
     /// What is wrong now.
-    pub(crate) alarms: Alarms,
+    pub alarms: Alarms,
     /// What happened.
-    pub(crate) journal: EventLog,
+    pub journal: EventLog,
     bells: u32,
 }
 
@@ -211,7 +211,7 @@ impl WatchedRobot {
     }
 
     /// Who commands; `None` if no sender does.
-    pub(crate) fn commander(&self) -> Option<String> {
+    pub fn commander(&self) -> Option<String> {
         let holder = self.state.as_ref()?.holder()?;
         let senders = Senders {
             own_session: self.own_session.filter(|_| !self.is_relayed),
@@ -221,7 +221,7 @@ impl WatchedRobot {
     }
 
     /// Whether this process commands, or another one of its session.
-    pub(crate) fn is_commanded_from_here(&self) -> bool {
+    pub fn is_commanded_from_here(&self) -> bool {
         let holder = self.state.as_ref().and_then(ModuleState::holder);
         let own = self.own_session.filter(|_| !self.is_relayed);
         own.is_some()
@@ -229,7 +229,7 @@ impl WatchedRobot {
     }
 
     /// Whether the bridge holds another outline than the last one that came.
-    pub(crate) fn is_held_outdated(&self) -> bool {
+    pub fn is_held_outdated(&self) -> bool {
         let number = self.state.as_ref().map(|state| state.outline);
         let held = self.held.as_ref().map(|held| held.outline.number);
         number.is_some() && held.is_some() && number != held
@@ -411,23 +411,23 @@ impl WatchedRobot {
 
 impl WatchedRobot {
     /// The newest state of the relay's link; `None` if the robot is on this machine.
-    pub(crate) fn last_relay(&self) -> Option<&RelayLink> {
+    pub fn last_relay(&self) -> Option<&RelayLink> {
         self.relay.as_ref().filter(|_| self.is_relayed)
     }
 
     /// The stations that the robot is relayed to; `None` if no relay says so now.
-    pub(crate) fn known_stations(&self, now: MonotonicNs) -> Option<&RelayStations> {
+    pub fn known_stations(&self, now: MonotonicNs) -> Option<&RelayStations> {
         let stations = self.stations.as_ref();
         stations.filter(|stations| now.since(stations.published()) < STATIONS_STALE_AFTER)
     }
 
     /// How `process` is.
-    pub(crate) fn process(&self, process: Process, now: MonotonicNs) -> Freshness {
+    pub fn process(&self, process: Process, now: MonotonicNs) -> Freshness {
         self.feeds[process as usize].at(now)
     }
 
     /// What the helicopter does, in words. Old words stay: who shows them shows their age beside them.
-    pub(crate) fn doing(&self, now: MonotonicNs) -> String {
+    pub fn doing(&self, now: MonotonicNs) -> String {
         match (self.process(Process::Bridge, now), &self.state) {
             (Freshness::Absent, None) => "no bridge runs".to_owned(),
             (_, None) => "waiting for the bridge's state".to_owned(),
@@ -436,7 +436,7 @@ impl WatchedRobot {
     }
 
     /// For how long the link has been as it is, and whether that is known; else it has been so at least as long.
-    pub(crate) fn link_age(&self, now: MonotonicNs) -> Option<(Duration, bool)> {
+    pub fn link_age(&self, now: MonotonicNs) -> Option<(Duration, bool)> {
         let since = MonotonicNs(self.state.as_ref()?.link.state_since_ns);
         let is_known = since.0 > 0 && since <= now;
         let (_, seen) = self.link_seen?;
@@ -445,18 +445,18 @@ impl WatchedRobot {
     }
 
     /// How telemetry is.
-    pub(crate) fn telemetry_freshness(&self, now: MonotonicNs) -> Freshness {
+    pub fn telemetry_freshness(&self, now: MonotonicNs) -> Freshness {
         self.telemetry_feed.at(now)
     }
 
     /// Where it was when that was last known, and how long ago, while it is not known now.
-    pub(crate) fn lost_place(&self, now: MonotonicNs) -> Option<(Place, Duration)> {
+    pub fn lost_place(&self, now: MonotonicNs) -> Option<(Place, Duration)> {
         let (place, at) = self.last_place.filter(|_| self.pilot.place.is_none())?;
         Some((place, now.since(at)))
     }
 
     /// Height over home, m.
-    pub(crate) fn height_m(&self) -> Option<f64> {
+    pub fn height_m(&self) -> Option<f64> {
         Some(self.pilot.altitude_m? - self.home?.altitude_m)
     }
 }

@@ -12,7 +12,7 @@ use crate::session::{Latest, Session};
 
 /// A position from telemetry.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Present {
+pub struct Present {
     /// Where, with the telemetry altitude.
     pub at: Waypoint,
     /// Whether the helicopter is in the air.
@@ -24,7 +24,7 @@ pub(crate) struct Present {
 /// # Errors
 ///
 /// Code 3 when there is no bridge, 4 when it publishes no position in time, 7 when a signal ends the wait.
-pub(crate) fn present_position(session: &Session, timeout: Duration) -> Result<Present, Failure> {
+pub fn present_position(session: &Session, timeout: Duration) -> Result<Present, Failure> {
     let mut telemetry = Latest::<DspTelemetry>::open(&session.ipc)?;
     let begin = MonotonicNs::now();
     let (mut found, mut is_heard) = (None, false);
@@ -56,7 +56,7 @@ pub(crate) fn present_position(session: &Session, timeout: Duration) -> Result<P
 /// # Errors
 ///
 /// Code 3 when there is no bridge, 4 when it publishes no state in time, 5 when it has not seen the helicopter on the ground.
-pub(crate) fn ground_altitude_m(session: &Session, timeout: Duration) -> Result<f64, Failure> {
+pub fn ground_altitude_m(session: &Session, timeout: Duration) -> Result<f64, Failure> {
     let Some(state) = newest_state(session, timeout)? else {
         return Err(nothing_came(session, ModuleState::KEY, timeout)?);
     };
@@ -68,10 +68,7 @@ pub(crate) fn ground_altitude_m(session: &Session, timeout: Duration) -> Result<
 }
 
 /// The newest state of the bridge; `None` if none came in time.
-pub(crate) fn newest_state(
-    session: &Session,
-    timeout: Duration,
-) -> Result<Option<ModuleState>, Failure> {
+pub fn newest_state(session: &Session, timeout: Duration) -> Result<Option<ModuleState>, Failure> {
     let mut state = Latest::<ModuleState>::open(&session.ipc)?;
     let give_up = MonotonicNs::now() + timeout;
     let has_come = |state: &mut Latest<ModuleState>, _| Ok(state.sample.is_some());

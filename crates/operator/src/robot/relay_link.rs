@@ -85,7 +85,7 @@ impl LinkReport {
     }
 
     /// As part of a JSON object.
-    pub(crate) fn tree(&self) -> Tree {
+    pub fn tree(&self) -> Tree {
         let link = &self.link;
         let clock = Tree::nested([
             ("offset_ns", link.clock_offset_ns.into()),
@@ -139,18 +139,18 @@ impl LinkReport {
 }
 
 /// ms since `since_ns`; `None` for 0, which stands for "never", and for a time in the future.
-pub(crate) fn since_ms(since_ns: u64, now: MonotonicNs) -> Option<u64> {
+pub fn since_ms(since_ns: u64, now: MonotonicNs) -> Option<u64> {
     let since = (since_ns > 0).then_some(MonotonicNs(since_ns))?;
     age_ms(since, now)
 }
 
 /// ms since the last message; `None` before the first, and for a time in the future.
-pub(crate) fn heard_ms(last: Option<MonotonicNs>, now: MonotonicNs) -> Option<u64> {
+pub fn heard_ms(last: Option<MonotonicNs>, now: MonotonicNs) -> Option<u64> {
     age_ms(last?, now)
 }
 
 /// The name of the reason for which requests are refused; `None` if they are taken.
-pub(crate) fn refusal_name(code: u32) -> Option<String> {
+pub fn refusal_name(code: u32) -> Option<String> {
     (code != 0).then(|| named(Reason::from_code(code), code))
 }
 
@@ -163,7 +163,7 @@ fn lost_percent(link: &RelayLink) -> Option<f64> {
 
 /// Whether a topic comes from another machine, and how the link to that machine is.
 #[derive(Default)]
-pub(crate) struct LinkWatch {
+pub struct LinkWatch {
     /// `None` as long as the topic was not seen to come from the relay.
     link: Option<Latest<RelayLink>>,
     is_relayed: bool,
@@ -221,7 +221,7 @@ impl Topics for LinkWatch {
 }
 
 /// Stands for a text of another process that is none.
-pub(crate) const UNREADABLE: &str = "unreadable";
+pub const UNREADABLE: &str = "unreadable";
 
 impl LinkReport {
     /// In a few words, for a report about something else.
@@ -322,7 +322,7 @@ fn clock(link: &RelayLink) -> String {
     )
 }
 
-pub(crate) fn shown(ms: u64) -> DurationText {
+pub fn shown(ms: u64) -> DurationText {
     DurationText(Duration::from_millis(ms))
 }
 
@@ -335,6 +335,6 @@ fn milliseconds(seconds: f64) -> String {
     }
 }
 
-pub(crate) fn ago(age: Option<u64>) -> String {
+pub fn ago(age: Option<u64>) -> String {
     age.map_or_else(|| "never".to_owned(), |age| format!("{age} ms ago"))
 }

@@ -38,7 +38,7 @@ impl fmt::Display for ConfigOrigin {
 }
 
 /// The configuration of a live bridge. A bridge writes a snapshot, which has it, when a program subscribes to its journal.
-pub(crate) struct RunningBridge {
+pub struct RunningBridge {
     port: Subscriber<BridgeJournal>,
     reader: JournalReader,
     /// When this program asked. What a subscriber gets first is the last piece of before, perhaps with the snapshot that another one
@@ -128,10 +128,7 @@ fn of_snapshot(bytes: &[u8]) -> Option<BridgeConfig> {
 }
 
 /// The configuration of the live bridge of the session's robot; `None` if there is none, or it does not say it within `timeout`.
-pub(crate) fn bridge(
-    session: &Session,
-    timeout: Duration,
-) -> Result<Option<BridgeConfig>, Failure> {
+pub fn bridge(session: &Session, timeout: Duration) -> Result<Option<BridgeConfig>, Failure> {
     if !session.is_provided(BridgeJournal::KEY)? {
         return Ok(None);
     }
@@ -145,7 +142,7 @@ pub(crate) fn bridge(
 
 /// The file that the live process `name` reads, if `provider` is that process itself, on this machine, and may be looked at. A relay
 /// provides the same services with a configuration of its own.
-pub(crate) fn file_of(provider: &Provider, name: &str, default_file: &str) -> Option<PathBuf> {
+pub fn file_of(provider: &Provider, name: &str, default_file: &str) -> Option<PathBuf> {
     if !is_own(provider, name) {
         return None;
     }
@@ -156,7 +153,7 @@ pub(crate) fn file_of(provider: &Provider, name: &str, default_file: &str) -> Op
 }
 
 /// The command line of a live process on this machine, whose words take precedence over its configuration.
-pub(crate) fn command_of(provider: &Provider) -> Option<String> {
+pub fn command_of(provider: &Provider) -> Option<String> {
     let words = words_of(provider, "cmdline").filter(|_| provider.shares_pids())?;
     let words: Vec<_> = words.iter().map(|word| word.to_string_lossy()).collect();
     Some(words.join(" ").trim_end().to_owned())

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::envelope::{Bins, Envelope};
-use crate::page::{Area, Weight};
+use crate::page::{ChartArea, Weight};
 
 /// A recorded flight. What the recording does not have is empty, and the report says so.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -294,7 +294,7 @@ pub struct Map {
     /// Waypoints of a plan, in order.
     pub plan: Vec<[f64; 2]>,
     /// The fence.
-    pub fence: Vec<Area>,
+    pub fence: Vec<ChartArea>,
 }
 
 /// A table of names and values.

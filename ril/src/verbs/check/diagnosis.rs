@@ -13,8 +13,8 @@ use status::log::clock::Utc;
 
 use super::facts::{ClockFacts, FileContent, FileFacts, FreeMemory, MachineFacts};
 use super::{domain, gateways, serial, services};
-use crate::render::words::count_irregular;
-use crate::robot::domain::{DomainFacts, Look, Trouble};
+use operator::render::words::count_irregular;
+use operator::robot::domain::{DomainFacts, Look, Trouble};
 
 /// What a finding is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]

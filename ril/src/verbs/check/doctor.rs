@@ -13,9 +13,9 @@ use super::DoctorArgs;
 use super::diagnosis::{Subject, diagnose, diagnose_files, exit_code};
 use super::facts::{FileFacts, MachineFacts};
 use super::{HEADING, gather, width};
-use crate::render::finding::lines;
-use crate::render::print_as;
-use crate::render::words::count;
+use operator::render::finding::lines;
+use operator::render::print_as;
+use operator::render::words::count;
 
 /// `ril doctor`
 ///
@@ -155,7 +155,7 @@ mod tests {
 
     use super::super::facts::FileContent;
     use super::*;
-    use crate::robot::domain::Trouble;
+    use operator::robot::domain::Trouble;
 
     fn files() -> [FileFacts; 3] {
         let file = |command, path: &str, content| FileFacts {

@@ -6,9 +6,9 @@ use ipc_types::RobotId;
 use ipc_types::inspect::{Entry, Inspection, Life, Member, RobotFacts};
 use runtime::finding::Finding;
 
-use crate::render::words::count;
-use crate::robot::domain::DomainFacts;
-use crate::session::{as_user, process_of};
+use operator::render::words::count;
+use operator::robot::domain::DomainFacts;
+use operator::session::{as_user, process_of};
 
 /// What to do about what is certainly dead.
 const REPAIR: &str =

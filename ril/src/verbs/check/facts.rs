@@ -10,8 +10,8 @@ use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::{LowLimit, MonotonicNs, Repair};
 use runtime::wall_clock::WallClock;
 
-use crate::robot::domain::{DomainFacts, Look};
-use crate::robot::running::ConfigOrigin;
+use operator::robot::domain::{DomainFacts, Look};
+use operator::robot::running::ConfigOrigin;
 
 /// What the doctor knows of the machine.
 #[derive(Clone, Debug, PartialEq)]

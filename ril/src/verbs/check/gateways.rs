@@ -6,8 +6,8 @@ use runtime::finding::Finding;
 use status::log::clock::Utc;
 
 use super::facts::{LinkFacts, MavlinkFacts, ViewFacts};
-use crate::robot::domain::Look;
-use crate::robot::relay_link::LinkReport;
+use operator::robot::domain::Look;
+use operator::robot::relay_link::LinkReport;
 
 /// From how much before its end on a certificate is reported, s: two weeks.
 const SOON_S: u64 = 14 * 86_400;
@@ -361,7 +361,7 @@ mod relay_link_tests {
     use ipc_types::payload::ascii_bytes;
 
     use super::*;
-    use crate::robot::domain::{Look, Trouble};
+    use operator::robot::domain::{Look, Trouble};
     use runtime::finding::Severity::{self, Error, Note, Warning};
 
     const NOW: MonotonicNs = MonotonicNs(100_000_000_000);

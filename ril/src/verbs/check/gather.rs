@@ -1,6 +1,6 @@
 //! Gathers the facts: a thin shell around the file system and `/proc` that decides nothing.
 //!
-//! Each look times out, as [`domain`](crate::robot::domain) says. Nothing is opened that could notice it: the serial port is only looked
+//! Each look times out, as [`domain`](operator::robot::domain) says. Nothing is opened that could notice it: the serial port is only looked
 //! at from outside.
 
 use std::fs;
@@ -28,11 +28,11 @@ use super::facts::{
 };
 use super::services::{bridge_pid, process};
 use crate::mavlink_setup::{self, MavlinkConfig};
-use crate::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, open_files};
-use crate::robot::running::{ConfigOrigin, RunningBridge, file_of};
 use crate::view_setup::config::{self, ViewConfig};
 use crate::view_setup::peer::holder;
 use crate::view_setup::{certificate, run_file, token_key};
+use operator::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, open_files};
+use operator::robot::running::{ConfigOrigin, RunningBridge, file_of};
 
 /// How long a sample of the relay's link is waited for, which is published once a second: twice that.
 const LINK_TIMEOUT: Duration = Duration::from_secs(2);
@@ -220,7 +220,7 @@ pub(super) fn files(
     domain: Option<&DomainFacts>,
     running: Option<&BridgeConfig>,
 ) -> (Vec<FileFacts>, Option<BridgeConfig>) {
-    use crate::config as ril;
+    use operator::config as ril;
     let robot = args.common.robot().get();
     let of_process = |explicit: Option<&Path>, name, default| {
         let provider = || process(domain?, robot, name);

@@ -7,10 +7,10 @@ use runtime::finding::Finding;
 
 use super::facts::PreflightFacts;
 use super::robot::{CheckOutcome, age_s, either, state};
-use crate::config::{PreflightLimits, Threshold};
-use crate::render::messages::details::broken_rule;
-use crate::render::words::count;
-use crate::robot::pilot::GpsFix;
+use operator::config::{PreflightLimits, Threshold};
+use operator::render::messages::details::broken_rule;
+use operator::render::words::count;
+use operator::robot::pilot::GpsFix;
 
 /// What to do about a group that the DSP does not send.
 const ADD_GROUP: &str = "add the group to `status.groups` of bridge.toml and restart the bridge";

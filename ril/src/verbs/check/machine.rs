@@ -5,7 +5,7 @@ use runtime::finding::{Finding, Severity};
 use super::diagnosis;
 use super::diagnosis::{Subject, diagnose};
 use super::facts::{LogPlace, Logs, PreflightFacts};
-use crate::config::PreflightLimits;
+use operator::config::PreflightLimits;
 
 const MIB: u64 = 1 << 20;
 

@@ -28,8 +28,8 @@ use std::time::Duration;
 use clap::Args;
 use runtime::args::CommonArgs;
 
-use crate::options::{EXIT_CODES, duration};
-use crate::render::terminal::Size;
+use operator::options::{EXIT_CODES, duration};
+use operator::render::terminal::Size;
 
 /// Width of the name of a check or a subject, and the space behind it.
 const HEADING: usize = 16;

@@ -18,15 +18,15 @@ use super::facts::{Live, Logs, PreflightFacts};
 use super::services::process;
 use super::{HEADING, gather, helicopter, machine, robot, width};
 use super::{MachineArgs, PreflightArgs};
-use crate::config::{Config, PreflightLimits};
-use crate::render::finding::lines;
-use crate::render::messages::Verb;
-use crate::render::print_as;
-use crate::render::words::{count, wrap};
-use crate::request::{Conversation, Format, Until};
-use crate::robot::domain::Namespace;
-use crate::robot::running::ConfigOrigin;
-use crate::session::{Latest, Session, configuration, is_relayed};
+use operator::config::{Config, PreflightLimits};
+use operator::render::finding::lines;
+use operator::render::messages::Verb;
+use operator::render::print_as;
+use operator::render::words::{count, wrap};
+use operator::request::{Conversation, Format, Until};
+use operator::robot::domain::Namespace;
+use operator::robot::running::ConfigOrigin;
+use operator::session::{Latest, Session, configuration, is_relayed};
 
 /// How long `ril start` waits for samples that it goes by: twice the period of the module's state. A start is not held up by what
 /// is missing.

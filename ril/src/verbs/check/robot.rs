@@ -6,10 +6,10 @@ use ipc_types::{Module, MonotonicNs, RelayModule};
 use runtime::finding::Finding;
 
 use super::facts::PreflightFacts;
-use crate::config::PreflightLimits;
-use crate::render::messages::details::dsp_error;
-use crate::render::words::{count, module_words};
-use crate::robot::domain::Provided;
+use operator::config::PreflightLimits;
+use operator::render::messages::details::dsp_error;
+use operator::render::words::{count, module_words};
+use operator::robot::domain::Provided;
 
 /// With fewer messages than this a share of rejected ones says little: the share is then taken of so many. 1,000 messages are
 /// 20 s of status messages.

@@ -4,7 +4,7 @@ use bridge::shell::serial::holders::{Hold, Holder};
 use runtime::finding::{Finding, Severity};
 
 use super::facts::{Device, PortFacts, PortHolders};
-use crate::robot::domain::Look;
+use operator::robot::domain::Look;
 
 /// What is to be said of the port, when `bridge` is the process of the live bridge.
 pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {
@@ -162,7 +162,7 @@ mod tests {
     use bridge::shell::serial::holders::Holders;
 
     use super::*;
-    use crate::robot::domain::Trouble;
+    use operator::robot::domain::Trouble;
 
     const BRIDGE: Option<u32> = Some(7);
 

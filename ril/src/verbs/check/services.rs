@@ -4,7 +4,7 @@ use ipc_types::service::SERVICES;
 use ipc_types::{Module, RelayModule};
 use runtime::finding::Finding;
 
-use crate::robot::domain::{DomainFacts, Namespace, Provided};
+use operator::robot::domain::{DomainFacts, Namespace, Provided};
 
 /// What the providers of `robot` mean.
 pub(super) fn diagnose(domain: &DomainFacts, robot: u32) -> Vec<Finding> {
@@ -152,7 +152,7 @@ mod tests {
     use ipc_types::{Provider, RobotId, ServiceId};
 
     use super::*;
-    use crate::robot::domain::Trouble;
+    use operator::robot::domain::Trouble;
     use runtime::finding::Severity::{self, Error, Note, Warning};
 
     fn provided(service: ServiceId, process: &str, pid: u32) -> Provided {

@@ -12,9 +12,9 @@ use super::facts::{
     ClockFacts, FreeMemory, LinkFacts, Live, LogPlace, Logs, MachineFacts, PreflightFacts,
 };
 use super::preflight::{PreflightReport, judge, worst};
-use crate::config::PreflightLimits;
-use crate::robot::domain::{DomainFacts, Namespace, Provided};
-use crate::robot::running::ConfigOrigin;
+use operator::config::PreflightLimits;
+use operator::robot::domain::{DomainFacts, Namespace, Provided};
+use operator::robot::running::ConfigOrigin;
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 
@@ -399,7 +399,7 @@ fn of_a_robot_on_another_machine_the_link_is_checked_and_its_disk_is_not() {
 #[test]
 fn limits_are_those_of_the_configuration() {
     let config = "[preflight]\nbattery_v = { warn = 26.0, fail = 25.5 }\ngps_quality_pass = [1]\n";
-    let config = runtime::config::parse::<crate::config::Config>(config, "ril.toml").unwrap();
+    let config = runtime::config::parse::<operator::config::Config>(config, "ril.toml").unwrap();
     let checks = judge(&ready(), &config.preflight);
     let of = |id| checks.iter().find(|check| check.id == id).unwrap();
     assert_eq!(made(of("battery")), Some(Severity::Error));

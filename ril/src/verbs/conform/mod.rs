@@ -26,7 +26,7 @@ use runtime::signal::Termination;
 
 use self::report::{list, print_report, say_plan, write_vectors};
 use self::shell::{Resetter, play, serve};
-use crate::options::{EXIT_CODES, duration, read_text};
+use operator::options::{EXIT_CODES, duration, read_text};
 
 /// `ril conform`
 ///

@@ -11,7 +11,7 @@ use runtime::exit::Failure;
 use runtime::output::standard_error;
 use serde::Serialize;
 
-use crate::render::json_line;
+use operator::render::json_line;
 
 /// Name of the layout of the JSON object of a run, and of that of a check in the list.
 const SCHEMA: &str = "ril.Conform.v1";

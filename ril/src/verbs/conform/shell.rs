@@ -14,7 +14,7 @@ use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
-use crate::render::note;
+use operator::render::note;
 
 /// Bytes read at once: 0.3 s of a line of 115200 baud.
 const READ_BYTES: usize = 4_096;

@@ -14,7 +14,7 @@ use status::log::file_name::{FileKind, recognize};
 use super::checks::{Evidence, RecordEvidence, judge};
 use super::script::SCRIPT;
 use super::seen::Flown;
-use crate::recorded::topic_of;
+use recording::topic_of;
 
 /// The files of a flight; `None` where there is none.
 pub(super) struct FlightFiles {

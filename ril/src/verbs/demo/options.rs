@@ -3,7 +3,7 @@
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 
-use crate::options::EXIT_CODES;
+use operator::options::EXIT_CODES;
 
 /// Options of `ril demo`.
 #[derive(clap::Args, Clone, Debug)]

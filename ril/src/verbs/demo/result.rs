@@ -10,8 +10,8 @@ use runtime::usage::Usage;
 use serde::Serialize;
 
 use super::files::FlightFiles;
-use crate::render::finding::lines;
-use crate::render::print_as;
+use operator::render::finding::lines;
+use operator::render::print_as;
 
 /// Width of the names of the checks, and a space.
 const HEADING: usize = 34;

@@ -7,7 +7,7 @@ use ipc_types::MonotonicNs;
 use runtime::exit::Failure;
 
 use super::seen::Seen;
-use crate::render::terminal::{Block, Size};
+use operator::render::terminal::{Block, Size};
 
 /// Shortest time between two drawings: what the eye can follow.
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);

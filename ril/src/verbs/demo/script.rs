@@ -6,7 +6,7 @@ use std::path::Path;
 use dsp_protocol::Waypoint;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use crate::robot::geo::{Place, moved};
+use operator::robot::geo::{Place, moved};
 
 /// A command of the operator: the name of its output, and its words behind `ril`.
 pub(super) type ScriptCommand = (&'static str, &'static [&'static str]);

@@ -8,7 +8,7 @@ use recording::read::{RecordCheck, RecordedEvent};
 use serde::Serialize;
 use status::log::clock::IsoTime;
 
-use crate::render::words::{count, duration_with_tenths};
+use operator::render::words::{count, duration_with_tenths};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.LogCheck.v1";

@@ -15,7 +15,7 @@ use status::log::read::{LogReader, MAX_LINE_BYTES};
 
 use super::options::LogPlaceArgs;
 use super::recording::{LogEntry, LogFormat, LogReadError, McapReader, Recording};
-use crate::render::words::count;
+use operator::render::words::count;
 
 /// Most damaged lines that are named: the first ones show what happened, the number of all how bad it is.
 pub(super) const MAX_NAMED: u64 = 5;

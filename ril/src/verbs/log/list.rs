@@ -8,9 +8,9 @@ use status::log::clock::IsoTime;
 
 use super::files::{self, FoundLog, folders};
 use super::options::LogListArgs;
-use crate::render::words::duration_with_tenths;
-use crate::render::{json_line, note};
-use crate::session::configuration;
+use operator::render::words::duration_with_tenths;
+use operator::render::{json_line, note};
+use operator::session::configuration;
 
 /// Name of the layout of a file in a list.
 const SCHEMA: &str = "ril.LogFile.v1";

@@ -28,8 +28,8 @@ use self::options::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs};
 use self::recording::LogEntry;
 use self::row::{Chosen, UTC, UtcSource, UtcTimes};
 use self::summary::Summarizer;
-use crate::render::print;
-use crate::session::configuration;
+use operator::render::print;
+use operator::session::configuration;
 
 /// `ril log …`
 ///

@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::{Args, Subcommand};
 use runtime::args::CommonArgs;
 
-use crate::options::{EXIT_CODES, duration};
+use operator::options::{EXIT_CODES, duration};
 
 /// Most rows that `ril log tail` begins with: what a person can read back.
 const MAX_TAIL_ROWS: u32 = 10_000;

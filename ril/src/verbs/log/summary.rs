@@ -12,8 +12,8 @@ use status::log::file_name::FileKind;
 
 use super::recording::{Damage, Row};
 use super::row::{UtcSource, UtcTimes};
-use crate::render::words::{count, duration_with_tenths as duration};
-use crate::robot::geo::{Place, distance_m};
+use operator::render::words::{count, duration_with_tenths as duration};
+use operator::robot::geo::{Place, distance_m};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.LogSummary.v1";

@@ -20,8 +20,8 @@ use super::files::{LogFile, MAX_NAMED, folder_of, last_rows, newest, successor, 
 use super::options::LogTailArgs;
 use super::recording::{LogEntry, Recording, Row};
 use super::row::{Chosen, JsonRow, UtcSource, UtcTimes};
-use crate::render::json_line;
-use crate::session::configuration;
+use operator::render::json_line;
+use operator::session::configuration;
 
 /// The columns that are shown when none is chosen: with the time they fit into 80 characters.
 const USUAL: [&str; 3] = ["flying", "altitude_m", "battery_mv"];

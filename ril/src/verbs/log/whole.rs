@@ -10,13 +10,15 @@ use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 use status::log::file_name::FileKind;
 
+use super::check::FileCheck;
 use super::files::{OrFailUsage, last_flight, open};
 use super::options::{LogExportArgs, LogFileArgs, LogRecoverArgs};
-use crate::recorded::check::FileCheck;
-use crate::recorded::{key_of, name_of, new_file};
-use crate::render::words::{count, shell_word};
-use crate::render::{print, print_as};
-use crate::session::configuration;
+use crate::new_file::new_file;
+use operator::render::words::{count, shell_word};
+use operator::render::{print, print_as};
+use operator::session::configuration;
+use operator::topic_name::key_of;
+use recording::name_of;
 
 /// How a file of a record that was made whole ends, behind the name of the damaged one. No log and no recording gives such a
 /// name, so that none removes the file to make room.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use mavlink_gateway::number::{MissionRefusal, MissionResult};
 use plans::model::FenceArea;
 
-use crate::fence_file::{FenceChange, FenceFileError};
+use operator::fence_file::{FenceChange, FenceFileError};
 
 /// What to do when this user may not replace the file.
 const NEXT_STEP: &str =

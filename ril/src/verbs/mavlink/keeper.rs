@@ -20,7 +20,7 @@ use runtime::helper::{Helper, HelperGone};
 
 use super::fence;
 use super::state::{StateError, StateFile, warn_of_timestamp, write_timestamp};
-use crate::fence_file::FenceChange;
+use operator::fence_file::FenceChange;
 
 /// How long the end of the process waits for what is not on the disk yet: some hundred times as long as a disk needs that works.
 pub(super) const END_LIMIT: Duration = Duration::from_millis(500);

@@ -17,11 +17,11 @@ use mavlink_gateway::number::{MissionRefusal, MissionResult};
 use mavlink_gateway::{Gateway, Order, OrderKind};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use crate::render::messages::{self, FinalReport, Verb};
-use crate::request::ports::{OrderRequest, RobotOrder, send};
-use crate::request::{Exchange, Next, Outcome, Until};
-use crate::robot::running::{RunningBridge, file_of};
-use crate::session::Topics;
+use operator::render::messages::{self, FinalReport, Verb};
+use operator::request::ports::{OrderRequest, RobotOrder, send};
+use operator::request::{Exchange, Next, Outcome, Until};
+use operator::robot::running::{RunningBridge, file_of};
+use operator::session::Topics;
 
 /// How long the bridge may need to say its configuration, which takes it milliseconds.
 const RULES_LIMIT: Duration = Duration::from_millis(500);

@@ -15,7 +15,7 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::keeper::{END_LIMIT, Job, Keeper, Written};
 use super::ports::Ports;
-use crate::fence_file::FenceChange;
+use operator::fence_file::FenceChange;
 
 /// Datagrams that are read at one wake, so that a flood cannot starve telemetry and reports.
 const MAX_DATAGRAMS: usize = 64;

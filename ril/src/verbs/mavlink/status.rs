@@ -12,13 +12,13 @@ use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure};
 use serde::ser::{Serialize, Serializer};
 
-use crate::options::SampleArgs;
-use crate::render::fields::{JsonLine, Tree};
-use crate::render::print;
-use crate::render::words::count;
-use crate::robot::freshness::SampleAge;
-use crate::robot::relay_link::{STALE_AFTER, UNREADABLE, ago, heard_ms, shown, since_ms};
-use crate::session::{Latest, Session, other_domains, others_alive};
+use operator::options::SampleArgs;
+use operator::render::fields::{JsonLine, Tree};
+use operator::render::print;
+use operator::render::words::count;
+use operator::robot::freshness::SampleAge;
+use operator::robot::relay_link::{STALE_AFTER, UNREADABLE, ago, heard_ms, shown, since_ms};
+use operator::session::{Latest, Session, other_domains, others_alive};
 
 /// `ril mavlink status`
 ///

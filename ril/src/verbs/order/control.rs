@@ -6,14 +6,14 @@ use ipc_types::payload::{ModuleControl, ModuleState, RelayStations};
 use ipc_types::{MonotonicNs, Request, Topic};
 use runtime::exit::Failure;
 
-use crate::options::{RequestArgs, SampleArgs};
-use crate::render::fields::{JsonLine, Tree};
-use crate::render::messages::Verb;
-use crate::render::print_as;
-use crate::request::{ask, control_request};
-use crate::robot::absence::{absent, nothing_came};
-use crate::robot::controller::{Senders, own_session};
-use crate::session::{Latest, Session, is_relayed};
+use operator::options::{RequestArgs, SampleArgs};
+use operator::render::fields::{JsonLine, Tree};
+use operator::render::messages::Verb;
+use operator::render::print_as;
+use operator::request::{ask, control_request};
+use operator::robot::absence::{absent, nothing_came};
+use operator::robot::controller::{Senders, own_session};
+use operator::session::{Latest, Session, is_relayed};
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.Control.v1";

@@ -11,14 +11,14 @@ use runtime::config::ConfigError;
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
-use crate::options::{RequestArgs, SampleArgs};
-use crate::render::messages::Verb;
-use crate::render::print_as;
-use crate::render::words::count;
-use crate::request::{Conversation, Format, Until, control_request};
-use crate::robot::absence::{absent, nothing_came};
-use crate::robot::running;
-use crate::session::{OrderContext, Session, is_relayed};
+use operator::options::{RequestArgs, SampleArgs};
+use operator::render::messages::Verb;
+use operator::render::print_as;
+use operator::render::words::count;
+use operator::request::{Conversation, Format, Until, control_request};
+use operator::robot::absence::{absent, nothing_came};
+use operator::robot::running;
+use operator::session::{OrderContext, Session, is_relayed};
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.Fence.v1";

@@ -1,6 +1,6 @@
 //! `ril start | stop | takeoff | land | hold | goto | rtl | fence | control`: makes the requests of one command.
 //!
-//! A conversation sends and follows them, and [`messages`](crate::render::messages) has the texts and exit codes.
+//! A conversation sends and follows them, and [`messages`](operator::render::messages) has the texts and exit codes.
 //!
 //! * `path`: goto and rtl, with `progress` beside; `fence`: the geofence that is in force; `control`: who commands.
 
@@ -19,11 +19,11 @@ use ipc_types::{MonotonicNs, Request, fresh_request_id};
 use runtime::args::CommonArgs;
 use runtime::exit::{ExitCode, Failure};
 
-use crate::config::Config;
-use crate::options::{RequestArgs, SampleArgs, take_off_height};
-use crate::render::messages::Verb;
-use crate::request::{Conversation, Format, Until, ask, ask_at_once, complete, control_request};
-use crate::session::{OrderContext, Session, UrgentContext, commandable_here, other_domains};
+use operator::config::Config;
+use operator::options::{RequestArgs, SampleArgs, take_off_height};
+use operator::render::messages::Verb;
+use operator::request::{Conversation, Format, Until, ask, ask_at_once, complete, control_request};
+use operator::session::{OrderContext, Session, UrgentContext, commandable_here, other_domains};
 
 pub use control::{HolderArgs, control as command_of};
 pub use path::{GotoArgs, RtlArgs, go_to, rtl};
@@ -138,7 +138,7 @@ pub(crate) fn start(args: &ControlArgs, look: BeforeStart) -> Result<(), Failure
 ///
 /// # Errors
 ///
-/// As all requests: see [`messages::exit_code`](crate::render::messages::exit_code); code 2 when several robots are alive and none
+/// As all requests: see [`messages::exit_code`](operator::render::messages::exit_code); code 2 when several robots are alive and none
 /// was named, 3 when there is no bridge, 4 when it does not answer, 7 when a signal ends the command before the final
 /// report.
 pub fn stop(args: &ControlArgs) -> Result<(), Failure> {

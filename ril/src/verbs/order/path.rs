@@ -9,16 +9,16 @@ use ipc_types::payload::{MovementData, WaypointPosition};
 use runtime::exit::{ExitCode, Failure};
 
 use super::progress::ProgressLine;
-use crate::options::{
+use operator::options::{
     Height, Move, RequestArgs, SenderArgs, Target, Targets, height, number, read_text, targets,
     waypoints,
 };
-use crate::render::messages::Verb;
-use crate::request::cruise::{CruiseSpeed, known_mps, speed_mps};
-use crate::request::{Conversation, Format, Until, complete};
-use crate::robot::geo::{Place, moved};
-use crate::robot::position::{ground_altitude_m, newest_state, present_position};
-use crate::session::OrderContext;
+use operator::render::messages::Verb;
+use operator::request::cruise::{CruiseSpeed, known_mps, speed_mps};
+use operator::request::{Conversation, Format, Until, complete};
+use operator::robot::geo::{Place, moved};
+use operator::robot::position::{ground_altitude_m, newest_state, present_position};
+use operator::session::OrderContext;
 
 /// A climb shorter than this is none: an altitude is not measured better, m.
 const MIN_CLIMB_M: f64 = 1.0;

@@ -10,14 +10,14 @@ use ipc_types::{MonotonicNs, Source, Subscriber, Topic};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::output::standard_output;
 
-use crate::render::messages::Verb;
-use crate::render::terminal::{Block, Size};
-use crate::render::words::{count, distance, duration};
-use crate::render::{Weight, tell};
-use crate::request::Companion;
-use crate::robot::geo::{Place, distance_m};
-use crate::robot::pilot::PilotView;
-use crate::session::Session;
+use operator::render::messages::Verb;
+use operator::render::terminal::{Block, Size};
+use operator::render::words::{count, distance, duration};
+use operator::render::{Weight, tell};
+use operator::request::Companion;
+use operator::robot::geo::{Place, distance_m};
+use operator::robot::pilot::PilotView;
+use operator::session::Session;
 
 /// Slower than this the helicopter hovers or turns, and its speed says nothing about the time to go, m/s.
 const MIN_SPEED_MPS: f64 = 0.5;
@@ -242,7 +242,7 @@ impl Companion for ProgressLine {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::geo::moved;
+    use operator::robot::geo::moved;
 
     #[test]
     fn the_way_to_go_follows_the_legs_and_the_time_the_speed() {

@@ -16,15 +16,15 @@ use super::gather::{KnownPlan, gather, read};
 use super::options::PlanFlyArgs;
 use super::progress::{StepEvent, resume};
 use super::report::PlanReport;
-use crate::fence_file::{FenceChange, FenceFileError};
-use crate::options::SenderArgs;
-use crate::render::messages::Verb;
-use crate::render::words::{columns, distance, duration};
-use crate::render::{Weight, json_line, json_text, tell};
-use crate::request::cruise::CruiseSpeed;
-use crate::request::{Companion, Conversation, Format, Steps, Until};
-use crate::robot::running::file_of;
-use crate::session::{Latest, OrderContext, Session, Unread};
+use operator::fence_file::{FenceChange, FenceFileError};
+use operator::options::SenderArgs;
+use operator::render::messages::Verb;
+use operator::render::words::{columns, distance, duration};
+use operator::render::{Weight, json_line, json_text, tell};
+use operator::request::cruise::CruiseSpeed;
+use operator::request::{Companion, Conversation, Format, Steps, Until};
+use operator::robot::running::file_of;
+use operator::session::{Latest, OrderContext, Session, Unread};
 
 /// `ril plan fly`
 ///
@@ -103,7 +103,7 @@ fn explain_closed_output(failure: Failure) -> Failure {
     }
 }
 
-/// `--fence`: the plan's own fence goes into the bridge's configuration, and the bridge reads it. [`fence_file`](crate::fence_file) says
+/// `--fence`: the plan's own fence goes into the bridge's configuration, and the bridge reads it. [`fence_file`](operator::fence_file) says
 /// which areas make way for which.
 fn put_fence(
     args: &PlanFlyArgs,

@@ -18,13 +18,13 @@ use runtime::exit::Failure;
 use runtime::finding::{Finding, Severity};
 
 use super::options::{HomeArg, PlanFileArgs};
-use crate::config::PlanConfig;
-use crate::request::cruise::read_mps;
-use crate::robot::absence::nothing_came;
-use crate::robot::chart::read_plan;
-use crate::robot::position::{Present, newest_state, present_position};
-use crate::robot::running::{self, ConfigOrigin};
-use crate::session::Session;
+use operator::config::PlanConfig;
+use operator::request::cruise::read_mps;
+use operator::robot::absence::nothing_came;
+use operator::robot::chart::read_plan;
+use operator::robot::position::{Present, newest_state, present_position};
+use operator::robot::running::{self, ConfigOrigin};
+use operator::session::Session;
 
 /// A plan with all that is known about it.
 pub struct KnownPlan {

@@ -18,10 +18,10 @@ use plans::Plan;
 use plans::write::to_qgc_plan;
 use runtime::exit::{ExitCode, Failure};
 
-use crate::render::json_line;
-use crate::render::words::columns;
-use crate::session::{Session, configuration};
 use gather::{KnownPlan, gather, read};
+use operator::render::json_line;
+use operator::render::words::columns;
+use operator::session::{Session, configuration};
 use options::{PlanCheckArgs, PlanCommand, PlanFileArgs, PlanLookArgs, PlanShowArgs};
 use report::PlanReport;
 

@@ -7,7 +7,7 @@ use clap::{Args, Subcommand, ValueEnum};
 use plans::model::{Altitude, Reference};
 use runtime::args::CommonArgs;
 
-use crate::options::{
+use operator::options::{
     AskArgs, EXIT_CODES, Height, SenderArgs, duration, height, number, take_off_height,
 };
 

@@ -6,7 +6,7 @@ use plans::flight::Step;
 use serde::Serialize;
 
 use super::options::PlanFlyArgs;
-use crate::render::words::shell_word;
+use operator::render::words::shell_word;
 
 /// What happens in a flight, for programs.
 #[derive(Debug, PartialEq, Serialize)]

@@ -12,8 +12,8 @@ use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
 use super::gather::KnownPlan;
-use crate::render::words::{count, distance, duration, wrap};
-use crate::render::{finding, json_line};
+use operator::render::words::{count, distance, duration, wrap};
+use operator::render::{finding, json_line};
 
 /// How wide the headings are.
 const HEADING: usize = 13;

@@ -10,7 +10,7 @@ use runtime::config::resulting::Resulting;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::options::RecordArgs;
-use crate::robot::running::{command_of, file_of};
+use operator::robot::running::{command_of, file_of};
 
 /// A process whose configuration is recorded.
 struct Configured {

@@ -17,9 +17,9 @@ use recording::Recorder;
 use ros_messages::{Level, Qos};
 
 use super::log::{LogTopic, RecorderTopic, configuration_of};
-use crate::recorded::{REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent, topic};
-use crate::render::messages::{self, Verb};
-use crate::robot::relay_link::UNREADABLE;
+use operator::render::messages::{self, Verb};
+use operator::robot::relay_link::UNREADABLE;
+use recording::{REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent, topic};
 
 /// Open requests whose command is remembered for their reports: many times as many as the bridge's clients can have open. Of older
 /// ones the reports have no command.

@@ -8,8 +8,8 @@ use module_kit::journal::{Entry, JournalReader, LogLine};
 use recording::{Anchor, Channel, ChannelId, Recorder};
 use ros_messages::{Level, Log, OFFERED_QOS_PROFILES, Qos, UnixOffset, definition};
 
-use crate::recorded::{FLIGHT, level, topic};
-use crate::robot::changes;
+use operator::robot::changes;
+use recording::{FLIGHT, topic};
 
 /// Makes lines of a log.
 #[derive(Debug)]
@@ -152,7 +152,7 @@ fn lines(last: Option<&ModuleState>, state: &ModuleState) -> Vec<(Level, String)
         lines.push((Level::Error, format!("DSP error {}", errors.last_code)));
     }
     let changes = changes::of_states(last, state).into_iter();
-    lines.extend(changes.map(|(weight, text)| (level(weight), text)));
+    lines.extend(changes.map(|(weight, text)| (weight.into(), text)));
     lines
 }
 

@@ -39,7 +39,7 @@ use self::report::Reporter;
 use self::shell::{RecorderShell, anchor};
 use self::sinks::Sinks;
 use self::topics::RecordedTopics;
-use crate::session::configuration;
+use operator::session::configuration;
 
 /// `ril record`
 ///

@@ -6,7 +6,7 @@ use std::time::Duration;
 use clap::Args;
 use runtime::args::CommonArgs;
 
-use crate::options::{EXIT_CODES, duration};
+use operator::options::{EXIT_CODES, duration};
 
 /// Longest file, MiB: one more would not fit onto memory cards' file systems.
 const MAX_FILE_MIB: u64 = 4095;

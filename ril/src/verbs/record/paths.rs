@@ -9,8 +9,8 @@ use recording::Recorder;
 use ros_messages::{PATH, PathPoint, Qos, UnixOffset, path_message, position};
 
 use super::log::RecorderTopic;
-use crate::recorded::topic;
-use crate::robot::geo::{Place, Spaced, Track, distance_m, origin, plane_m};
+use operator::robot::geo::{Place, Spaced, Track, distance_m, origin, plane_m};
+use recording::topic;
 
 /// Most points of a track: a message with so many has 18 kB.
 const TRACK_POINTS: usize = 256;

@@ -10,7 +10,7 @@ use ipc_types::{
 };
 use recording::{Event, EventKind};
 
-use crate::robot::freshness::{Feed, MODULE_OVERDUE_AFTER, OVERDUE_AFTER};
+use operator::robot::freshness::{Feed, MODULE_OVERDUE_AFTER, OVERDUE_AFTER};
 
 /// Follows the samples of one topic.
 #[derive(Debug)]

@@ -10,8 +10,8 @@ use status::rate_limited::RateLimitedCounter;
 
 use super::disk::{ClosedFile, Note};
 use super::topics::TopicCounts;
-use crate::render::json_line;
-use crate::render::words::{count, shell_word};
+use operator::render::json_line;
+use operator::render::words::{count, shell_word};
 
 /// How often lost messages are reported while they go on.
 const LOSS_REPORT_PERIOD: Duration = Duration::from_secs(60);

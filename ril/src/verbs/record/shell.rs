@@ -15,7 +15,7 @@ use super::gather::Gather;
 use super::report::Reporter;
 use super::sinks::Sinks;
 use super::topics::{RecordedTopics, Wakes};
-use crate::render::words::count;
+use operator::render::words::count;
 
 /// How long the end of the process waits for the disk. Most of what a disk does takes less; what takes longer may hang for ever,
 /// and a process that cannot be ended is worse than an unknown number of messages.

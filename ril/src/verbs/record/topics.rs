@@ -15,8 +15,8 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 
 use super::publisher::{LossEvents, Piece, ProcessWatch, Tail};
 use super::sinks::{SinkTopic, Sinks};
-use crate::recorded::topic_of;
-use crate::render::stamps::StampReader;
+use operator::render::stamps::StampReader;
+use recording::topic_of;
 
 /// When a service that could not be opened is tried again.
 const RETRY_PERIOD: Duration = Duration::from_secs(1);

@@ -6,7 +6,7 @@ use ipc_types::payload::{MAX_STATIONS, RelayStation, ascii_bytes};
 use serde_json::{Value, json};
 
 use super::*;
-use crate::robot::relay_link::LinkReport;
+use operator::robot::relay_link::LinkReport;
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 

@@ -28,8 +28,8 @@ use serde::Serialize;
 use self::journals::kept_flight;
 use self::options::ReplayArgs;
 use self::terminal::{PlayerKey, ReplayKeys, ReplayScreen, ReplayedRequest};
-use crate::render::{json_line, note};
-use crate::session::configuration;
+use operator::render::{json_line, note};
+use operator::session::configuration;
 
 /// Name of the layout of the JSON object at the end.
 const SCHEMA: &str = "ril.Replay.v1";

@@ -7,7 +7,7 @@ use clap::Args;
 use recording::play::SPEEDS;
 use runtime::args::CommonArgs;
 
-use crate::options::EXIT_CODES;
+use operator::options::EXIT_CODES;
 
 /// Options of playing, which verification has no use for.
 const PLAYING: [&str; 4] = ["speed", "from", "to", "is_looped"];

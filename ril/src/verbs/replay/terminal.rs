@@ -12,8 +12,8 @@ use rustix::stdio::stdin;
 use rustix::termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcgetpgrp, tcsetattr};
 use serde::Serialize;
 
-use crate::recorded::RequestEvent;
-use crate::render::terminal::{Block, Key, Size, read_keys};
+use operator::render::terminal::{Block, Key, Size, read_keys};
+use recording::RequestEvent;
 
 /// Shortest time between two drawings of the position.
 const REDRAW_PERIOD: Duration = Duration::from_millis(200);
@@ -233,7 +233,7 @@ impl fmt::Display for ReplayedRequest {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::terminal::keys;
+    use operator::render::terminal::keys;
 
     #[test]
     fn keys_are_read() {
@@ -300,7 +300,7 @@ mod request_tests {
     #[test]
     fn the_names_of_a_recording_are_those_that_are_played() {
         use recording::play::{REQUEST_EVENT, key_of};
-        assert_eq!(crate::recorded::REQUEST_EVENT, REQUEST_EVENT);
+        assert_eq!(recording::REQUEST_EVENT, REQUEST_EVENT);
         let robot = ipc_types::RobotId::DEFAULT;
         for key in [
             "dsp_telemetry",
@@ -308,7 +308,7 @@ mod request_tests {
             "module_state",
             "status/state",
         ] {
-            let topic = crate::recorded::topic_of(robot, key);
+            let topic = recording::topic_of(robot, key);
             assert_eq!(key_of(&topic), Some((robot, key)));
         }
     }

@@ -21,10 +21,10 @@ use serde::Serialize;
 
 use super::journals::{first_robot, first_samples, kept_flight, open, piece, refuse_kept};
 use super::options::ReplayArgs;
-use crate::recorded::new_file;
-use crate::render::fields::Meaning;
-use crate::render::words::{count, shell_word};
-use crate::render::{note, print};
+use crate::new_file::new_file;
+use operator::render::fields::Meaning;
+use operator::render::words::{count, shell_word};
+use operator::render::{note, print};
 
 /// `ril replay FILE --verify`
 ///

@@ -11,16 +11,16 @@ use ipc_types::{MonotonicNs, Source, StateOf, StatusModule, Topic};
 use runtime::exit::{ExitCode, Failure};
 
 use self::report::{Samples, StateReport, is_module_old};
-use crate::options::SampleArgs;
-use crate::render::terminal::{Block, Size};
-use crate::render::words::time_of_day;
-use crate::render::{json_line, print};
-use crate::robot::absence::{absent, nothing_came};
-use crate::robot::controller::own_session;
-use crate::robot::freshness::is_present;
-use crate::robot::pilot::PilotView;
-use crate::robot::relay_link::{LinkReport, LinkWatch};
-use crate::session::{Latest, Session, Topics};
+use operator::options::SampleArgs;
+use operator::render::terminal::{Block, Size};
+use operator::render::words::time_of_day;
+use operator::render::{json_line, print};
+use operator::robot::absence::{absent, nothing_came};
+use operator::robot::controller::own_session;
+use operator::robot::freshness::is_present;
+use operator::robot::pilot::PilotView;
+use operator::robot::relay_link::{LinkReport, LinkWatch};
+use operator::session::{Latest, Session, Topics};
 
 /// `ril status`
 #[derive(Args, Clone, Debug)]

@@ -18,14 +18,14 @@ use ipc_types::{MonotonicNs, RobotId, TelemetryGroup};
 use runtime::exit::ExitCode;
 use serde::ser::{Serialize, Serializer};
 
-use crate::render::fields::{JsonLine, Selection, Tree};
-use crate::render::messages::details;
-use crate::robot::controller::Senders;
-use crate::robot::freshness::{
+use operator::render::fields::{JsonLine, Selection, Tree};
+use operator::render::messages::details;
+use operator::robot::controller::Senders;
+use operator::robot::freshness::{
     MODULE_STALE_AFTER, STALE_AFTER, SampleAge, age_ms, is_stale, named,
 };
-use crate::robot::pilot::{self, PilotView};
-use crate::robot::relay_link::{LinkReport, UNREADABLE};
+use operator::robot::pilot::{self, PilotView};
+use operator::robot::relay_link::{LinkReport, UNREADABLE};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.State.v3";

@@ -9,12 +9,12 @@ use ipc_types::{Losses, MonotonicNs, Schema};
 use runtime::exit::Failure;
 
 use super::stream::{Stream, StreamArgs, Watcher};
-use crate::options::EXIT_CODES;
-use crate::render::fields::{JsonLine, Meaning, Plain, Selection, Tree};
-use crate::render::stamps::StampReader;
-use crate::render::words::count as plural;
-use crate::render::{json_line, note};
-use crate::robot::freshness::STALE_AFTER;
+use operator::options::EXIT_CODES;
+use operator::render::fields::{JsonLine, Meaning, Plain, Selection, Tree};
+use operator::render::stamps::StampReader;
+use operator::render::words::count as plural;
+use operator::render::{json_line, note};
+use operator::robot::freshness::STALE_AFTER;
 
 /// `ril echo`, `ril topic echo`
 #[derive(Args, Clone, Debug)]

@@ -13,8 +13,8 @@ use ipc_types::schema::generate;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use serde::Serialize;
 
-use crate::options::{EXIT_CODES, read_text};
-use crate::render::print_as;
+use operator::options::{EXIT_CODES, read_text};
+use operator::render::print_as;
 
 /// `ril topic generate`
 #[derive(Args, Clone, Debug)]

@@ -15,12 +15,12 @@ use runtime::exit::Failure;
 use super::histogram::Detail;
 use super::meter::{Meter, MeterReport, Of, Quantity, Relayed};
 use super::stream::{Stream, StreamArgs, Watched, Watcher};
-use crate::options::EXIT_CODES;
-use crate::render::json_line;
-use crate::render::stamps::StampReader;
-use crate::render::terminal::{Block, Size};
-use crate::robot::relay_link::LinkWatch;
-use crate::session::Topics;
+use operator::options::EXIT_CODES;
+use operator::render::json_line;
+use operator::render::stamps::StampReader;
+use operator::render::terminal::{Block, Size};
+use operator::robot::relay_link::LinkWatch;
+use operator::session::Topics;
 
 /// `ril hz`, `ril delay`, `ril bw`
 ///

@@ -25,10 +25,10 @@ use self::generate::TopicGenerateArgs;
 use self::measure::MeasureArgs;
 use self::meter::Quantity;
 use self::stream::{schema_of, topic_key};
-use crate::options::EXIT_CODES;
-use crate::render::fields::Selection;
-use crate::render::{json_line, note, print_as};
-use crate::session::{Session, configuration, other_domains, others_alive};
+use operator::options::EXIT_CODES;
+use operator::render::fields::Selection;
+use operator::render::{json_line, note, print_as};
+use operator::session::{Session, configuration, other_domains, others_alive};
 
 /// `ril topic`
 #[derive(Args, Clone, Debug)]

@@ -18,10 +18,10 @@ use runtime::exit::{ExitCode, Failure, OrFail};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{FileType, fstat};
 
-use crate::options::duration;
-use crate::recorded::key_of;
-use crate::robot::absence::{absent, nothing_came};
-use crate::session::{Session, configuration};
+use operator::options::duration;
+use operator::robot::absence::{absent, nothing_came};
+use operator::session::{Session, configuration};
+use operator::topic_name::key_of;
 
 /// Reads the key or the short name of a topic.
 pub(super) fn topic_key(text: &str) -> Result<String, String> {

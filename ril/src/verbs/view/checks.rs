@@ -27,7 +27,7 @@ use view::{ViewerId, page};
 
 use super::fleet::ShownRobot;
 use super::messages;
-use crate::robot::model::WatchedRobot;
+use operator::robot::model::WatchedRobot;
 
 /// Most preflights at a time, each a process. A further one is answered with a finding that says so.
 pub(super) const MAX_PREFLIGHTS: usize = 2;
@@ -479,7 +479,7 @@ mod tests {
     use ipc_types::RobotId;
 
     use super::*;
-    use crate::robot::fixture::{at, fly};
+    use operator::robot::fixture::{at, fly};
 
     fn flown() -> WatchedRobot {
         let mut robot = WatchedRobot::new(RobotId::DEFAULT);

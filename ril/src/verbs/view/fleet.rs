@@ -7,10 +7,10 @@ use ipc_types::{Domain, MonotonicNs, RobotId, Source};
 use runtime::exit::Failure;
 
 use super::speaker::SpokenRobot;
-use crate::request::ports::{RobotPorts, Wakers};
-use crate::robot::chart::fence_of;
-use crate::robot::model::{HeldOutline, Process, WatchedRobot};
-use crate::session::alive;
+use operator::request::ports::{RobotPorts, Wakers};
+use operator::robot::chart::fence_of;
+use operator::robot::model::{HeldOutline, Process, WatchedRobot};
+use operator::session::alive;
 
 /// Most robots that are shown: as many as a relay carries. Those that come later are not joined, which is logged.
 pub(super) const MAX_ROBOTS: usize = 32;

@@ -8,14 +8,14 @@ use ipc_types::payload::ModuleState;
 use runtime::finding::{Finding, Severity};
 use view::page;
 
-use crate::robot::changes::Alarm;
-use crate::robot::clock::Clocks;
-use crate::robot::freshness::{Freshness, named};
-use crate::robot::geo::{Place, distance_m};
-use crate::robot::history::EventLine;
-use crate::robot::model::{Process, WatchedRobot};
-use crate::robot::pilot;
-use crate::robot::relay_link::UNREADABLE;
+use operator::robot::changes::Alarm;
+use operator::robot::clock::Clocks;
+use operator::robot::freshness::{Freshness, named};
+use operator::robot::geo::{Place, distance_m};
+use operator::robot::history::EventLine;
+use operator::robot::model::{Process, WatchedRobot};
+use operator::robot::pilot;
+use operator::robot::relay_link::UNREADABLE;
 
 /// Decimals of what is sent many times a second: at most one more than the page shows, so that the page can add and compare. Telemetry has
 /// up to 17 digits, which would be half of what a page gets.
@@ -410,7 +410,7 @@ mod tests {
     use ipc_types::RobotId;
 
     use super::*;
-    use crate::robot::fixture::{at, fly};
+    use operator::robot::fixture::{at, fly};
 
     fn flown() -> WatchedRobot {
         let mut robot = WatchedRobot::new(RobotId::DEFAULT);

@@ -3,7 +3,7 @@
 //! The crate `view` speaks HTTP, WebSocket and the protocols on top, as pure values. Here are
 //! * `start`: the command that finds or starts the server, and opens its page; or shows a recording;
 //! * [`server`]: the process; `shell`: its loop, `sockets`: its connections, `tls`: what hides them;
-//! * `fleet`: the robots with their ports and [models](crate::robot::model); `messages`: the messages about one, `speaker`: when they are sent;
+//! * `fleet`: the robots with their ports and [models](operator::robot::model); `messages`: the messages about one, `speaker`: when they are sent;
 //! * `foxglove`: what Foxglove and Lichtblick get and order;
 //! * `files`: what is read from a disk: imagery, and the report of a recording;
 //! * `replay`: a recording in the place of the robots;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::Args;
 use runtime::args::{SettingsArgs, robot};
 
-use crate::options::EXIT_CODES;
+use operator::options::EXIT_CODES;
 
 /// `ril view`
 ///

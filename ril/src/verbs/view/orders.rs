@@ -14,8 +14,8 @@ use view::page::{self, OrderKind};
 
 use super::checks::{check_go_to, target};
 use super::fleet::ShownRobot;
-use crate::config::RequestConfig;
-use crate::request::ports::{OrderNews, RobotOrder};
+use operator::config::RequestConfig;
+use operator::request::ports::{OrderNews, RobotOrder};
 
 /// Most orders that are followed: those that all robots may have open at a time. The oldest goes; its outcome stays in the journal.
 const MAX_FOLLOWED: usize = 128;

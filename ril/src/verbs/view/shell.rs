@@ -20,12 +20,12 @@ use super::orders::{GivenOrder, Orders, PageLost};
 use super::replay::Playback;
 use super::sockets::{Arrived, ConnectionKey, Sockets};
 use super::speaker::Speaker;
-use crate::config::RequestConfig;
-use crate::request::ports::RobotOrder;
-use crate::robot::changes::Weight;
-use crate::robot::clock::{Clocks, WallClock};
 use crate::view_setup::config::ViewConfig;
 use crate::view_setup::peer::OwnConnections;
+use operator::config::RequestConfig;
+use operator::request::ports::RobotOrder;
+use operator::robot::changes::Weight;
+use operator::robot::clock::{Clocks, WallClock};
 
 /// Time between two looks at the robots while a page looks.
 const WATCHED_PERIOD: Duration = Duration::from_millis(50);

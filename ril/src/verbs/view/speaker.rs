@@ -7,8 +7,8 @@ use ipc_types::MonotonicNs;
 use view::{Server, page};
 
 use super::messages;
-use crate::robot::clock::Clocks;
-use crate::robot::model::WatchedRobot;
+use operator::robot::clock::Clocks;
+use operator::robot::model::WatchedRobot;
 
 /// How often words are sent again although they did not change.
 const WORDS_PERIOD: Duration = Duration::from_secs(1);

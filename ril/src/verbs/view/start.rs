@@ -29,11 +29,11 @@ use super::replay::Playback;
 use super::shell::ViewShell;
 use super::sockets::Sockets;
 use super::{invitation, server};
-use crate::render::json_line;
-use crate::session::print_configuration;
 use crate::view_setup::config::ViewConfig;
 use crate::view_setup::run_file::{self, RunEntry, RunFile};
 use crate::view_setup::token_key::random_hex;
+use operator::render::json_line;
+use operator::session::print_configuration;
 
 /// How long the server has to be ready, and to end. It takes a tenth of a second.
 const TIMEOUT: Duration = Duration::from_secs(10);

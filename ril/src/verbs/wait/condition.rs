@@ -11,8 +11,8 @@ use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Schema, TelemetryGroup};
 
-use crate::render::fields::{Selection, Tree};
-use crate::robot::freshness::is_present;
+use operator::render::fields::{Selection, Tree};
+use operator::robot::freshness::is_present;
 
 /// A helicopter that is slower than this over ground, and that climbs and sinks more slowly, hovers, m/s. Gusts move one that
 /// stays in its place by some tenths of that.

@@ -15,10 +15,10 @@ use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
 use self::condition::{Condition, Newest, Standing};
-use crate::options::{EXIT_CODES, duration};
-use crate::render::{Weight, json_text, tell};
-use crate::robot::absence::absent;
-use crate::session::{Latest, Session, configuration};
+use operator::options::{EXIT_CODES, duration};
+use operator::render::{Weight, json_text, tell};
+use operator::robot::absence::absent;
+use operator::session::{Latest, Session, configuration};
 
 /// What a condition is, for the end of the help.
 const CONDITIONS: &str = "\

@@ -9,14 +9,14 @@ mod tests;
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
-use view::page::Area;
+use operator::robot::chart::ChartArea;
 
-use crate::render::terminal::Key;
-use crate::request::ports::RobotOrder;
-use crate::robot::changes::Weight;
-use crate::robot::chart::Chart;
-use crate::robot::geo::Place;
-use crate::robot::model::WatchedRobot;
+use operator::render::terminal::Key;
+use operator::request::ports::RobotOrder;
+use operator::robot::changes::Weight;
+use operator::robot::chart::Chart;
+use operator::robot::geo::Place;
+use operator::robot::model::WatchedRobot;
 
 /// Most robots that are watched at a time: those with a key of their own.
 pub const MAX_ROBOTS: usize = 9;
@@ -178,7 +178,7 @@ impl App {
     }
 
     /// The fence of the robot in detail.
-    pub(super) fn fence(&self) -> &[Area] {
+    pub(super) fn fence(&self) -> &[ChartArea] {
         let held = self.robot().held.as_ref();
         held.map_or(&self.chart.fence, |held| &held.chart.fence)
     }

@@ -4,9 +4,9 @@ use ipc_types::RobotId;
 use ipc_types::outline::Outline;
 
 use super::app::App;
-use crate::robot::chart::Chart;
-use crate::robot::clock::Clocks;
-use crate::robot::fixture::{at, fly, outline};
+use operator::robot::chart::Chart;
+use operator::robot::clock::Clocks;
+use operator::robot::fixture::{at, fly, outline};
 
 /// The clock at `ms`; the flight begins at 12:00:00.
 pub fn clock(ms: u64) -> Clocks {

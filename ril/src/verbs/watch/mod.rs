@@ -27,13 +27,13 @@ use terminal::Terminal;
 
 use self::app::{App, KeyAction, MAX_ROBOTS};
 use self::view::Glyphs;
-use crate::config::RequestConfig;
-use crate::options::EXIT_CODES;
-use crate::render::terminal::read_keys;
-use crate::request::ports::{self, RobotPorts};
-use crate::robot::clock::{Clocks, WallClock};
-use crate::robot::{chart, model};
-use crate::session::{alive, configuration};
+use operator::config::RequestConfig;
+use operator::options::EXIT_CODES;
+use operator::render::terminal::read_keys;
+use operator::request::ports::{self, RobotPorts};
+use operator::robot::clock::{Clocks, WallClock};
+use operator::robot::{chart, model};
+use operator::session::{alive, configuration};
 
 /// `ril watch`
 #[derive(Args, Clone, Debug)]

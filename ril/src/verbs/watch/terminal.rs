@@ -30,7 +30,7 @@ use signal_hook::consts::{SIGCONT, SIGHUP, SIGQUIT, SIGWINCH};
 use signal_hook::low_level::{pipe, unregister};
 use signal_hook::{SigId, flag};
 
-use crate::render::terminal::Size;
+use operator::render::terminal::Size;
 
 /// Largest screen that is drawn, to each side: what says to be larger is surely wrong, and would take memory.
 const MAX_SIDE: u16 = 500;

@@ -5,7 +5,7 @@ use std::time::Duration;
 use runtime::finding::Severity::{self, Error, Note, Warning};
 
 use super::*;
-use crate::robot::domain::Trouble;
+use operator::robot::domain::Trouble;
 
 /// Of a user that is not this one.
 const STRANGER: u32 = u32::MAX - 7;

@@ -11,12 +11,12 @@ use super::curves::{Curves, FlightClock, RelativeDelay};
 use super::events::{EventLog, LoggedEventKind};
 use super::module::{ModuleLog, States};
 use super::requests::RequestLog;
-use crate::recorded::RequestEvent;
-use crate::render::messages::details;
-use crate::robot::chart::Chart;
-use crate::robot::geo::{Place, Spaced, Track, distance_m};
-use crate::robot::pilot::PilotView;
 use crate::verbs::log::summary::{GAP_S, MAX_STEP_M, SampleStep};
+use operator::render::messages::details;
+use operator::robot::chart::Chart;
+use operator::robot::geo::{Place, Spaced, Track, distance_m};
+use operator::robot::pilot::PilotView;
+use recording::RequestEvent;
 
 /// Most points of the track: more than a map has columns.
 const TRACK_POINTS: usize = 4000;

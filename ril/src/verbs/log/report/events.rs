@@ -4,7 +4,7 @@
 use view::page::Weight;
 use view::report::flight::Event;
 
-use crate::robot::geo::Place;
+use operator::robot::geo::Place;
 
 /// Most events of a kind: more than a person reads.
 pub const MAX_OF_A_KIND: usize = 50;

@@ -28,9 +28,9 @@ use super::options::LogReportArgs;
 use super::recording::{LogEntry, LogFormat};
 use super::row::UtcSource;
 use super::summary::{Summarizer, Summary};
-use crate::render::print_as;
-use crate::robot::chart::{Chart, FenceFile, of_files};
-use crate::session::configuration;
+use operator::render::print_as;
+use operator::robot::chart::{Chart, FenceFile, of_files};
+use operator::session::configuration;
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.LogReport.v1";

@@ -8,8 +8,8 @@ use view::report::flight::{Ink, Lane, Span};
 
 use super::curves::Curves;
 use super::events::{EventLog, LoggedEventKind};
-use crate::render::messages::details;
-use crate::robot::pilot;
+use operator::render::messages::details;
+use operator::robot::pilot;
 
 /// See the module's documentation.
 #[derive(Debug, Default)]

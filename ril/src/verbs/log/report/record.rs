@@ -13,7 +13,7 @@ use view::report::flight::Table;
 
 use super::collector::Collector;
 use super::events::LoggedEventKind;
-use crate::recorded::{FLIGHT, REQUEST_EVENT, RequestEvent};
+use recording::{FLIGHT, REQUEST_EVENT, RequestEvent};
 
 /// Ends of the names of topics.
 const HERO: &str = "/hero/telemetry";
@@ -127,7 +127,7 @@ pub fn tables(summary: &read::RecordSummary) -> Vec<Table> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::chart::Chart;
+    use operator::robot::chart::Chart;
 
     #[test]
     fn the_end_of_a_process_is_an_event_and_what_the_samples_show_is_none() {

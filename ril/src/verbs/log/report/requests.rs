@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use ipc_types::code::Stage;
 use view::report::flight::{Outcome, RequestRow};
 
-use crate::recorded::RequestEvent;
-use crate::robot::geo::Place;
+use operator::robot::geo::Place;
+use recording::RequestEvent;
 
 /// Most requests that are shown; further ones are counted.
 const MAX_REQUESTS: usize = 300;

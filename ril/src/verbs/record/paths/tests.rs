@@ -5,7 +5,7 @@ use recording::{Anchor, FlightInfo, Settings, read};
 use ros_messages::cdr::Reader;
 
 use super::*;
-use crate::robot::geo::moved;
+use operator::robot::geo::moved;
 
 /// Where `map` begins.
 fn home() -> Place {

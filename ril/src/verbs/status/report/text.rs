@@ -10,12 +10,12 @@ use ipc_types::payload::{DspErrorCounters, LinkHealth, ModuleState, MovementStat
 use runtime::duration::DurationText;
 
 use super::{StateReport, implausible, known_dsp_errors, pc_timeout_supported};
-use crate::render::fields::{Selection, Tree};
-use crate::render::messages::details;
-use crate::render::words::{count, error_words, module_words, or_dash};
-use crate::robot::freshness::{age_ms, named};
-use crate::robot::pilot;
-use crate::robot::relay_link::UNREADABLE;
+use operator::render::fields::{Selection, Tree};
+use operator::render::messages::details;
+use operator::render::words::{count, error_words, module_words, or_dash};
+use operator::robot::freshness::{age_ms, named};
+use operator::robot::pilot;
+use operator::robot::relay_link::UNREADABLE;
 
 impl fmt::Display for StateReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

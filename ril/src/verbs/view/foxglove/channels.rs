@@ -10,9 +10,9 @@ use ipc_types::service::Pattern;
 use ipc_types::{DynamicSubscriber, Ipc, RobotId, Schema};
 use view::{Channel, ChannelId, Server};
 
-use crate::recorded::topic_of;
-use crate::render::stamps::StampReader;
-use crate::robot::clock::Clocks;
+use operator::render::stamps::StampReader;
+use operator::robot::clock::Clocks;
+use recording::topic_of;
 
 /// A topic that is offered.
 struct OfferedTopic {

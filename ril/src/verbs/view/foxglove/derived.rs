@@ -15,13 +15,13 @@ use ros_messages::{
 use view::{Channel, ChannelId, Server, page};
 
 use super::geojson;
-use crate::recorded::{FLIGHT, level, topic};
-use crate::robot::clock::Clocks;
-use crate::robot::geo::Place;
-use crate::robot::history::EventLine;
-use crate::robot::model::{Process, WatchedRobot};
 use crate::verbs::view::fleet::ShownRobot;
 use crate::verbs::view::messages;
+use operator::robot::clock::Clocks;
+use operator::robot::geo::Place;
+use operator::robot::history::EventLine;
+use operator::robot::model::{Process, WatchedRobot};
+use recording::{FLIGHT, topic};
 
 /// How often conditions are sent although they did not change: all robots share the topic, and a client that comes later gets its
 /// newest message alone.
@@ -239,7 +239,7 @@ fn send(server: &mut Server, channel: ChannelId, clock: Clocks, message: Vec<u8>
 fn log_line(line: &EventLine, unix_ns: u64) -> Vec<u8> {
     Log {
         unix_ns: i64::try_from(unix_ns).unwrap_or(i64::MAX),
-        level: level(line.weight),
+        level: line.weight.into(),
         process: FLIGHT,
         text: &line.text,
         module: "",
@@ -307,9 +307,9 @@ mod tests {
     use ipc_types::RobotId;
 
     use super::*;
-    use crate::robot::fixture::{at, fly};
-    use crate::robot::model::{Process, WatchedRobot};
     use crate::verbs::view::messages;
+    use operator::robot::fixture::{at, fly};
+    use operator::robot::model::{Process, WatchedRobot};
 
     fn said(
         diagnostics: &mut Diagnostics,

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 use view::page;
 
-use crate::robot::geo::Place;
+use operator::robot::geo::Place;
 
 /// Colours by Okabe and Ito, as in the page.
 const INCLUSION: &str = "#009e73";
@@ -52,7 +52,7 @@ pub(super) fn track(places: &[Place]) -> String {
     collection(track.as_slice())
 }
 
-fn area(area: &page::Area) -> Value {
+fn area(area: &page::ChartArea) -> Value {
     let colour = match area.inclusion {
         true => INCLUSION,
         false => EXCLUSION,
@@ -87,7 +87,7 @@ mod tests {
             robot: 1,
             source: page::ChartSource::Bridge,
             number: 3,
-            fence: vec![page::Area {
+            fence: vec![page::ChartArea {
                 name: "field".to_owned(),
                 inclusion: true,
                 floor_m: None,

@@ -22,8 +22,8 @@ use self::services::Services;
 
 use super::fleet::Fleet;
 use super::orders::Orders;
-use crate::config::RequestConfig;
-use crate::robot::clock::Clocks;
+use operator::config::RequestConfig;
+use operator::robot::clock::Clocks;
 
 /// See the module's documentation.
 pub(super) struct Foxglove {

@@ -19,14 +19,14 @@ use serde_json::Value;
 use view::Server;
 
 use super::services::COMMANDED;
-use crate::config::RequestConfig;
-use crate::render::messages::details::{port_name, port_value};
-use crate::render::messages::{FinalReport, Verb, ending};
-use crate::request::{Exchange, Next, Outcome, Until, begin_by_ns, ports};
-use crate::robot::changes::Weight;
-use crate::robot::freshness::Freshness;
-use crate::robot::model::Process;
 use crate::verbs::view::fleet::{Fleet, ShownRobot};
+use operator::config::RequestConfig;
+use operator::render::messages::details::{port_name, port_value};
+use operator::render::messages::{FinalReport, Verb, ending};
+use operator::request::{Exchange, Next, Outcome, Until, begin_by_ns, ports};
+use operator::robot::changes::Weight;
+use operator::robot::freshness::Freshness;
+use operator::robot::model::Process;
 
 /// A robot's cache, and its bridge.
 #[derive(Default)]

@@ -9,9 +9,9 @@ use serde_json::json;
 use view::page::{OrderKind, OrderReport, OrderRequest, OrderStage};
 use view::{Call, OfferedService, Server};
 
-use crate::config::RequestConfig;
 use crate::verbs::view::fleet::Fleet;
 use crate::verbs::view::orders::{GivenOrder, Orders};
+use operator::config::RequestConfig;
 
 /// What every robot is offered: name, order, JSON Schema of the request's properties, those that it must have.
 const SERVICES: [(&str, OrderKind, &str, &str); 6] = [

@@ -4,6 +4,7 @@
 //! * [`playback`]: one playhead for all viewers, and what Foxglove clients get.
 
 mod playback;
+mod played;
 mod recording;
 #[cfg(test)]
 mod tests;

@@ -14,7 +14,7 @@ use recording::EventKind;
 use recording::play::key_of;
 use recording::read::{RecordedEvent, RecordedMessage};
 
-use crate::robot::model::{Process, WatchedRobot};
+use operator::robot::model::{Process, WatchedRobot};
 
 /// Time between two looks at what is wrong: as often as the page of a live robot is renewed.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);

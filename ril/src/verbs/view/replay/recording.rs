@@ -14,9 +14,9 @@ use recording::read::RecordedMessage;
 use runtime::exit::Failure;
 use view::page::{Phase, ReplayEvent, ReplayInfo};
 
-use crate::robot::changes::Weight;
-use crate::robot::clock::Clocks;
-use crate::robot::played::PlayedRobot;
+use super::played::PlayedRobot;
+use operator::robot::changes::Weight;
+use operator::robot::clock::Clocks;
 
 /// Robots that are kept at most, of some 200 kB. At the bound every other one goes, and the next ones are kept twice as far apart: the
 /// way from one to the next is a 32nd of the recording at most.

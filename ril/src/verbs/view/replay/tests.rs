@@ -14,10 +14,10 @@ use recording::{Anchor, Channel, ChannelId, Event, EventKind, FlightInfo, Record
 use view::page::Weight;
 
 use super::recording::Recording;
-use crate::recorded::topic_of;
-use crate::robot::fixture::{at, hero, on_path, state, translating};
-use crate::robot::freshness::{MODULE_OVERDUE_AFTER, OVERDUE_AFTER};
-use crate::robot::model::{Process, WatchedRobot};
+use operator::robot::fixture::{at, hero, on_path, state, translating};
+use operator::robot::freshness::{MODULE_OVERDUE_AFTER, OVERDUE_AFTER};
+use operator::robot::model::{Process, WatchedRobot};
+use recording::topic_of;
 
 const ZERO_UNIX_NS: u64 = 1_700_000_000_000_000_000;
 

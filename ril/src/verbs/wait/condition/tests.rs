@@ -5,7 +5,7 @@ use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, TelemetryGroup};
 
 use super::{Condition, Newest};
-use crate::render::fields::{Selection, Tree};
+use operator::render::fields::{Selection, Tree};
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 

@@ -7,11 +7,11 @@ use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
 
 use super::pen::{ALARM, GOOD, Glyphs, OLD, TITLE, WARNING, mark_of, put, put_right, style_of};
-use crate::robot::changes::Weight;
-use crate::robot::clock::Clocks;
-use crate::robot::freshness::Freshness;
-use crate::robot::model::{Process, WatchedRobot};
 use crate::verbs::watch::app::App;
+use operator::robot::changes::Weight;
+use operator::robot::clock::Clocks;
+use operator::robot::freshness::Freshness;
+use operator::robot::model::{Process, WatchedRobot};
 
 /// What the robot does, in words; and the style of these.
 pub(super) fn doing(robot: &WatchedRobot, clock: Clocks) -> (String, Style) {

@@ -1,5 +1,6 @@
 //! Draws the map: north up, as many metres to a line as to two characters.
 
+use operator::robot::chart::ChartArea;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
@@ -7,12 +8,11 @@ use ratatui::symbols::{Marker, border};
 use ratatui::text::Span;
 use ratatui::widgets::canvas::{Canvas, Line};
 use ratatui::widgets::{Block, Widget};
-use view::page::Area;
 
 use super::pen::{Glyphs, OLD, TITLE, put};
-use crate::robot::geo::{Place, offset_m};
-use crate::robot::model::WatchedRobot;
 use crate::verbs::watch::app::{App, Zoom};
+use operator::robot::geo::{Place, offset_m};
+use operator::robot::model::WatchedRobot;
 
 /// Least width and height of what is shown, m: a robot that stands still is not drawn larger than its error.
 const LEAST_SPAN_M: f64 = 20.0;
@@ -128,7 +128,7 @@ fn shown(app: &App, origin: Place) -> Vec<(f64, f64)> {
         .collect()
 }
 
-fn corners(area: &Area) -> impl Iterator<Item = Place> {
+fn corners(area: &ChartArea) -> impl Iterator<Item = Place> {
     let corner =
         |[latitude_deg, longitude_deg]: &[f64; 2]| Place::new(*latitude_deg, *longitude_deg);
     area.corners.iter().filter_map(corner)

@@ -12,7 +12,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use super::app::App;
-use crate::robot::clock::Clocks;
+use operator::robot::clock::Clocks;
 pub use pen::Glyphs;
 
 /// The least that the whole view needs, characters. On less there are a few lines and a word about it.

@@ -5,7 +5,7 @@ use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
 
-use crate::robot::changes::Weight;
+use operator::robot::changes::Weight;
 
 /// Which characters are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

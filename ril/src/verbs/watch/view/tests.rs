@@ -15,12 +15,12 @@ use ratatui::layout::Rect;
 use ratatui::style::Modifier;
 
 use super::*;
-use crate::render::terminal::Key;
-use crate::robot::changes::Weight;
-use crate::robot::chart::Chart;
-use crate::robot::fixture::{at, hero, on_path, outline};
-use crate::robot::model::Process;
 use crate::verbs::watch::fixture::{app, clock};
+use operator::render::terminal::Key;
+use operator::robot::changes::Weight;
+use operator::robot::chart::Chart;
+use operator::robot::fixture::{at, hero, on_path, outline};
+use operator::robot::model::Process;
 
 fn drawn(app: &App, clock: Clocks, glyphs: Glyphs, width: u16, height: u16) -> Buffer {
     let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a test's terminal");
@@ -182,7 +182,7 @@ fn an_event_has_the_same_time_of_day_whenever_it_is_drawn() {
 fn the_fence_of_a_file_is_called_so_until_the_bridge_says_its_own() {
     let drawn_with = |app: &App| text(&drawn(app, clock(20_000), Glyphs::Unicode, 80, 24));
     let mut app = App::new(&[RobotId::DEFAULT], Chart::from(&outline()));
-    crate::robot::fixture::fly(&mut app.robots_mut()[0]);
+    operator::robot::fixture::fly(&mut app.robots_mut()[0]);
     let shown = drawn_with(&app);
     assert!(
         shown.contains("#x fence of file") && shown.contains("xxx"),

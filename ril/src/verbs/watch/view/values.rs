@@ -9,13 +9,13 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 
 use super::pen::{GOOD, Glyphs, OLD, TITLE, WARNING, put};
-use crate::render::words::{count, duration, or_dash};
-use crate::robot::clock::Clocks;
-use crate::robot::freshness::{Freshness, named};
-use crate::robot::history::{Past, PastPoint};
-use crate::robot::model::{Process, WatchedRobot};
-use crate::robot::pilot;
-use crate::robot::relay_link::UNREADABLE;
+use operator::render::words::{count, duration, or_dash};
+use operator::robot::clock::Clocks;
+use operator::robot::freshness::{Freshness, named};
+use operator::robot::history::{Past, PastPoint};
+use operator::robot::model::{Process, WatchedRobot};
+use operator::robot::pilot;
+use operator::robot::relay_link::UNREADABLE;
 
 /// Width of the names, characters.
 const NAMES: u16 = 9;
