@@ -14,20 +14,21 @@ use std::time::Duration;
 
 use clap::error::ErrorKind;
 use clap::{ArgAction, Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
-use runtime::args::SettingsArgs;
+use conform::cli::ConformArgs;
+use mavlink_gateway::cli::MavlinkArgs;
+use operator::options::{EXIT_CODES, SampleArgs, duration};
+use recorder::cli::RecordArgs;
 use runtime::manual::ManualArgs;
+use view::cli::{RunViewArgs, ViewArgs};
 
 use crate::verbs::check::{DoctorArgs, PreflightArgs};
-use crate::verbs::conform::ConformArgs;
 use crate::verbs::demo;
 use crate::verbs::log::options::LogArgs;
-use crate::verbs::mavlink::run::MavlinkArgs;
 use crate::verbs::order::{
     ControlArgs, FenceArgs, GotoArgs, HoldArgs, HolderArgs, LandArgs, RtlArgs, TakeoffArgs,
 };
 use crate::verbs::param::ParamArgs;
 use crate::verbs::plan::options::PlanArgs;
-use crate::verbs::record::options::RecordArgs;
 use crate::verbs::relay::RelayArgs;
 use crate::verbs::replay::options::ReplayArgs;
 use crate::verbs::robots::RobotsArgs;
@@ -35,10 +36,8 @@ use crate::verbs::status::StatusArgs;
 use crate::verbs::topic::TopicArgs;
 use crate::verbs::topic::echo::EchoArgs;
 use crate::verbs::topic::measure::MeasureArgs;
-use crate::verbs::view::options::{RunViewArgs, ViewArgs};
 use crate::verbs::wait::WaitArgs;
 use crate::verbs::watch::WatchArgs;
-use operator::options::{EXIT_CODES, SampleArgs, duration};
 
 /// The operator's tool of the HERO helicopter's Robot Implementation Layer.
 ///
@@ -267,13 +266,6 @@ pub struct ProcessArgs<A: Args> {
     /// Print a failure, or with --check-config the configuration, as one JSON object
     #[arg(long)]
     pub json: bool,
-}
-
-impl<A: Args> ProcessArgs<A> {
-    /// Whether only the configuration is to be printed, as JSON.
-    pub fn prints_config(&self, settings: &SettingsArgs) -> bool {
-        self.json && settings.check_config
-    }
 }
 
 /// `ril mavlink`

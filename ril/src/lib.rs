@@ -9,19 +9,19 @@
 
 pub mod cli;
 pub mod completion;
-mod mavlink_setup;
 mod new_file;
 pub mod verbs;
-mod view_setup;
 
 use std::ffi::OsString;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::CommandFactory;
-use cli::{MavlinkCommand, RunCommand};
+use clap::{Args, CommandFactory};
+use cli::{MavlinkCommand, ProcessArgs, RunCommand};
 use operator::render::messages::object::ErrorObject;
 use operator::{options, render, session};
+use runtime::args::SettingsArgs;
+use runtime::config::resulting::Resulting;
 use runtime::exit::{self, Failure, OrFail};
 use runtime::manual;
 use runtime::output::standard_output;
@@ -29,10 +29,7 @@ use runtime::signal::end_with_parent;
 use verbs::check::{doctor, preflight};
 use verbs::topic::meter::Quantity;
 use verbs::topic::{self, echo, measure};
-use verbs::{
-    conform, demo, log, mavlink, order, param, plan, record, relay, replay, robots, view, wait,
-    watch,
-};
+use verbs::{demo, log, order, param, plan, relay, replay, robots, wait, watch};
 
 /// The whole of the binary `ril`: reads the command line, of which the first is the program's name, and does it.
 ///
@@ -68,28 +65,56 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 
 /// Runs a process of the RIL, or prints its configuration.
 fn process(command: RunCommand) -> Result<(), Failure> {
-    use session::print_configuration as print;
     match command {
-        RunCommand::Bridge(args) if args.prints_config(&args.process.common.settings) => {
-            print("bridge", &bridge::cli::check_config(&args.process)?)
-        }
-        RunCommand::Status(args) if args.prints_config(&args.process.common.settings) => {
-            print("status", &status::cli::check_config(&args.process)?)
-        }
-        RunCommand::Sim(args) if args.prints_config(&args.process.common.settings) => {
-            print("sim", &dsp_sim::cli::check_config(&args.process)?)
-        }
-        RunCommand::View(args) if args.prints_config(&args.process.server.settings) => {
-            print("view", &view::server::check_config(&args.process.server)?)
-        }
-        RunCommand::Mavlink(args) if args.prints_config(&args.process.common.settings) => {
-            print("mavlink", &mavlink::run::check_config(&args.process)?)
-        }
-        RunCommand::Bridge(args) => bridge::cli::run(args.process),
-        RunCommand::Status(args) => status::cli::run(args.process),
-        RunCommand::Sim(args) => dsp_sim::cli::run(args.process),
-        RunCommand::View(args) => view::server::run(&args.process),
-        RunCommand::Mavlink(args) => mavlink::run::run(&args.process),
+        RunCommand::Bridge(args) => start(
+            "bridge",
+            args,
+            |args| &args.common.settings,
+            bridge::cli::check_config,
+            bridge::cli::run,
+        ),
+        RunCommand::Status(args) => start(
+            "status",
+            args,
+            |args| &args.common.settings,
+            status::cli::check_config,
+            status::cli::run,
+        ),
+        RunCommand::Sim(args) => start(
+            "sim",
+            args,
+            |args| &args.common.settings,
+            dsp_sim::cli::check_config,
+            dsp_sim::cli::run,
+        ),
+        RunCommand::View(args) => start(
+            "view",
+            args,
+            |args| &args.server.settings,
+            |args| view::cli::check_config(&args.server),
+            view::cli::run,
+        ),
+        RunCommand::Mavlink(args) => start(
+            "mavlink",
+            args,
+            |args| &args.common.settings,
+            mavlink_gateway::cli::check_config,
+            mavlink_gateway::cli::run,
+        ),
+    }
+}
+
+/// Runs the process `name`, or prints its configuration as JSON. As text the process prints it itself.
+fn start<A: Args>(
+    name: &str,
+    args: ProcessArgs<A>,
+    settings: fn(&A) -> &SettingsArgs,
+    check_config: fn(&A) -> Result<Resulting, Failure>,
+    run: fn(A) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    match args.json && settings(&args.process).check_config {
+        true => session::print_configuration(name, &check_config(&args.process)?),
+        false => run(args.process),
     }
 }
 
@@ -124,7 +149,7 @@ fn run(command: cli::Command) -> Result<(), Failure> {
         Command::Bridge(args) => process(RunCommand::Bridge(args)),
         Command::Sim(args) => process(RunCommand::Sim(args)),
         Command::Mavlink(args) => match args.command {
-            Some(MavlinkCommand::Status(args)) => mavlink::status::status(&args),
+            Some(MavlinkCommand::Status(args)) => mavlink_gateway::shell::status::status(&args),
             None => process(RunCommand::Mavlink(args.run)),
         },
         Command::Relay(args) => relay::relay(&args),
@@ -141,14 +166,14 @@ fn run(command: cli::Command) -> Result<(), Failure> {
         Command::Control(args) => order::command_of(&args.command),
         Command::Status(args) => verbs::status::status(&args),
         Command::Watch(args) => watch::watch(&args),
-        Command::View(args) => view::view(&args, log::report_page),
+        Command::View(args) => view::start::view(&args, log::report_page),
         Command::Echo(args) => echo::echo(&args),
         Command::Topic(args) => topic::topic(&args.command),
         Command::Doctor(args) => doctor::doctor(&args),
         Command::Preflight(args) => preflight::preflight(&args),
-        Command::Conform(args) => conform::conform(&args),
+        Command::Conform(args) => conform::cli::conform(&args),
         Command::Wait(args) => wait::wait(&args),
-        Command::Record(args) => record::record(&args),
+        Command::Record(args) => recorder::record(&args),
         Command::Log(args) => log::log(&args),
         Command::Replay(args) => replay::replay(&args),
         Command::Robots(args) => robots::robots(&args),

@@ -1,10 +1,6 @@
 //! `ril conform`: plays the PC against a DSP and says which sentences of docs/protocol.md it keeps.
 //!
-//! What is sent and judged is the crate `conform`'s. Here are the serial port, the operator's confirmation and resets
-//! (`shell`), and how it is shown (`report`).
-
-mod report;
-mod shell;
+//! What is sent and judged is the rest of this crate's. Here are the command line, what it allows, and the operator's confirmation.
 
 use std::io::{self, BufRead, Write};
 use std::path::{Path, PathBuf};
@@ -13,20 +9,20 @@ use std::time::Duration;
 use bridge::config::SerialConfig;
 use bridge::shell::serial::SerialPort;
 use clap::{Args, ValueEnum};
-use conform::permitted::{CONFIRMATION, RotorDisconnected};
-use conform::replay::{Dialogue, Replay};
-use conform::report::{Ended, hex};
-use conform::run::{Settings, left_out};
-use conform::table::chosen;
-use conform::wire::Setup;
 use dsp_protocol::{DecodeError, Profile, Sequence};
+use operator::options::{EXIT_CODES, duration, read_text};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::output::standard_error;
 use runtime::signal::Termination;
 
-use self::report::{list, print_report, say_plan, write_vectors};
-use self::shell::{Resetter, play, serve};
-use operator::options::{EXIT_CODES, duration, read_text};
+use crate::permitted::{CONFIRMATION, RotorDisconnected};
+use crate::replay::{Dialogue, Replay};
+use crate::report::{Ended, hex};
+use crate::run::{Settings, left_out};
+use crate::shell::shown::{list, print_report, say_plan, write_vectors};
+use crate::shell::{Played, Resetter, play, serve};
+use crate::table::chosen;
+use crate::wire::Setup;
 
 /// `ril conform`
 ///
@@ -258,7 +254,7 @@ fn ended_early(ended: &Ended, profile: Profile) -> Failure {
 }
 
 /// How the command ends.
-fn verdict(played: &shell::Played, vectors: &[PathBuf], args: &ConformArgs) -> Result<(), Failure> {
+fn verdict(played: &Played, vectors: &[PathBuf], args: &ConformArgs) -> Result<(), Failure> {
     if let Some(signal) = played.interrupted_by {
         let text = format!(
             "signal {signal} ended the run after {} checks",

@@ -1,7 +1,7 @@
 //! The conformance kit for firmware of the DSP: it plays the PC and judges which sentences of `docs/protocol.md` a DSP keeps.
 //!
-//! Written from that page. It shares no code with the bridge, so what the two of them ask of a DSP is the page alone; frames
-//! are those of [`dsp_protocol`].
+//! Written from that page. What is sent and judged shares no code with the bridge, so what the two of them ask of a DSP is the page alone;
+//! frames are those of [`dsp_protocol`]. The serial port of [`cli`] and [`shell`], around it, is the bridge's.
 //!
 //! * [`table`]: the checks, each with its sentence, what is sent, what must come back; [`checks`] has them by topic;
 //! * [`permitted`]: what may be sent, and that nothing else is: without [`permitted::RotorDisconnected`] no type can express
@@ -10,7 +10,7 @@
 //! * [`run`]: the whole run as a value that is given time and bytes; [`report`]: what it found; [`replay`]: a dialogue that is
 //!   played again.
 //!
-//! Nothing here has a port, a clock or a thread. A check is linear code that sends and waits, as a suspended function; the value
+//! Nothing else has a port, a clock or a thread. A check is linear code that sends and waits, as a suspended function; the value
 //! around it goes on when time or bytes come.
 //!
 //! # Example
@@ -52,6 +52,7 @@ pub mod arrival;
 pub mod bench;
 pub mod check;
 pub mod checks;
+pub mod cli;
 pub mod monitor;
 pub mod outcome;
 pub mod permitted;
@@ -59,5 +60,6 @@ mod pilot;
 pub mod replay;
 pub mod report;
 pub mod run;
+pub mod shell;
 pub mod table;
 pub mod wire;

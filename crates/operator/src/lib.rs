@@ -6,7 +6,8 @@
 //! * [`render`]: JSON, fields, findings, words, reports as messages, the terminal;
 //! * [`session`]: configuration, which robot, its shared memory and the one wait of a command;
 //! * [`config`]: the file `ril.toml`; [`options`]: what several commands take;
-//! * [`fence_file`]: a fence in the bridge's configuration file; [`topic_name`]: the short names of topics.
+//! * [`fence_file`]: a fence in the bridge's configuration file; [`user_files`]: where this user's programs keep
+//!   what outlives them; [`topic_name`]: the short names of topics.
 //!
 //! Nothing here decides what the helicopter does: that is the bridge's.
 //!
@@ -31,3 +32,4 @@ pub mod request;
 pub mod robot;
 pub mod session;
 pub mod topic_name;
+pub mod user_files;

@@ -233,6 +233,7 @@ pub enum Format {
 }
 
 impl Format {
+    /// JSON if it was asked for.
     pub fn of(json: bool) -> Format {
         match json {
             true => Format::Json,

@@ -119,8 +119,10 @@ pub fn print_configuration(of: &str, resulting: &Resulting) -> Result<(), Failur
 
 /// The command's part in the robot's shared memory, and its one wait.
 pub struct Session {
+    /// Its ports are opened here.
     pub ipc: Ipc,
     waiter: Waiter,
+    /// SIGINT and SIGTERM.
     pub termination: Rc<Termination>,
 }
 
@@ -245,9 +247,11 @@ pub enum Unread {
 
 /// What a command has that asks the bridge for something.
 pub struct OrderContext {
+    /// Where it takes part.
     pub session: Session,
     /// When the operator gave the command, however long it takes until its request goes out.
     pub issued: MonotonicNs,
+    /// The file `ril.toml`.
     pub config: Config,
     /// How long the bridge has for its first answer.
     pub timeout: Duration,
@@ -293,6 +297,7 @@ impl OrderContext {
 /// What a command has whose order goes out before its configuration is read: one that makes the helicopter safer is not kept by a disk.
 pub struct UrgentContext<'a> {
     ask: &'a AskArgs,
+    /// Where it takes part.
     pub session: Session,
     /// When the operator gave the command.
     pub issued: MonotonicNs,

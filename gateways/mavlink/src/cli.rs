@@ -1,4 +1,4 @@
-//! `ril run mavlink`: the process in the foreground.
+//! `ril run mavlink`: its command line, what it runs with, and the process in the foreground.
 
 use std::io::ErrorKind;
 use std::net::SocketAddr;
@@ -7,24 +7,25 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use ipc_types::payload::MavlinkStations;
 use ipc_types::{MonotonicNs, Topic};
-use mavlink_gateway::{
-    Gateway, KeptHome, KeptProgress, MAX_FILE_BYTES, MAX_HOME_BYTES, MAX_PROGRESS_BYTES, Mission,
-    Signing, SigningKey,
-};
 use module_kit::{SetUp, process};
 use runtime::args::CommonArgs;
 use runtime::config::resulting::Resulting;
 use runtime::datagrams::StampedSocket;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::fence;
-use super::keeper::{Keeper, KeptFiles};
-use super::ports::Ports;
-use super::shell::{MavlinkShell, OwnTopic};
-use super::state::{
+use crate::config::{self, DEFAULT_FILE, EXAMPLE, MavlinkConfig};
+use crate::shell::fence;
+use crate::shell::keeper::{Keeper, KeptFiles};
+use crate::shell::key::read_key;
+use crate::shell::ports::Ports;
+use crate::shell::state::{
     MAX_TIMESTAMP_BYTES, StateError, StateFile, timestamp_of, warn_of_timestamp, write_timestamp,
 };
-use crate::mavlink_setup::{self, DEFAULT_FILE, EXAMPLE, MavlinkConfig};
+use crate::shell::{MavlinkShell, OwnTopic};
+use crate::{
+    Gateway, KeptHome, KeptProgress, MAX_FILE_BYTES, MAX_HOME_BYTES, MAX_PROGRESS_BYTES, Mission,
+    Signing, SigningKey,
+};
 
 /// `ril run mavlink`
 ///
@@ -46,7 +47,7 @@ pub fn check_config(args: &MavlinkArgs) -> Result<Resulting, Failure> {
         args.common.settings.config.as_deref(),
         Path::new(DEFAULT_FILE),
     );
-    mavlink_setup::load(file)?;
+    config::load(file)?;
     Ok(Resulting::load::<MavlinkConfig>(file, default, EXAMPLE)?)
 }
 
@@ -55,18 +56,18 @@ pub fn check_config(args: &MavlinkArgs) -> Result<Resulting, Failure> {
 /// # Errors
 ///
 /// Code 1 when the port is in use or another gateway of the robot runs, 78 when the configuration is wrong.
-pub fn run(args: &MavlinkArgs) -> Result<(), Failure> {
+pub fn run(args: MavlinkArgs) -> Result<(), Failure> {
     if args.common.settings.check_config {
-        return check_config(args)?.print();
+        return check_config(&args)?.print();
     }
     let Some(set_up) = SetUp::<MavlinkConfig>::begin(&args.common, DEFAULT_FILE)? else {
         return Ok(());
     };
-    mavlink_setup::load(args.common.settings.config.as_deref())?;
+    config::load(args.common.settings.config.as_deref())?;
     let robot = set_up.robot;
     let settings = set_up.config.settings(robot)?;
     let key = set_up.config.key.as_deref();
-    let key = key.map(mavlink_setup::read_key).transpose()?;
+    let key = key.map(read_key).transpose()?;
     let port = set_up.config.port_of(robot)?;
     let socket = bind(SocketAddr::new(set_up.config.listen, port))?;
     let address = socket.local_addr().or_fail(ExitCode::Internal)?;
@@ -109,7 +110,7 @@ fn signing(mut gateway: Gateway, key: SigningKey, file: &StateFile) -> Result<Ga
         Failure::new(ExitCode::Configuration, text)
     };
     let since_1970 = SystemTime::now().duration_since(UNIX_EPOCH);
-    let clock = mavlink_gateway::timestamp(since_1970.unwrap_or_default());
+    let clock = crate::timestamp(since_1970.unwrap_or_default());
     let kept = file.read(MAX_TIMESTAMP_BYTES, timestamp_of);
     let kept = kept.map_err(unusable)?.unwrap_or(0);
     gateway = gateway.signing(Signing::new(key, clock, kept, MonotonicNs::now()));

@@ -1,37 +1,33 @@
-//! Configuration of `ril run mavlink`, `mavlink.toml`, and the key that it names.
+//! Configuration of `ril run mavlink`, `mavlink.toml`.
 //!
-//! Every value has a default; the annotated example `ril/mavlink.toml` shows them all and is tested to parse to them.
+//! Every value has a default; the annotated example `gateways/mavlink/mavlink.toml` shows them all and is tested to parse to them.
 
-use std::fs;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use ipc_types::RobotId;
-use mavlink_gateway::{SILENCE, Settings, SigningKey, StationLost};
+use operator::user_files;
 use runtime::config::{Fault, Loaded, in_range, load as load_file};
 use runtime::exit::{ExitCode, Failure};
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer};
 
-use crate::view_setup::token_key;
+use crate::{SILENCE, Settings, StationLost};
 
 /// The file that is read when none is named; it may be absent.
-pub(crate) const DEFAULT_FILE: &str = "mavlink.toml";
+pub const DEFAULT_FILE: &str = "mavlink.toml";
 
 /// The annotated example.
-pub(crate) const EXAMPLE: &str = include_str!("../mavlink.toml");
+pub const EXAMPLE: &str = include_str!("../mavlink.toml");
 
 /// Most stations that are sent a heartbeat unasked.
 const MAX_STATIONS: usize = 4;
 
-/// Fewest characters of a passphrase: who has recorded a frame can try passphrases as fast as a machine can.
-const MIN_PASSPHRASE: usize = 16;
-
 /// All of `mavlink.toml`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub(crate) struct MavlinkConfig {
+pub struct MavlinkConfig {
     /// Address at which stations reach the gateway.
     pub listen: IpAddr,
     /// Port of robot 1; 0 for a free one.
@@ -55,7 +51,7 @@ pub(crate) struct MavlinkConfig {
     #[serde(deserialize_with = "seconds")]
     pub answer_s: f64,
     /// What becomes of a movement when the station that ordered it says nothing any more.
-    pub station_lost: StationLostConfig,
+    pub station_lost: StationLost,
     /// When a station counts as lost, s.
     #[serde(deserialize_with = "station_lost_s")]
     pub station_lost_s: f64,
@@ -71,23 +67,10 @@ pub(crate) struct MavlinkConfig {
     pub fence: StationFenceConfig,
 }
 
-/// `station_lost`
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub(crate) enum StationLostConfig {
-    /// It goes on.
-    #[default]
-    Continue,
-    /// The helicopter stops and hovers.
-    Hold,
-    /// It lands on the spot.
-    Land,
-}
-
 /// `[commands]`
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub(crate) struct CommandsConfig {
+pub struct CommandsConfig {
     /// Systems that may command; if it is empty, all on this machine and all that sign.
     pub systems: Vec<u8>,
 }
@@ -95,7 +78,7 @@ pub(crate) struct CommandsConfig {
 /// `[fence]`
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub(crate) struct StationFenceConfig {
+pub struct StationFenceConfig {
     /// Whether a station's fence goes into the configuration of the bridge.
     pub accept: bool,
     /// That configuration; the one that the live bridge was started with if it is not given.
@@ -157,7 +140,7 @@ impl Default for MavlinkConfig {
             take_off_m: 10.0,
             lost_s: 2.0,
             answer_s: 1.0,
-            station_lost: StationLostConfig::Continue,
+            station_lost: StationLost::Continue,
             station_lost_s: 10.0,
             key: None,
             insecure: false,
@@ -173,40 +156,11 @@ impl Default for MavlinkConfig {
 /// # Errors
 ///
 /// Exit code 78 when it is wrong.
-pub(crate) fn load(explicit: Option<&Path>) -> Result<Loaded<MavlinkConfig>, Failure> {
+pub fn load(explicit: Option<&Path>) -> Result<Loaded<MavlinkConfig>, Failure> {
     let loaded = load_file::<MavlinkConfig>(explicit, Path::new(DEFAULT_FILE))?;
     match loaded.value.check() {
         Ok(()) => Ok(loaded),
         Err(fault) => Err(loaded.refuse(&fault).into()),
-    }
-}
-
-/// The key in this file: 64 hexadecimal digits, or a passphrase.
-///
-/// # Errors
-///
-/// Exit code 78 when there is none, others may read it, or it is too short.
-pub(crate) fn read_key(path: &Path) -> Result<SigningKey, Failure> {
-    let unusable = |why: &str| {
-        let path = path.display();
-        wrong(format!(
-            "the key of signatures {path} cannot be used: {why}"
-        ))
-        .with_next_step(format!(
-            "put a passphrase that your stations have, too, into {path}, and `chmod 600` it"
-        ))
-    };
-    if let Some(fault) = token_key::fault(path) {
-        return Err(unusable(&fault));
-    }
-    let text = fs::read_to_string(path).map_err(|error| unusable(&error.to_string()))?;
-    let text = text.trim_end_matches(['\r', '\n']);
-    match text.chars().count() < MIN_PASSPHRASE {
-        true => {
-            let why = format!("it has fewer than {MIN_PASSPHRASE} characters");
-            Err(unusable(&why))
-        }
-        false => Ok(SigningKey::of(text)),
     }
 }
 
@@ -260,7 +214,7 @@ impl MavlinkConfig {
 
     /// Folder of what is kept over restarts; `None` if this user has no home.
     pub fn state_folder(&self) -> Option<PathBuf> {
-        let own = || Some(token_key::state_folder()?.join("mavlink"));
+        let own = || Some(user_files::state_folder()?.join("mavlink"));
         self.state.clone().or_else(own)
     }
 
@@ -301,25 +255,19 @@ impl MavlinkConfig {
             take_off_m: self.take_off_m,
             lost_after: Duration::from_secs_f64(self.lost_s),
             answer_within: Duration::from_secs_f64(self.answer_s),
-            station_lost: match self.station_lost {
-                StationLostConfig::Continue => StationLost::Continue,
-                StationLostConfig::Hold => StationLost::Hold,
-                StationLostConfig::Land => StationLost::Land,
-            },
+            station_lost: self.station_lost,
             station_lost_after: Duration::from_secs_f64(self.station_lost_s),
             accepts_fence: self.fence.accept,
         })
     }
 }
 
-fn wrong(text: String) -> Failure {
+pub(crate) fn wrong(text: String) -> Failure {
     Failure::new(ExitCode::Configuration, text)
 }
 
 #[cfg(test)]
 mod tests {
-    use std::os::unix::fs::PermissionsExt;
-
     use super::*;
 
     fn read(text: &str) -> Result<MavlinkConfig, runtime::config::ConfigError> {
@@ -366,26 +314,6 @@ mod tests {
             assert!(fault(wrong).is_some(), "{wrong}");
         }
         assert!(fault("listen = '::1'\nstations = ['[::1]:14550']").is_none());
-    }
-
-    #[test]
-    fn a_key_is_a_file_that_its_owner_alone_reads() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("mavlink.key");
-        assert!(read_key(&path).is_err(), "it is not there");
-        let write = |text: &str, mode| {
-            fs::write(&path, text).unwrap();
-            fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
-            read_key(&path)
-        };
-        let passphrase = "correct horse battery";
-        assert_eq!(
-            write(&format!("{passphrase}\n"), 0o600).ok(),
-            Some(SigningKey::of(passphrase))
-        );
-        assert!(write("too short\n", 0o600).is_err());
-        let refused = write(passphrase, 0o644).unwrap_err();
-        assert_eq!(refused.code(), ExitCode::Configuration);
     }
 
     #[test]

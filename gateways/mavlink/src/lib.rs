@@ -1,8 +1,8 @@
 //! The helicopter as a MAVLink vehicle, for ground stations and scripts as they are.
 //!
-//! Nothing here has a socket, a clock, a thread or a file: [`Gateway`] is given datagrams, samples, reports and times, and gives
-//! datagrams, [`Order`]s, [`Event`]s and a deadline. `ril run mavlink` is the program around it. `docs/mavlink.md` describes what stations
-//! see.
+//! The process is [`cli`], `shell` and [`config`]. Everything else has no socket, no clock, no thread and no file: [`Gateway`] is given
+//! datagrams, samples, reports and times, and gives datagrams, [`Order`]s, [`Event`]s and a deadline. `docs/mavlink.md` describes what
+//! stations see.
 //!
 //! * [`wire`]: frames and their checksums; [`message`]: the messages; `received`: what is read of one; [`number`]: the protocol's numbers;
 //! * `mission`: the mission: its items, how it comes, whether it can be flown;
@@ -14,7 +14,9 @@
 //! * `fence`: the bridge's geofence in items, and the items of a station as areas;
 //! * `gateway`: all of it as one value.
 
+pub mod cli;
 mod commands;
+pub mod config;
 mod decide;
 mod event;
 mod fence;
@@ -27,6 +29,7 @@ pub mod number;
 mod parameters;
 mod received;
 mod settings;
+pub mod shell;
 mod signing;
 mod stations;
 mod streams;

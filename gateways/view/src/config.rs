@@ -1,38 +1,38 @@
 //! Configuration of `ril run view`, `view.toml`.
 //!
-//! Every value has a default; the annotated example `ril/view.toml` shows them all and is tested to parse to them.
+//! Every value has a default; the annotated example `gateways/view/view.toml` shows them all and is tested to parse to them.
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use operator::config::RequestConfig;
 use runtime::config::{Fault, Loaded, load as load_file};
 use runtime::exit::Failure;
 use serde::Deserialize;
-use view::page::Role;
 
-use operator::config::RequestConfig;
+use crate::page::Role;
 
 /// The file that is read when none is named; it may be absent.
-pub(crate) const DEFAULT_FILE: &str = "view.toml";
+pub const DEFAULT_FILE: &str = "view.toml";
 
 /// The annotated example.
-pub(crate) const EXAMPLE: &str = include_str!("../../view.toml");
+pub const EXAMPLE: &str = include_str!("../view.toml");
 
 /// The port where Foxglove looks first.
-pub(crate) const DEFAULT_PORT: u16 = 8765;
+pub const DEFAULT_PORT: u16 = 8765;
 
 /// Longest name of a token: it stands in each line of the log.
 const MAX_NAME_BYTES: usize = 32;
 
 /// Most tokens, and most addresses: each request is compared with all tokens, each wake asks all listeners.
-pub(crate) const MAX_LIST: usize = 16;
+pub const MAX_LIST: usize = 16;
 
 /// All of `view.toml`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub(crate) struct ViewConfig {
+pub struct ViewConfig {
     /// Port, on all addresses.
     #[serde(deserialize_with = "port")]
     pub port: u16,
@@ -68,7 +68,7 @@ pub(crate) struct ViewConfig {
 /// `[commands]`
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub(crate) struct CommandsConfig {
+pub struct CommandsConfig {
     /// Whether Foxglove clients have services and parameters.
     pub foxglove: bool,
 }
@@ -76,7 +76,7 @@ pub(crate) struct CommandsConfig {
 /// `page_lost`
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum PageLost {
+pub enum PageLost {
     /// The movement goes on.
     Continue,
     /// The helicopter holds.
@@ -86,7 +86,7 @@ pub(crate) enum PageLost {
 /// `[tls]`
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct TlsConfig {
+pub struct TlsConfig {
     /// File with the certificate, and behind it those that lead to the authority.
     pub certificate: PathBuf,
     /// File with its key.
@@ -124,7 +124,7 @@ impl Default for ViewConfig {
 /// # Errors
 ///
 /// Exit code 78 when it is wrong.
-pub(crate) fn load(explicit: Option<&Path>) -> Result<Loaded<ViewConfig>, Failure> {
+pub fn load(explicit: Option<&Path>) -> Result<Loaded<ViewConfig>, Failure> {
     let loaded = load_file::<ViewConfig>(explicit, Path::new(DEFAULT_FILE))?;
     match loaded.value.check() {
         Ok(()) => Ok(loaded),

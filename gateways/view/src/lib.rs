@@ -1,8 +1,11 @@
 //! The live view's transport: a page in a browser, Foxglove and Lichtblick on one port.
 //!
-//! Nothing here has a socket, a clock, a thread or a file: [`Server`] is given bytes and times, and gives bytes, [`Event`]s and a
-//! deadline. `ril run view` is the program around it. `docs/view-protocol.md` describes what goes over the wire.
+//! The process is [`cli`], [`shell`] and [`config`]; [`start`] is `ril view`, which finds or starts it. Everything else has no socket, no
+//! clock, no thread and no file: [`Server`] is given bytes and times, and gives bytes, [`Event`]s and a deadline. `docs/view-protocol.md`
+//! describes what goes over the wire.
 //!
+//! * `messages`: what a page gets of a robot, `speaker`: when; `replay`: a recording in the place of the robots;
+//! * `invitation`: the address of the page for another machine;
 //! * `http`: requests and answers; `websocket`: frames; `connection`: both, one after the other;
 //! * `authority`: which viewers may look and order, which page commands, which orders are taken;
 //! * `pages`, `viewer` and `outbox`: what pages are sent, by the newest rules; [`page`] has the messages;
@@ -11,16 +14,24 @@
 
 mod assets;
 mod authority;
+pub mod cli;
+pub mod config;
 mod connection;
 mod event;
 mod foxglove;
 mod http;
+mod invitation;
+mod messages;
 mod outbox;
 pub mod pace;
 pub mod page;
 mod pages;
+mod replay;
 pub mod report;
 mod server;
+pub mod shell;
+mod speaker;
+pub mod start;
 mod viewer;
 mod websocket;
 

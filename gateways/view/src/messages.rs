@@ -5,9 +5,6 @@
 use ipc_types::MonotonicNs;
 use ipc_types::code::{LinkState, PilotSwitch};
 use ipc_types::payload::ModuleState;
-use runtime::finding::{Finding, Severity};
-use view::page;
-
 use operator::robot::changes::Alarm;
 use operator::robot::clock::Clocks;
 use operator::robot::freshness::{Freshness, named};
@@ -16,6 +13,9 @@ use operator::robot::history::EventLine;
 use operator::robot::model::{Process, WatchedRobot};
 use operator::robot::pilot;
 use operator::robot::relay_link::UNREADABLE;
+use runtime::finding::{Finding, Severity};
+
+use crate::page;
 
 /// Decimals of what is sent many times a second: at most one more than the page shows, so that the page can add and compare. Telemetry has
 /// up to 17 digits, which would be half of what a page gets.
@@ -66,7 +66,7 @@ const HOME_MOVED_M: f64 = 0.5;
 const LEAST_SPEED_MPS: f64 = 0.5;
 
 /// A robot in the list of robots.
-pub(super) fn summary(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotSummary {
+pub(crate) fn summary(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotSummary {
     let worst = robot.alarms.lasting().next();
     page::RobotSummary {
         robot: robot.id.get(),
@@ -85,7 +85,7 @@ fn fresh_flying(robot: &WatchedRobot, now: MonotonicNs) -> Option<bool> {
 }
 
 /// The robot in words.
-pub(super) fn robot(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotStatus {
+pub(crate) fn robot(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotStatus {
     let state = robot.state.as_ref();
     let flying = robot.pilot.flying;
     let functionality = state.and_then(|state| state.functionality());
@@ -119,7 +119,7 @@ pub(super) fn robot(robot: &WatchedRobot, now: MonotonicNs) -> page::RobotStatus
 }
 
 /// The words without what counts on by itself, or with each sample: a page counts ages on, and gets the rest once a second.
-pub(super) fn lasting(mut words: page::RobotStatus) -> page::RobotStatus {
+pub(crate) fn lasting(mut words: page::RobotStatus) -> page::RobotStatus {
     words.link.age_s = None;
     for alarm in &mut words.alarms {
         alarm.since_s = 0.0;
@@ -131,7 +131,7 @@ pub(super) fn lasting(mut words: page::RobotStatus) -> page::RobotStatus {
 }
 
 /// The same of the list of robots.
-pub(super) fn lasting_list(mut robots: page::Robots) -> page::Robots {
+pub(crate) fn lasting_list(mut robots: page::Robots) -> page::Robots {
     for robot in &mut robots.robots {
         robot.battery_v = None;
     }
@@ -206,7 +206,7 @@ fn movement(robot: &WatchedRobot, state: &ModuleState) -> Option<page::Movement>
 }
 
 /// What changes all the time, as it is at `now`, which is another moment than that of sending, `sent`, in a replay.
-pub(super) fn now(
+pub(crate) fn now(
     robot: &WatchedRobot,
     number: u64,
     now: MonotonicNs,
@@ -277,7 +277,7 @@ fn freshness(freshness: Freshness) -> page::Freshness {
 }
 
 /// The fence in force, the path that is flown, and home; a part that the bridge has not published is empty.
-pub(super) fn chart(robot: &WatchedRobot) -> page::Chart {
+pub(crate) fn chart(robot: &WatchedRobot) -> page::Chart {
     let held = robot.held.as_ref();
     let outline = held.map(|held| &held.outline);
     page::Chart {
@@ -301,7 +301,7 @@ pub(super) fn chart(robot: &WatchedRobot) -> page::Chart {
 
 /// Whether `chart` is to be sent after `before`. On the ground, home follows each sample of telemetry with its noise, and a chart may be
 /// long: home is sent again when it has moved by [`HOME_MOVED_M`], and exactly at the take-off.
-pub(super) fn is_another_chart(before: &page::Chart, chart: &page::Chart, is_flying: bool) -> bool {
+pub(crate) fn is_another_chart(before: &page::Chart, chart: &page::Chart, is_flying: bool) -> bool {
     let apart_m = match (before.home, chart.home) {
         (Some(before), Some(now)) => {
             let places = Place::new(before[0], before[1]).zip(Place::new(now[0], now[1]));
@@ -320,7 +320,7 @@ pub(super) fn is_another_chart(before: &page::Chart, chart: &page::Chart, is_fly
 }
 
 /// The last minutes, for a page that joins.
-pub(super) fn past(robot: &WatchedRobot, clock: Clocks) -> page::Past {
+pub(crate) fn past(robot: &WatchedRobot, clock: Clocks) -> page::Past {
     let (past, now) = (&robot.past, clock.now);
     let before = |at: MonotonicNs| rounded(-now.since(at).as_secs_f64(), decimals::SECONDS);
     let metres = |value| known(value, decimals::METRES);
@@ -371,7 +371,7 @@ fn past_event(line: &EventLine, clock: Clocks) -> page::PastEvent {
 }
 
 /// What happened just now.
-pub(super) fn event(robot: &WatchedRobot, line: &EventLine, clock: Clocks) -> page::Event {
+pub(crate) fn event(robot: &WatchedRobot, line: &EventLine, clock: Clocks) -> page::Event {
     page::Event {
         robot: robot.id.get(),
         at_unix_ms: clock.unix_ms(line.at),
@@ -380,7 +380,7 @@ pub(super) fn event(robot: &WatchedRobot, line: &EventLine, clock: Clocks) -> pa
     }
 }
 
-pub(super) fn severity(severity: Severity) -> page::Severity {
+pub(crate) fn severity(severity: Severity) -> page::Severity {
     match severity {
         Severity::Note => page::Severity::Note,
         Severity::Warning => page::Severity::Warning,
@@ -389,7 +389,7 @@ pub(super) fn severity(severity: Severity) -> page::Severity {
 }
 
 /// A finding of a check.
-pub(super) fn finding(finding: &Finding) -> page::Finding {
+pub(crate) fn finding(finding: &Finding) -> page::Finding {
     page::Finding {
         severity: finding_severity(finding),
         text: finding.text.clone(),
@@ -398,7 +398,7 @@ pub(super) fn finding(finding: &Finding) -> page::Finding {
 }
 
 /// What could not be checked forbids nothing, but is to be seen.
-pub(super) fn finding_severity(finding: &Finding) -> page::Severity {
+pub(crate) fn finding_severity(finding: &Finding) -> page::Severity {
     match finding.is_unmade() {
         true => page::Severity::Warning,
         false => severity(finding.severity),

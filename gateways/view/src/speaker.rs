@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use ipc_types::MonotonicNs;
-use view::{Server, page};
-
-use super::messages;
 use operator::robot::clock::Clocks;
 use operator::robot::model::WatchedRobot;
+
+use crate::messages;
+use crate::{Server, page};
 
 /// How often words are sent again although they did not change.
 const WORDS_PERIOD: Duration = Duration::from_secs(1);
@@ -18,7 +18,7 @@ const AGES_PERIOD: Duration = Duration::from_millis(500);
 
 /// A robot that is shown, live or recorded.
 #[derive(Clone, Copy)]
-pub(super) struct SpokenRobot<'a> {
+pub(crate) struct SpokenRobot<'a> {
     pub robot: &'a WatchedRobot,
     /// Whether something of it has come since the last look.
     pub has_news: bool,
@@ -40,7 +40,7 @@ struct Said {
 
 /// See the module's documentation.
 #[derive(Default)]
-pub(super) struct Speaker {
+pub(crate) struct Speaker {
     said: BTreeMap<u32, Said>,
     /// Without what counts on by itself.
     robots: Option<page::Robots>,

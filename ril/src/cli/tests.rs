@@ -1,12 +1,12 @@
 //! The whole command line.
 
+use operator::options::{Height, Target, Targets};
 use runtime::exit::ExitCode;
 
 use super::*;
 use crate::verbs::order::FenceCommand;
 use crate::verbs::param::{ParamCommand, PortKey};
 use crate::verbs::relay::RelayCommand;
-use operator::options::{Height, Target, Targets};
 
 fn parse(arguments: &[&str]) -> Result<Command, clap::Error> {
     let arguments = std::iter::once(&"ril").chain(arguments);

@@ -18,12 +18,12 @@ use clap_complete::engine::{ArgValueCandidates, CompletionCandidate};
 use clap_complete::env::{Bash, CompleteEnv, EnvCompleter, Fish, Shells, Zsh};
 use dsp_protocol::port::{PORTS_16, PORTS_32};
 use ipc_types::{Domain, RobotId};
-
-use crate::cli::{Cli, CompletionShell};
 use operator::render::fields::field_names;
 use operator::robot::domain::Looking;
 use operator::session::alive;
 use operator::topic_name::{SHORT_NAMES, key_of};
+
+use crate::cli::{Cli, CompletionShell};
 
 /// The environment variable that asks for an answer, and names the shell. Not `COMPLETE`, the usual one: a variable of this name
 /// that a user has set for something else would turn `ril land` into a completion.

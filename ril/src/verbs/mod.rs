@@ -2,19 +2,15 @@
 //! another verb.
 
 pub mod check;
-pub mod conform;
 pub mod demo;
 pub mod log;
-pub mod mavlink;
 pub mod order;
 pub mod param;
 pub mod plan;
-pub mod record;
 pub mod relay;
 pub mod replay;
 pub mod robots;
 pub mod status;
 pub mod topic;
-pub mod view;
 pub mod wait;
 pub mod watch;

@@ -6,9 +6,6 @@
 use clap::{Args, Subcommand};
 use ipc_types::payload::{ParameterRequest, RequestReport};
 use ipc_types::{MonotonicNs, fresh_request_id};
-use runtime::config::nearest;
-use runtime::exit::{ExitCode, Failure};
-
 use operator::options::{AskArgs, number};
 use operator::render::messages::Verb;
 use operator::render::messages::details::{port_header, port_name, port_row};
@@ -16,6 +13,8 @@ use operator::render::messages::object::ReportObject;
 use operator::render::{Weight, json_text, tell};
 use operator::request::{Conversation, Format, Until, begin_by_ns};
 use operator::session::OrderContext;
+use runtime::config::nearest;
+use runtime::exit::{ExitCode, Failure};
 
 /// `ril param`
 #[derive(Args, Clone, Debug)]

@@ -11,9 +11,6 @@ use clap::Args;
 use ipc_types::code::{Functionality, LinkState, ModuleStatus};
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{Domain, Ipc, Module, MonotonicNs, RelayModule, RobotId, Source, Topic};
-use runtime::exit::{ExitCode, Failure, OrFail};
-use serde::Serialize;
-
 use operator::options::SampleArgs;
 use operator::render::words::{module_words, or_dash};
 use operator::render::{json_line, note};
@@ -21,6 +18,8 @@ use operator::robot::domain::{DomainFacts, Provided};
 use operator::robot::freshness::{age_ms, is_present, named};
 use operator::robot::pilot;
 use operator::session::{Latest, Session, Topics, as_user, configuration, other_domains};
+use runtime::exit::{ExitCode, Failure, OrFail};
+use serde::Serialize;
 
 /// `ril robots`
 ///

@@ -3,7 +3,6 @@
 
 use std::collections::BTreeMap;
 
-use crate::common::{end, json, sandbox, state_of};
 use ipc_types::code::Stage;
 use ipc_types::payload::{
     DspTelemetry, HeroTelemetry, ModuleControl, ModuleState, MovementData, RequestReport,
@@ -23,6 +22,8 @@ use ril::verbs::topic::meter::{Meter, MeterReport, Of, Quantity};
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Garbage, StandInBridge};
 use serde_json::Value;
+
+use crate::common::{end, json, sandbox, state_of};
 
 const SEEDS: u64 = 2_000;
 const NOW: MonotonicNs = MonotonicNs(1 << 50);

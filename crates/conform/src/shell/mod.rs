@@ -1,4 +1,6 @@
-//! The serial port around a run: one wait for bytes, for room, for a signal and for the next deadline.
+//! The serial port around a run: one wait for bytes, for room, for a signal and for the next deadline. [`shown`]: how a run is shown.
+
+pub mod shown;
 
 use std::io::{self, BufRead};
 use std::os::fd::AsFd;
@@ -6,15 +8,15 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use bridge::shell::serial::SerialPort;
-use conform::report::{Report, Verdict};
-use conform::run::{Conformance, Player, Settings};
+use operator::render::note;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::output::standard_error;
 use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 
-use operator::render::note;
+use crate::report::{Report, Verdict};
+use crate::run::{Conformance, Player, Settings};
 
 /// Bytes read at once: 0.3 s of a line of 115200 baud.
 const READ_BYTES: usize = 4_096;

@@ -4,14 +4,14 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-use conform::check::{Check, How};
-use conform::report::{CheckReport, Ended, Report, Side, Verdict, hex};
 use dsp_protocol::{DspErrorCode, Profile};
+use operator::render::json_line;
 use runtime::exit::Failure;
 use runtime::output::standard_error;
 use serde::Serialize;
 
-use operator::render::json_line;
+use crate::check::{Check, How};
+use crate::report::{CheckReport, Ended, Report, Side, Verdict, hex};
 
 /// Name of the layout of the JSON object of a run, and of that of a check in the list.
 const SCHEMA: &str = "ril.Conform.v1";

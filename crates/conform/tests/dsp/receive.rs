@@ -1,11 +1,12 @@
 //! What the small DSP receives: frames, commands, writes of ports.
 
+use std::time::Duration;
+
 use dsp_protocol::port::{PORTS_16, PORTS_32};
 use dsp_protocol::{Profile, checksum, crc32};
 
 use super::{BURST_PAUSE, Dsp, MS, Out, Phase, digits, number};
 use crate::fault::Fault;
-use std::time::Duration;
 
 impl Dsp {
     pub(super) fn take_byte(&mut self, byte: u8) {

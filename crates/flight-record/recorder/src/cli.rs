@@ -4,9 +4,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use runtime::args::CommonArgs;
-
 use operator::options::{EXIT_CODES, duration};
+use runtime::args::CommonArgs;
 
 /// Longest file, MiB: one more would not fit onto memory cards' file systems.
 const MAX_FILE_MIB: u64 = 4095;

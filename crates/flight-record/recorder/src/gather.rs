@@ -22,7 +22,7 @@ const LINGER: Duration = LONGEST.saturating_mul(2);
 
 /// See the module's documentation.
 #[derive(Debug, Default)]
-pub(super) struct Gather(Option<Flow>);
+pub(crate) struct Gather(Option<Flow>);
 
 /// Samples flow.
 #[derive(Debug)]

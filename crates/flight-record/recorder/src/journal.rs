@@ -13,13 +13,13 @@ use ipc_types::payload::{
 };
 use ipc_types::{MonotonicNs, RobotId};
 use module_kit::journal::{Entry, JournalReader};
+use operator::render::messages::{self, Verb};
+use operator::robot::relay_link::UNREADABLE;
 use recording::Recorder;
+use recording::{REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent, topic};
 use ros_messages::{Level, Qos};
 
 use super::log::{LogTopic, RecorderTopic, configuration_of};
-use operator::render::messages::{self, Verb};
-use operator::robot::relay_link::UNREADABLE;
-use recording::{REQUEST_EVENT, REQUEST_EVENT_TEXT, RequestEvent, topic};
 
 /// Open requests whose command is remembered for their reports: many times as many as the bridge's clients can have open. Of older
 /// ones the reports have no command.

@@ -1,21 +1,17 @@
 //! `ril record`: every topic of the robot in files, until a signal.
 //!
-//! The crate [`recording`] has what it decides. Here: `topics`, the ports, and `publisher`, what becomes of the processes behind them; `sinks`,
-//! what is made of some topics, with `journal`, `log` and `paths`; `disk`, the one thread that writes; `shell`, the loop around them, and
-//! `gather`, when it looks; `facts`, what the files say of the flight; `report`, what is printed.
+//! The crate [`recording`] decides what becomes of a message and of its file. Here is the process around it. Pure: `sinks`, what is made of some
+//! topics, with `journal`, `log` and `paths`; `publisher`, what becomes of the processes behind topics; `gather`, when the loop looks at them.
+//! `shell`: the loop, with the ports, the one thread that writes, what the files say of the flight, and what is printed.
 
-mod disk;
-mod facts;
+pub mod cli;
 mod gather;
 mod journal;
 mod log;
-pub mod options;
 mod paths;
 mod publisher;
-mod report;
 mod shell;
 mod sinks;
-mod topics;
 
 use std::collections::BTreeMap;
 use std::io::ErrorKind;
@@ -23,6 +19,7 @@ use std::path::Path;
 
 use ipc_types::{Domain, Ipc, RobotId, files};
 use module_kit::process;
+use operator::session::configuration;
 use recording::{Recorder, Settings};
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::logging::LogLines;
@@ -32,14 +29,13 @@ use rustix::fs::Access;
 use status::log::config::LogLimits;
 use status::log::file_name::Series;
 
-use self::disk::{Disk, RecordFolder, ViewerLayout};
-use self::facts::FactsOfRobot;
-use self::options::RecordArgs;
-use self::report::Reporter;
-use self::shell::{RecorderShell, anchor};
-use self::sinks::Sinks;
-use self::topics::RecordedTopics;
-use operator::session::configuration;
+use crate::cli::RecordArgs;
+use crate::shell::disk::{Disk, RecordFolder, ViewerLayout};
+use crate::shell::facts::FactsOfRobot;
+use crate::shell::report::Reporter;
+use crate::shell::topics::RecordedTopics;
+use crate::shell::{RecorderShell, anchor};
+use crate::sinks::Sinks;
 
 /// `ril record`
 ///

@@ -5,11 +5,10 @@ use ipc_types::code::LinkState;
 use ipc_types::payload::{ModuleState, SharedStruct, StatusJournal};
 use ipc_types::{MonotonicNs, RobotId};
 use module_kit::journal::{Entry, JournalReader, LogLine};
-use recording::{Anchor, Channel, ChannelId, Recorder};
-use ros_messages::{Level, Log, OFFERED_QOS_PROFILES, Qos, UnixOffset, definition};
-
 use operator::robot::changes;
+use recording::{Anchor, Channel, ChannelId, Recorder};
 use recording::{FLIGHT, topic};
+use ros_messages::{Level, Log, OFFERED_QOS_PROFILES, Qos, UnixOffset, definition};
 
 /// Makes lines of a log.
 #[derive(Debug)]

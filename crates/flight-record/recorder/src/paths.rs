@@ -5,12 +5,12 @@ use std::time::Duration;
 use ipc_types::outline::OutlineReader;
 use ipc_types::payload::{BridgeOutline, HeroTelemetry, WaypointPosition};
 use ipc_types::{MonotonicNs, RobotId, TelemetryGroup};
+use operator::robot::geo::{Place, Spaced, Track, distance_m, origin, plane_m};
 use recording::Recorder;
+use recording::topic;
 use ros_messages::{PATH, PathPoint, Qos, UnixOffset, path_message, position};
 
 use super::log::RecorderTopic;
-use operator::robot::geo::{Place, Spaced, Track, distance_m, origin, plane_m};
-use recording::topic;
 
 /// Most points of a track: a message with so many has 18 kB.
 const TRACK_POINTS: usize = 256;

@@ -19,7 +19,6 @@ use runtime::config::nearest;
 use runtime::exit::Failure;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use serde_json::Value;
-
 pub use tables::{Meaning, Shown};
 
 /// How the name of an angle ends.

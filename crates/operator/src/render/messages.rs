@@ -8,6 +8,7 @@ pub mod object;
 #[cfg(test)]
 mod tests;
 
+use details::{details, port_label, port_range, port_value};
 use dsp_protocol::port;
 use ipc_types::code::{PortKind, Reason, SenderLost, Stage};
 use ipc_types::payload::RequestReport;
@@ -15,7 +16,6 @@ use plans::check::ANOTHER_SITE_M;
 use runtime::exit::ExitCode;
 
 use super::words::count;
-use details::{details, port_label, port_range, port_value};
 
 /// Which command a report answers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

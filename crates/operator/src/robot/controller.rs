@@ -1,9 +1,10 @@
 //! Who commands a robot, in words and as part of a JSON object: `docs/safety.md`, *Control*.
 
+use std::time::Duration;
+
 use ipc_types::MonotonicNs;
 use ipc_types::payload::{ControlSender, ControlState, ModuleState, RelayStations};
 use runtime::duration::DurationText;
-use std::time::Duration;
 
 use crate::render::fields::Tree;
 use crate::robot::freshness::age_ms;

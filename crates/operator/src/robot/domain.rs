@@ -96,6 +96,7 @@ pub struct Looking<T> {
 }
 
 impl<T: Send + 'static> Looking<T> {
+    /// Begins a look that cannot fail.
     pub fn start(look: impl FnOnce() -> T + Send + 'static) -> Looking<T> {
         Looking::attempt(move || Ok::<T, Infallible>(look()))
     }

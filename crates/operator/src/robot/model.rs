@@ -89,9 +89,10 @@ struct DspError {
     at: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// All that a screen or a page knows of a robot.
 #[derive(Clone, Debug)]
 pub struct WatchedRobot {
+    /// Which robot.
     pub id: RobotId,
     /// The bridge's newest state.
     pub state: Option<ModuleState>,

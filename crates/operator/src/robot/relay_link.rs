@@ -322,6 +322,7 @@ fn clock(link: &RelayLink) -> String {
     )
 }
 
+/// A time of so many milliseconds in words.
 pub fn shown(ms: u64) -> DurationText {
     DurationText(Duration::from_millis(ms))
 }
@@ -335,6 +336,7 @@ fn milliseconds(seconds: f64) -> String {
     }
 }
 
+/// How long ago in words.
 pub fn ago(age: Option<u64>) -> String {
     age.map_or_else(|| "never".to_owned(), |age| format!("{age} ms ago"))
 }

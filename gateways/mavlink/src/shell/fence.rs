@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use mavlink_gateway::number::{MissionRefusal, MissionResult};
+use operator::fence_file::{FenceChange, FenceFileError};
 use plans::model::FenceArea;
 
-use operator::fence_file::{FenceChange, FenceFileError};
+use crate::number::{MissionRefusal, MissionResult};
 
 /// What to do when this user may not replace the file.
 const NEXT_STEP: &str =
@@ -16,7 +16,7 @@ const NEXT_STEP: &str =
 /// # Errors
 ///
 /// Why it was not changed, for the station.
-pub(super) fn put(file: &Path, areas: &[FenceArea]) -> Result<FenceChange, MissionRefusal> {
+pub(crate) fn put(file: &Path, areas: &[FenceArea]) -> Result<FenceChange, MissionRefusal> {
     FenceChange::put(file, areas).map_err(|error| MissionRefusal {
         result: match error {
             FenceFileError::Refused { .. } => MissionResult::Denied,
@@ -31,7 +31,7 @@ pub(super) fn put(file: &Path, areas: &[FenceArea]) -> Result<FenceChange, Missi
 }
 
 /// Why no fence of a station can come into force, as far as that is known before one comes.
-pub(super) fn trouble(file: Result<PathBuf, MissionRefusal>) -> Option<String> {
+pub(crate) fn trouble(file: Result<PathBuf, MissionRefusal>) -> Option<String> {
     let file = match file {
         Ok(file) => file,
         Err(refusal) => return Some(refusal.text),

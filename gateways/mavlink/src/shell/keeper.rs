@@ -6,28 +6,28 @@
 //! | a mission, a fence, its restoration, the timestamp, home, the progress | it begins | waits, in place of an older one of its kind that waits |
 //!
 //! So at most one job is being done and one of each kind waits. A disk that does not come back keeps them there: what a station waits for
-//! the gateway gives up by itself ([`mavlink_gateway`]), and the process ends without them after [`END_LIMIT`].
+//! the gateway gives up by itself ([`Gateway`](crate::Gateway)), and the process ends without them after [`END_LIMIT`].
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use mavlink_gateway::Mission;
-use mavlink_gateway::number::MissionRefusal;
+use operator::fence_file::FenceChange;
 use plans::model::FenceArea;
 use runtime::helper::{Helper, HelperGone};
 
 use super::fence;
 use super::state::{StateError, StateFile, warn_of_timestamp, write_timestamp};
-use operator::fence_file::FenceChange;
+use crate::Mission;
+use crate::number::MissionRefusal;
 
 /// How long the end of the process waits for what is not on the disk yet: some hundred times as long as a disk needs that works.
-pub(super) const END_LIMIT: Duration = Duration::from_millis(500);
+pub(crate) const END_LIMIT: Duration = Duration::from_millis(500);
 
 /// What is to be written.
 #[derive(Debug)]
-pub(super) enum Job {
+pub(crate) enum Job {
     Mission(Mission),
     Timestamp(u64),
     /// Empty if none is to be kept.
@@ -56,7 +56,7 @@ const KINDS: usize = 6;
 
 /// How a job went of which the gateway wants to know it.
 #[derive(Debug)]
-pub(super) enum Written {
+pub(crate) enum Written {
     Mission(Mission, Result<(), String>),
     Fence(Result<FenceChange, MissionRefusal>),
     RestoredFence(Result<(), String>),
@@ -64,7 +64,7 @@ pub(super) enum Written {
 }
 
 /// The files.
-pub(super) struct KeptFiles {
+pub(crate) struct KeptFiles {
     pub mission: StateFile,
     pub home: StateFile,
     pub progress: StateFile,
@@ -72,7 +72,7 @@ pub(super) struct KeptFiles {
 }
 
 /// See the module's documentation.
-pub(super) struct Keeper {
+pub(crate) struct Keeper {
     thread: Helper<Job, Written>,
     is_busy: bool,
     waiting: [Option<Job>; KINDS],

@@ -1,5 +1,17 @@
 //! [`MavlinkShell`]: the gateway's loop: its socket, the robot's ports and the deadlines in the one wait of every process. [`OwnTopic`]:
 //! what it publishes of itself.
+//!
+//! * [`ports`]: what it reads and orders of the robot;
+//! * [`state`]: what it keeps over restarts; [`keeper`]: the thread that writes that; [`fence`]: a fence of a station in the bridge's file;
+//! * [`key`]: the key of signatures, from its file;
+//! * [`status`]: `ril mavlink status`.
+
+pub(crate) mod fence;
+pub(crate) mod keeper;
+pub mod key;
+pub(crate) mod ports;
+pub(crate) mod state;
+pub mod status;
 
 use std::collections::VecDeque;
 use std::io::{self, ErrorKind};
@@ -8,14 +20,14 @@ use std::time::Duration;
 
 use ipc_types::payload::{MavlinkStation, MavlinkStations};
 use ipc_types::{Ipc, MonotonicNs, Publisher, SchedulingRole, Source, WaitError, Wake};
-use mavlink_gateway::{Event, Gateway, Task};
 use module_kit::process::{Process, Sources};
+use operator::fence_file::FenceChange;
 use runtime::datagrams::{Datagram, StampedSocket};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::keeper::{END_LIMIT, Job, Keeper, Written};
-use super::ports::Ports;
-use operator::fence_file::FenceChange;
+use self::keeper::{END_LIMIT, Job, Keeper, Written};
+use self::ports::Ports;
+use crate::{Event, Gateway, Task};
 
 /// Datagrams that are read at one wake, so that a flood cannot starve telemetry and reports.
 const MAX_DATAGRAMS: usize = 64;
@@ -31,7 +43,7 @@ const MAX_WAITING: usize = 16;
 
 /// Why a gateway cannot go on.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum MavlinkError {
+pub(crate) enum MavlinkError {
     /// The operating system cannot wait any more.
     #[error(transparent)]
     Wait(#[from] WaitError),
@@ -47,7 +59,7 @@ impl From<Failure> for MavlinkError {
 }
 
 /// See the module's documentation.
-pub(super) struct MavlinkShell {
+pub(crate) struct MavlinkShell {
     socket: StampedSocket,
     ports: Ports,
     topic: OwnTopic,
@@ -58,7 +70,7 @@ pub(super) struct MavlinkShell {
     /// The last change of the bridge's file, until the next one.
     fence: Option<FenceChange>,
     /// Answers that the socket did not take.
-    waiting: VecDeque<mavlink_gateway::Datagram>,
+    waiting: VecDeque<crate::Datagram>,
     retry_at: Option<MonotonicNs>,
     deadline: Option<MonotonicNs>,
 }
@@ -246,7 +258,7 @@ impl Process for MavlinkShell {
 const OWN_PERIOD: Duration = Duration::from_millis(900);
 
 /// What the gateway publishes of itself, for `ril mavlink status` and `ril doctor`.
-pub(super) struct OwnTopic {
+pub(crate) struct OwnTopic {
     port: Publisher<MavlinkStations>,
     last: MavlinkStations,
     next: MonotonicNs,

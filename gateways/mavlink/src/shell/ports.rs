@@ -13,15 +13,15 @@ use ipc_types::payload::{
 use ipc_types::{
     Client, Ipc, MonotonicNs, Request, SendError, Source, Subscriber, Topic, fresh_request_id,
 };
-use mavlink_gateway::number::{MissionRefusal, MissionResult};
-use mavlink_gateway::{Gateway, Order, OrderKind};
-use runtime::exit::{ExitCode, Failure, OrFail};
-
 use operator::render::messages::{self, FinalReport, Verb};
 use operator::request::ports::{OrderRequest, RobotOrder, send};
 use operator::request::{Exchange, Next, Outcome, Until};
 use operator::robot::running::{RunningBridge, file_of};
 use operator::session::Topics;
+use runtime::exit::{ExitCode, Failure, OrFail};
+
+use crate::number::{MissionRefusal, MissionResult};
+use crate::{Gateway, Order, OrderKind};
 
 /// How long the bridge may need to say its configuration, which takes it milliseconds.
 const RULES_LIMIT: Duration = Duration::from_millis(500);
@@ -33,7 +33,7 @@ const WAYPOINT_LIMIT: Duration = Duration::from_secs(5);
 const ORDER_LIMIT: Duration = Duration::from_secs(86_400);
 
 /// See the module's documentation.
-pub(super) struct Ports {
+pub(crate) struct Ports {
     ipc: Ipc,
     telemetry: Subscriber<HeroTelemetry>,
     state: Subscriber<ModuleState>,

@@ -8,13 +8,13 @@ use ipc_types::RobotId;
 use runtime::durable;
 
 /// See the module's documentation.
-pub(super) struct StateFile {
+pub(crate) struct StateFile {
     path: Option<PathBuf>,
 }
 
 /// Why something is not kept.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum StateError {
+pub(crate) enum StateError {
     /// This user has no home.
     #[error("there is no folder for it: set `state` in mavlink.toml")]
     NoFolder,
@@ -92,10 +92,10 @@ impl StateFile {
 }
 
 /// Longest file of a timestamp: a number of 64 bits, and the end of the line.
-pub(super) const MAX_TIMESTAMP_BYTES: usize = 21;
+pub(crate) const MAX_TIMESTAMP_BYTES: usize = 21;
 
 /// A timestamp of signatures in its file.
-pub(super) fn timestamp_of(bytes: &[u8]) -> Result<u64, String> {
+pub(crate) fn timestamp_of(bytes: &[u8]) -> Result<u64, String> {
     let text = str::from_utf8(bytes).ok();
     let number = text.and_then(|text| text.trim_end().parse().ok());
     number.ok_or_else(|| {
@@ -104,12 +104,12 @@ pub(super) fn timestamp_of(bytes: &[u8]) -> Result<u64, String> {
 }
 
 /// Keeps a timestamp of signatures.
-pub(super) fn write_timestamp(file: &StateFile, timestamp: u64) -> Result<(), StateError> {
+pub(crate) fn write_timestamp(file: &StateFile, timestamp: u64) -> Result<(), StateError> {
     file.write(format!("{timestamp}\n").as_bytes())
 }
 
 /// That a timestamp of signatures was not kept. The gateway tries again with the next one, within 30 s.
-pub(super) fn warn_of_timestamp(error: &StateError) {
+pub(crate) fn warn_of_timestamp(error: &StateError) {
     let why = "a restart with a clock that was set back repeats timestamps";
     tracing::warn!(%error, "the timestamp of signatures was not kept: {why}");
 }
@@ -118,7 +118,7 @@ pub(super) fn warn_of_timestamp(error: &StateError) {
 mod tests {
     use std::fs;
 
-    use mavlink_gateway::{MAX_FILE_BYTES, Mission};
+    use crate::{MAX_FILE_BYTES, Mission};
 
     use super::*;
 

@@ -8,10 +8,6 @@ use std::fmt;
 use ipc_types::code::MavlinkVehicle;
 use ipc_types::payload::{MavlinkStation, MavlinkStations};
 use ipc_types::{MonotonicNs, RobotId};
-use runtime::duration::DurationText;
-use runtime::exit::{ExitCode, Failure};
-use serde::ser::{Serialize, Serializer};
-
 use operator::options::SampleArgs;
 use operator::render::fields::{JsonLine, Tree};
 use operator::render::print;
@@ -19,6 +15,9 @@ use operator::render::words::count;
 use operator::robot::freshness::SampleAge;
 use operator::robot::relay_link::{STALE_AFTER, UNREADABLE, ago, heard_ms, shown, since_ms};
 use operator::session::{Latest, Session, other_domains, others_alive};
+use runtime::duration::DurationText;
+use runtime::exit::{ExitCode, Failure};
+use serde::ser::{Serialize, Serializer};
 
 /// `ril mavlink status`
 ///

@@ -9,4 +9,4 @@ mod recording;
 #[cfg(test)]
 mod tests;
 
-pub(super) use playback::Playback;
+pub(crate) use playback::Playback;

@@ -9,12 +9,12 @@ use ipc_types::MonotonicNs;
 use recording::play::Playhead;
 use recording::read::RecordedMessage;
 use runtime::exit::Failure;
-use view::page::{ReplayAction, ReplayInfo, ReplayRequest, ReplayStatus};
-use view::{Channel, ChannelId, Server, ViewerId};
 
-use super::super::messages;
-use super::super::speaker::{Speaker, SpokenRobot};
 use super::recording::Recording;
+use crate::messages;
+use crate::page::{ReplayAction, ReplayInfo, ReplayRequest, ReplayStatus};
+use crate::speaker::{Speaker, SpokenRobot};
+use crate::{Channel, ChannelId, Server, ViewerId};
 
 /// Time between two jumps: each sends the last minutes anew, and a hand that draws the scrubber asks for dozens in a second.
 const JUMP_PERIOD: Duration = Duration::from_millis(200);
@@ -23,7 +23,7 @@ const JUMP_PERIOD: Duration = Duration::from_millis(200);
 const SAY_PERIOD: Duration = Duration::from_secs(1);
 
 /// See the module's documentation.
-pub(in super::super) struct Playback {
+pub(crate) struct Playback {
     recording: Recording,
     head: Playhead,
     found: Option<FileChannels>,
@@ -229,7 +229,7 @@ const MAX_TOPICS: usize = recording::MAX_CHANNELS;
 
 /// The topics of a file, by name. A topic whose layout changes is offered with the first one.
 #[derive(Default)]
-pub(super) struct FileChannels(BTreeMap<String, Channel>);
+pub(crate) struct FileChannels(BTreeMap<String, Channel>);
 
 impl FileChannels {
     pub fn take(&mut self, message: &RecordedMessage) {
@@ -249,7 +249,7 @@ impl FileChannels {
 
 /// See the module's documentation.
 #[derive(Default)]
-pub(super) struct ReplayTopics(BTreeMap<String, ChannelId>);
+pub(crate) struct ReplayTopics(BTreeMap<String, ChannelId>);
 
 impl ReplayTopics {
     pub fn offer(found: FileChannels, server: &mut Server) -> ReplayTopics {

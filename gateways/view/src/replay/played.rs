@@ -10,11 +10,10 @@ use ipc_types::payload::{
 };
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::{Module, MonotonicNs, RobotId, StatusModule, Topic};
+use operator::robot::model::{Process, WatchedRobot};
 use recording::EventKind;
 use recording::play::key_of;
 use recording::read::{RecordedEvent, RecordedMessage};
-
-use operator::robot::model::{Process, WatchedRobot};
 
 /// Time between two looks at what is wrong: as often as the page of a live robot is renewed.
 const LOOK_PERIOD: Duration = Duration::from_millis(50);

@@ -9,14 +9,14 @@ use std::path::Path;
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
+use operator::robot::changes::Weight;
+use operator::robot::clock::Clocks;
 use recording::play::{FlightError, FlightMark, FlightStream};
 use recording::read::RecordedMessage;
 use runtime::exit::Failure;
-use view::page::{Phase, ReplayEvent, ReplayInfo};
 
 use super::played::PlayedRobot;
-use operator::robot::changes::Weight;
-use operator::robot::clock::Clocks;
+use crate::page::{Phase, ReplayEvent, ReplayInfo};
 
 /// Robots that are kept at most, of some 200 kB. At the bound every other one goes, and the next ones are kept twice as far apart: the
 /// way from one to the next is a 32nd of the recording at most.
@@ -44,7 +44,7 @@ struct KeptRobot {
 }
 
 /// See the module's documentation.
-pub(super) struct Recording {
+pub(crate) struct Recording {
     stream: FlightStream,
     /// Where the message in `pending` lies.
     mark: FlightMark,
@@ -286,7 +286,7 @@ const MAX_PHASES: usize = 500;
 const MAX_EVENTS: usize = 2000;
 
 /// See the module's documentation.
-pub(super) struct Course {
+pub(crate) struct Course {
     begin: MonotonicNs,
     phases: Vec<Phase>,
     /// When the last of the phases began.

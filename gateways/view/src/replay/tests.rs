@@ -10,14 +10,14 @@ use ipc_types::module::State;
 use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::schema::{CDR_HEADER, text};
 use ipc_types::{Module, MonotonicNs, RobotId, StatusModule, Topic};
-use recording::{Anchor, Channel, ChannelId, Event, EventKind, FlightInfo, Recorder, Settings};
-use view::page::Weight;
-
-use super::recording::Recording;
 use operator::robot::fixture::{at, hero, on_path, state, translating};
 use operator::robot::freshness::{MODULE_OVERDUE_AFTER, OVERDUE_AFTER};
 use operator::robot::model::{Process, WatchedRobot};
 use recording::topic_of;
+use recording::{Anchor, Channel, ChannelId, Event, EventKind, FlightInfo, Recorder, Settings};
+
+use super::recording::Recording;
+use crate::page::Weight;
 
 const ZERO_UNIX_NS: u64 = 1_700_000_000_000_000_000;
 
@@ -199,7 +199,7 @@ fn written(bytes: &[u8]) -> (tempfile::TempDir, PathBuf) {
     (folder, path)
 }
 
-fn open(bytes: &[u8]) -> (Recording, view::page::ReplayInfo) {
+fn open(bytes: &[u8]) -> (Recording, crate::page::ReplayInfo) {
     let (_folder, path) = written(bytes);
     Recording::open(&path, |_| {}).unwrap()
 }

@@ -20,7 +20,7 @@ const GENERALIZED_TIME: u8 = 0x18;
 /// # Errors
 ///
 /// Why that cannot be known, in words.
-pub(crate) fn end_unix_s(file: &Path) -> Result<u64, String> {
+pub fn end_unix_s(file: &Path) -> Result<u64, String> {
     let text = fs::read_to_string(file).map_err(|error| error.to_string())?;
     let der = first(&text).ok_or("it has no certificate in PEM")?;
     end(&der).ok_or_else(|| "its certificate cannot be read".to_owned())

@@ -15,6 +15,7 @@ use dsp_protocol::Waypoint;
 use ipc_types::code::ModuleStatus;
 use ipc_types::payload::WaypointPosition;
 use ipc_types::{MonotonicNs, RobotId};
+use operator::robot::model::WatchedRobot;
 use plans::check::check;
 use plans::flight::Flight;
 use plans::model::{Action, Altitude, Item, Plan, Position};
@@ -23,14 +24,13 @@ use plans::timeline::timeline;
 use runtime::finding::{Finding, Severity};
 use runtime::signal::WITH_PARENT;
 use serde::Deserialize;
-use view::{ViewerId, page};
 
 use super::fleet::ShownRobot;
-use super::messages;
-use operator::robot::model::WatchedRobot;
+use crate::messages;
+use crate::{ViewerId, page};
 
 /// Most preflights at a time, each a process. A further one is answered with a finding that says so.
-pub(super) const MAX_PREFLIGHTS: usize = 2;
+pub(crate) const MAX_PREFLIGHTS: usize = 2;
 
 /// A preflight that a page waits for.
 struct PendingPreflight {
@@ -42,7 +42,7 @@ struct PendingPreflight {
 
 /// See the module's documentation.
 #[derive(Default)]
-pub(super) struct Checks {
+pub(crate) struct Checks {
     asked: Vec<PendingPreflight>,
 }
 
@@ -121,7 +121,7 @@ impl Checks {
 }
 
 /// Where to fly.
-pub(super) fn target(
+pub(crate) fn target(
     position: Option<[f64; 2]>,
     altitude_m: Option<f64>,
 ) -> Result<WaypointPosition, String> {
@@ -197,7 +197,7 @@ fn of_preflight(order: &str, robot: u32, checks: &[PreflightCheck]) -> page::Che
 }
 
 /// A check that could not be made.
-pub(super) fn failed(order: &str, robot: u32, why: &str) -> page::CheckResult {
+pub(crate) fn failed(order: &str, robot: u32, why: &str) -> page::CheckResult {
     page::CheckResult {
         order: order.to_owned(),
         robot,
@@ -214,7 +214,7 @@ pub(super) fn failed(order: &str, robot: u32, why: &str) -> page::CheckResult {
 
 /// What was found.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Checked {
+pub(crate) struct Checked {
     /// The most severe first.
     pub findings: Vec<Finding>,
     /// How long the way is, climbs and descents included, m.
@@ -231,7 +231,7 @@ impl Checked {
 }
 
 /// A flight of `robot` straight to `target`, with `fence` in force; `None` if the bridge has not published it.
-pub(super) fn check_go_to(
+pub(crate) fn check_go_to(
     robot: &WatchedRobot,
     fence: Option<&Fence>,
     target: WaypointPosition,
@@ -383,7 +383,7 @@ const TIMEOUT: Duration = Duration::from_secs(20);
 
 /// A check of the preflight.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-pub(super) struct PreflightCheck {
+pub(crate) struct PreflightCheck {
     /// Its name.
     pub id: String,
     /// `pass`, `warn` or `fail`; `None` if it could not be made, which is not ready either.
@@ -401,7 +401,7 @@ struct PrintedReport {
 }
 
 /// A preflight that runs. One that is dropped is killed.
-pub(super) struct Preflight {
+pub(crate) struct Preflight {
     child: Child,
     output: ChildStdout,
     text: Vec<u8>,

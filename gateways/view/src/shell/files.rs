@@ -10,8 +10,9 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::thread;
 
 use runtime::exit::{ExitCode, Failure, OrFail};
-use view::page::TileRange;
-use view::{ConnectionId, FileRequest, Tile, Wanted};
+
+use crate::page::TileRange;
+use crate::{ConnectionId, FileRequest, Tile, Wanted};
 
 /// Files that wait for the disk, and files that wait to be taken. A map asks for some dozens of tiles; a further one is answered as
 /// missing, and the page asks again.
@@ -24,14 +25,14 @@ const MAX_TILE_BYTES: u64 = 1 << 20;
 const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
 
 /// Makes the report of the recording that is played.
-pub(super) type Report = Box<dyn Fn() -> Result<String, Failure> + Send>;
+pub(crate) type Report = Box<dyn Fn() -> Result<String, Failure> + Send>;
 
 /// What was looked for: its bytes, `None` if it is missing.
 type Found = (ConnectionId, FileRequest, Option<Vec<u8>>);
 
 /// A folder of tiles.
 #[derive(Clone, Debug)]
-pub(super) struct TileFolder {
+pub(crate) struct TileFolder {
     folder: PathBuf,
     /// Whether rows count from the south.
     is_tms: bool,
@@ -40,7 +41,7 @@ pub(super) struct TileFolder {
 }
 
 /// See the module's documentation.
-pub(super) struct Files {
+pub(crate) struct Files {
     wanted: SyncSender<(ConnectionId, FileRequest)>,
     found: Receiver<Found>,
     /// Has bytes when something was found.

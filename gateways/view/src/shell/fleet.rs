@@ -4,22 +4,22 @@ use std::time::Duration;
 
 use bridge::safety::fence::Fence;
 use ipc_types::{Domain, MonotonicNs, RobotId, Source};
-use runtime::exit::Failure;
-
-use super::speaker::SpokenRobot;
 use operator::request::ports::{RobotPorts, Wakers};
 use operator::robot::chart::fence_of;
 use operator::robot::model::{HeldOutline, Process, WatchedRobot};
 use operator::session::alive;
+use runtime::exit::Failure;
+
+use crate::speaker::SpokenRobot;
 
 /// Most robots that are shown: as many as a relay carries. Those that come later are not joined, which is logged.
-pub(super) const MAX_ROBOTS: usize = 32;
+pub(crate) const MAX_ROBOTS: usize = 32;
 
 /// How often robots that came are looked for.
 const LOOK_PERIOD: Duration = Duration::from_secs(2);
 
 /// A robot that is shown.
-pub(super) struct ShownRobot {
+pub(crate) struct ShownRobot {
     pub robot: WatchedRobot,
     pub ports: RobotPorts,
     /// The fence that the bridge holds, and the number of its outline; none in the place of one that cannot be judged by.
@@ -49,7 +49,7 @@ impl ShownRobot {
 }
 
 /// See the module's documentation.
-pub(super) struct Fleet {
+pub(crate) struct Fleet {
     domain: Domain,
     shown: Vec<ShownRobot>,
     /// When to look for others; `None` if the operator named those that are shown.

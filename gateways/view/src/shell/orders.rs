@@ -10,12 +10,12 @@ use std::time::Duration;
 use ipc_types::MonotonicNs;
 use ipc_types::code::{Reason, Stage};
 use ipc_types::payload::ModuleState;
-use view::page::{self, OrderKind};
+use operator::config::RequestConfig;
+use operator::request::ports::{OrderNews, RobotOrder};
 
 use super::checks::{check_go_to, target};
 use super::fleet::ShownRobot;
-use operator::config::RequestConfig;
-use operator::request::ports::{OrderNews, RobotOrder};
+use crate::page::{self, OrderKind};
 
 /// Most orders that are followed: those that all robots may have open at a time. The oldest goes; its outcome stays in the journal.
 const MAX_FOLLOWED: usize = 128;
@@ -27,7 +27,7 @@ const CALM_WITHIN_MS: u32 = 5_000;
 const LATE: Duration = Duration::from_secs(2);
 
 /// An order as a page or a Foxglove client gave it.
-pub(super) struct GivenOrder<'a> {
+pub(crate) struct GivenOrder<'a> {
     pub order: &'a page::OrderRequest,
     /// Not later than it truly was given.
     pub issued: MonotonicNs,
@@ -48,7 +48,7 @@ struct Followed {
 
 /// See the module's documentation.
 #[derive(Default)]
-pub(super) struct Orders {
+pub(crate) struct Orders {
     followed: VecDeque<Followed>,
 }
 
@@ -203,7 +203,7 @@ fn log(robot: u32, kind: OrderKind, order: &str, from: &str, stage: page::OrderS
 
 /// See the module's documentation.
 #[derive(Debug)]
-pub(super) struct PageLost {
+pub(crate) struct PageLost {
     /// How long a robot may go on without a page; `None` for ever.
     after: Option<Duration>,
     /// Since when no page commands a robot whose movement goes on; `None` once it was held.

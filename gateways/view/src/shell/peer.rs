@@ -45,7 +45,7 @@ impl OwnConnections {
 }
 
 /// Who listens at `port`, in words; `None` if no process does.
-pub(crate) fn holder(port: u16) -> Option<String> {
+pub fn holder(port: u16) -> Option<String> {
     let (uid, inode) = tables().find_map(|table| {
         let mut rows = rows(&table);
         rows.find(|row| row.state == LISTENS && row.local.port() == port)

@@ -19,7 +19,7 @@ const MAX_BYTES: u64 = 64 << 10;
 
 /// What is in the file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct RunEntry {
+pub struct RunEntry {
     /// The server's process.
     pub pid: u32,
     /// Its port on loopback.
@@ -45,7 +45,7 @@ impl RunEntry {
 }
 
 /// The file of a server that lives in this process; it is removed at the end.
-pub(crate) struct RunFile {
+pub struct RunFile {
     path: PathBuf,
     file: File,
 }
@@ -96,7 +96,7 @@ impl Drop for RunFile {
 }
 
 /// The view of this user that runs on `port`; `None` if there is none, or it is not ready yet.
-pub(crate) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
+pub fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
     if !place().exists() {
         return Ok(None);
     }
@@ -113,7 +113,7 @@ pub(crate) fn find(port: u16) -> Result<Option<RunEntry>, Failure> {
 }
 
 /// Where a view of this port that runs in the background logs.
-pub(crate) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
+pub fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
     let name = format!("view-{port}.log");
     open_in(&place(), &name, |path| {
         private(true).truncate(true).open(path)
@@ -121,7 +121,7 @@ pub(crate) fn log_file(port: u16) -> Result<(File, PathBuf), Failure> {
 }
 
 /// Writes the page that leads a browser to the address with the token. A command line is no place for the token: other users can read it.
-pub(crate) fn write_opener(running: &RunEntry) -> Result<PathBuf, Failure> {
+pub fn write_opener(running: &RunEntry) -> Result<PathBuf, Failure> {
     let address = running.address_with_token();
     let page = format!(
         "<!DOCTYPE html><meta charset=\"utf-8\"><title>ril view</title>\n\

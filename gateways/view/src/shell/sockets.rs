@@ -12,10 +12,10 @@ use std::time::Duration;
 use rustix::event::{Timespec, epoll};
 use rustix::io::Errno;
 use socket2::{Domain, SockRef, Socket, Type};
-use view::PLAIN;
 
 use super::tls::{HANDSHAKE, Tls, TlsSession};
-use crate::view_setup::config::MAX_LIST;
+use crate::PLAIN;
+use crate::config::MAX_LIST;
 
 /// What the kernel may hold of a connection and has not sent: a viewer on a slow line gets what is new when the line is free, not what
 /// was new when it was full.
@@ -40,10 +40,10 @@ const BACKLOG: i32 = 128;
 const FIRST_CONNECTION: u64 = MAX_LIST as u64 + 1;
 
 /// What a connection is called here.
-pub(super) type ConnectionKey = u64;
+pub(crate) type ConnectionKey = u64;
 
 /// What came of a connection.
-pub(super) enum Arrived<'a> {
+pub(crate) enum Arrived<'a> {
     /// Bytes, which TLS has hidden on their way if it `is_encrypted`.
     Bytes { bytes: &'a [u8], is_encrypted: bool },
     /// Its end.
@@ -51,7 +51,7 @@ pub(super) enum Arrived<'a> {
 }
 
 /// A connection that came.
-pub(super) struct Accepted {
+pub(crate) struct Accepted {
     pub key: ConnectionKey,
     pub peer: SocketAddr,
     pub own: SocketAddr,
@@ -66,7 +66,7 @@ enum Layer {
 }
 
 /// See the module's documentation.
-pub(super) struct Sockets {
+pub(crate) struct Sockets {
     epoll: OwnedFd,
     listeners: Vec<TcpListener>,
     tls: Option<Tls>,

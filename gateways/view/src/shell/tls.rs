@@ -2,12 +2,12 @@
 //! blocks. Without the feature `tls` there is none.
 
 #[cfg(not(feature = "tls"))]
-pub(super) use absent::{Tls, TlsSession};
+pub(crate) use absent::{Tls, TlsSession};
 #[cfg(feature = "tls")]
-pub(super) use session::{Tls, TlsSession};
+pub(crate) use session::{Tls, TlsSession};
 
 /// The first byte of a TLS connection, a handshake record: it distinguishes TLS from HTTP.
-pub(super) const HANDSHAKE: u8 = 0x16;
+pub(crate) const HANDSHAKE: u8 = 0x16;
 
 #[cfg(feature = "tls")]
 mod session {
@@ -22,7 +22,7 @@ mod session {
     use rustls::pki_types::{CertificateDer, PrivateKeyDer};
     use rustls::{ServerConfig, ServerConnection};
 
-    use crate::view_setup::config::TlsConfig;
+    use crate::config::TlsConfig;
 
     /// What the server's end of all connections is made of.
     #[derive(Clone)]
@@ -120,7 +120,7 @@ mod absent {
 
     use runtime::exit::{ExitCode, Failure};
 
-    use crate::view_setup::config::TlsConfig;
+    use crate::config::TlsConfig;
 
     /// There is none.
     #[derive(Clone)]

@@ -9,11 +9,12 @@ use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 use data_encoding::HEXLOWER;
+use operator::user_files::{secret_fault, state_folder};
 use runtime::durable;
 use runtime::exit::{ExitCode, Failure};
 use sha2::{Digest, Sha256};
 
-use super::config::ViewConfig;
+use crate::config::ViewConfig;
 
 /// Random bits of the key, in bytes.
 const KEY_BYTES: usize = 32;
@@ -38,7 +39,7 @@ impl TokenKey {
                 )
             })?;
         }
-        if let Some(fault) = fault(path) {
+        if let Some(fault) = secret_fault(path) {
             return Err(unusable(path, &fault));
         }
         let text = fs::read_to_string(path).map_err(|error| unusable(path, &error.to_string()))?;
@@ -61,7 +62,7 @@ impl TokenKey {
 /// # Errors
 ///
 /// Code 78 when it has no path and this user has no home.
-pub(crate) fn path(config: &ViewConfig) -> Result<PathBuf, Failure> {
+pub fn path(config: &ViewConfig) -> Result<PathBuf, Failure> {
     if let Some(path) = &config.token_key {
         return Ok(path.clone());
     }
@@ -72,34 +73,6 @@ pub(crate) fn path(config: &ViewConfig) -> Result<PathBuf, Failure> {
             Failure::new(ExitCode::Configuration, text)
                 .with_next_step("name a file by `token_key` of view.toml")
         })
-}
-
-/// Where programs of this user keep what outlives them; `None` if this user has no home.
-pub(crate) fn state_folder() -> Option<PathBuf> {
-    let folder = |name| std::env::var_os(name).filter(|path| !path.is_empty());
-    let state = folder("XDG_STATE_HOME").map(PathBuf::from);
-    let state = state.or_else(|| Some(PathBuf::from(folder("HOME")?).join(".local/state")))?;
-    Some(state.join("ril"))
-}
-
-/// Why what is in this file is no secret of this user; `None` if it is, or there is no such file.
-pub(crate) fn fault(path: &Path) -> Option<String> {
-    let there = match fs::symlink_metadata(path) {
-        Ok(there) => there,
-        Err(error) if error.kind() == ErrorKind::NotFound => return None,
-        Err(error) => return Some(error.to_string()),
-    };
-    if !there.is_file() {
-        return Some("it is no file".to_owned());
-    }
-    if there.mode() & 0o077 != 0 {
-        let mode = there.mode() & 0o777;
-        return Some(format!(
-            "its mode is {mode:o}: other users may read or write it"
-        ));
-    }
-    let own = rustix::process::getuid().as_raw();
-    (there.uid() != own).then(|| format!("it belongs to user {}", there.uid()))
 }
 
 /// 128 random bits as 32 hexadecimal digits.

@@ -6,6 +6,8 @@
 //! Here are memory, clock, configuration and repair; `domain`, `services`, `serial` and `gateways` have the others.
 
 use ipc_types::{LowLimit, Repair};
+use operator::render::words::count_irregular;
+use operator::robot::domain::{DomainFacts, Look, Trouble};
 use runtime::exit::ExitCode;
 use runtime::finding::{Finding, Severity};
 use serde::Serialize;
@@ -13,8 +15,6 @@ use status::log::clock::Utc;
 
 use super::facts::{ClockFacts, FileContent, FileFacts, FreeMemory, MachineFacts};
 use super::{domain, gateways, serial, services};
-use operator::render::words::count_irregular;
-use operator::robot::domain::{DomainFacts, Look, Trouble};
 
 /// What a finding is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]

@@ -5,6 +5,9 @@
 
 use std::io;
 
+use operator::render::finding::lines;
+use operator::render::print_as;
+use operator::render::words::count;
 use runtime::exit::{ExitCode, Failure};
 use runtime::finding::{Finding, Severity};
 use serde::{Serialize, Serializer};
@@ -13,9 +16,6 @@ use super::DoctorArgs;
 use super::diagnosis::{Subject, diagnose, diagnose_files, exit_code};
 use super::facts::{FileFacts, MachineFacts};
 use super::{HEADING, gather, width};
-use operator::render::finding::lines;
-use operator::render::print_as;
-use operator::render::words::count;
 
 /// `ril doctor`
 ///

@@ -4,11 +4,10 @@ use std::collections::BTreeSet;
 
 use ipc_types::RobotId;
 use ipc_types::inspect::{Entry, Inspection, Life, Member, RobotFacts};
-use runtime::finding::Finding;
-
 use operator::render::words::count;
 use operator::robot::domain::DomainFacts;
 use operator::session::{as_user, process_of};
+use runtime::finding::Finding;
 
 /// What to do about what is certainly dead.
 const REPAIR: &str =

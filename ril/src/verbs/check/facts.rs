@@ -8,10 +8,9 @@ use bridge::shell::serial::holders::Holders;
 pub use ipc_types::FreeMemory;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayLink};
 use ipc_types::{LowLimit, MonotonicNs, Repair};
-use runtime::wall_clock::WallClock;
-
 use operator::robot::domain::{DomainFacts, Look};
 use operator::robot::running::ConfigOrigin;
+use runtime::wall_clock::WallClock;
 
 /// What the doctor knows of the machine.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,12 +2,12 @@
 
 use ipc_types::code::RelayLinkState;
 use ipc_types::payload::RelayLink;
+use operator::robot::domain::Look;
+use operator::robot::relay_link::LinkReport;
 use runtime::finding::Finding;
 use status::log::clock::Utc;
 
 use super::facts::{LinkFacts, MavlinkFacts, ViewFacts};
-use operator::robot::domain::Look;
-use operator::robot::relay_link::LinkReport;
 
 /// From how much before its end on a certificate is reported, s: two weeks.
 const SOON_S: u64 = 14 * 86_400;

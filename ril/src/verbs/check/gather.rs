@@ -14,12 +14,20 @@ use bridge::shell::serial::holders::{Holders, TerminalDevice};
 use bridge::shell::serial::{is_stale, permission_hint};
 use ipc_types::payload::{BridgeJournal, RelayLink};
 use ipc_types::{Domain, Ipc, MonotonicNs, Repair, RobotId, Subscriber, Topic};
+use mavlink_gateway::config::{self as mavlink_config, MavlinkConfig};
+use mavlink_gateway::shell::key::read_key;
+use operator::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, open_files};
+use operator::robot::running::{ConfigOrigin, RunningBridge, file_of};
+use operator::user_files::secret_fault;
 use runtime::config::{Loaded, load};
 use runtime::exit::Failure;
 use runtime::wall_clock::WallClock;
 use rustix::fs::Access;
 use serde::de::DeserializeOwned;
 use status::log::config::LogConfig;
+use view::config::{self, ViewConfig};
+use view::shell::peer::holder;
+use view::shell::{certificate, run_file, token_key};
 
 use super::MachineArgs;
 use super::facts::{
@@ -27,12 +35,6 @@ use super::facts::{
     MachineFacts, MavlinkFacts, PortFacts, PortHolders, ViewFacts,
 };
 use super::services::{bridge_pid, process};
-use crate::mavlink_setup::{self, MavlinkConfig};
-use crate::view_setup::config::{self, ViewConfig};
-use crate::view_setup::peer::holder;
-use crate::view_setup::{certificate, run_file, token_key};
-use operator::robot::domain::{DomainFacts, LOOK_TIMEOUT, Look, Looking, PROC, open_files};
-use operator::robot::running::{ConfigOrigin, RunningBridge, file_of};
 
 /// How long a sample of the relay's link is waited for, which is published once a second: twice that.
 const LINK_TIMEOUT: Duration = Duration::from_secs(2);
@@ -271,12 +273,12 @@ pub(super) fn view(explicit: Option<&Path>) -> (Option<FileFacts>, Option<Look<V
 
 /// The same of the gateway to MAVLink.
 pub(super) fn mavlink(explicit: Option<&Path>) -> (Option<FileFacts>, Option<Look<MavlinkFacts>>) {
-    let (default, load) = (mavlink_setup::DEFAULT_FILE, mavlink_setup::load);
+    let (default, load) = (mavlink_config::DEFAULT_FILE, mavlink_config::load);
     of_process(explicit, default, "mavlink", load, mavlink_of)
 }
 
 fn mavlink_of(config: &MavlinkConfig) -> MavlinkFacts {
-    let fault = |path: &PathBuf| mavlink_setup::read_key(path).err();
+    let fault = |path: &PathBuf| read_key(path).err();
     let fault = |path: &PathBuf| fault(path).map(|failure| failure.chain().join(": "));
     MavlinkFacts {
         is_open: config.is_open().is_some(),
@@ -318,7 +320,7 @@ fn setup(config: &ViewConfig) -> ViewFacts {
     let open_secrets = secrets
         .into_iter()
         .flatten()
-        .filter_map(|path| token_key::fault(&path).map(|fault| (path, fault)));
+        .filter_map(|path| secret_fault(&path).map(|fault| (path, fault)));
     // Of a service that has a user namespace of its own, the system does not say which sockets it has.
     let own_view = run_file::find(config.port).ok().flatten();
     let own_view = own_view.map(|running| format!("ril (process {})", running.pid));

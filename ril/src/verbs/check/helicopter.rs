@@ -3,14 +3,14 @@
 use ipc_types::code::PilotSwitch;
 use ipc_types::payload::DspTelemetry;
 use ipc_types::{MonotonicNs, TelemetryGroup};
-use runtime::finding::Finding;
-
-use super::facts::PreflightFacts;
-use super::robot::{CheckOutcome, age_s, either, state};
 use operator::config::{PreflightLimits, Threshold};
 use operator::render::messages::details::broken_rule;
 use operator::render::words::count;
 use operator::robot::pilot::GpsFix;
+use runtime::finding::Finding;
+
+use super::facts::PreflightFacts;
+use super::robot::{CheckOutcome, age_s, either, state};
 
 /// What to do about a group that the DSP does not send.
 const ADD_GROUP: &str = "add the group to `status.groups` of bridge.toml and restart the bridge";

@@ -1,11 +1,11 @@
 //! Judges the machine for the preflight: the doctor's findings by subject, the clock, and room for logs.
 
+use operator::config::PreflightLimits;
 use runtime::finding::{Finding, Severity};
 
 use super::diagnosis;
 use super::diagnosis::{Subject, diagnose};
 use super::facts::{LogPlace, Logs, PreflightFacts};
-use operator::config::PreflightLimits;
 
 const MIB: u64 = 1 << 20;
 

@@ -26,10 +26,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use runtime::args::CommonArgs;
-
 use operator::options::{EXIT_CODES, duration};
 use operator::render::terminal::Size;
+use runtime::args::CommonArgs;
 
 /// Width of the name of a check or a subject, and the space behind it.
 const HEADING: usize = 16;

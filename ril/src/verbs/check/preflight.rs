@@ -9,15 +9,6 @@ use std::time::Duration;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, ParameterRequest};
 use ipc_types::{MonotonicNs, Request, Topic, fresh_request_id};
-use runtime::args::CommonArgs;
-use runtime::exit::{ExitCode, Failure};
-use runtime::finding::{Finding, Severity};
-use serde::{Serialize, Serializer};
-
-use super::facts::{Live, Logs, PreflightFacts};
-use super::services::process;
-use super::{HEADING, gather, helicopter, machine, robot, width};
-use super::{MachineArgs, PreflightArgs};
 use operator::config::{Config, PreflightLimits};
 use operator::render::finding::lines;
 use operator::render::messages::Verb;
@@ -27,6 +18,15 @@ use operator::request::{Conversation, Format, Until};
 use operator::robot::domain::Namespace;
 use operator::robot::running::ConfigOrigin;
 use operator::session::{Latest, Session, configuration, is_relayed};
+use runtime::args::CommonArgs;
+use runtime::exit::{ExitCode, Failure};
+use runtime::finding::{Finding, Severity};
+use serde::{Serialize, Serializer};
+
+use super::facts::{Live, Logs, PreflightFacts};
+use super::services::process;
+use super::{HEADING, gather, helicopter, machine, robot, width};
+use super::{MachineArgs, PreflightArgs};
 
 /// How long `ril start` waits for samples that it goes by: twice the period of the module's state. A start is not held up by what
 /// is missing.

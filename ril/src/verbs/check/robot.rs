@@ -3,13 +3,13 @@
 use ipc_types::code::{LinkState, ModuleStatus};
 use ipc_types::payload::{LastMinute, ModuleState};
 use ipc_types::{Module, MonotonicNs, RelayModule};
-use runtime::finding::Finding;
-
-use super::facts::PreflightFacts;
 use operator::config::PreflightLimits;
 use operator::render::messages::details::dsp_error;
 use operator::render::words::{count, module_words};
 use operator::robot::domain::Provided;
+use runtime::finding::Finding;
+
+use super::facts::PreflightFacts;
 
 /// With fewer messages than this a share of rejected ones says little: the share is then taken of so many. 1,000 messages are
 /// 20 s of status messages.

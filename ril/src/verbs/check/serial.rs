@@ -1,10 +1,10 @@
 //! Judges the bridge's serial port for the doctor: whether it is there, may be opened, and which process has it open.
 
 use bridge::shell::serial::holders::{Hold, Holder};
+use operator::robot::domain::Look;
 use runtime::finding::{Finding, Severity};
 
 use super::facts::{Device, PortFacts, PortHolders};
-use operator::robot::domain::Look;
 
 /// What is to be said of the port, when `bridge` is the process of the live bridge.
 pub(super) fn diagnose(port: &PortFacts, bridge: Option<u32>) -> Finding {

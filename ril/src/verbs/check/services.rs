@@ -2,9 +2,8 @@
 
 use ipc_types::service::SERVICES;
 use ipc_types::{Module, RelayModule};
-use runtime::finding::Finding;
-
 use operator::robot::domain::{DomainFacts, Namespace, Provided};
+use runtime::finding::Finding;
 
 /// What the providers of `robot` mean.
 pub(super) fn diagnose(domain: &DomainFacts, robot: u32) -> Vec<Finding> {

@@ -5,6 +5,9 @@ use ipc_types::code::{LinkState, ModuleStatus, PilotSwitch, SafetyAction, Safety
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::service::SERVICES;
 use ipc_types::{MonotonicNs, Provider, RobotId};
+use operator::config::PreflightLimits;
+use operator::robot::domain::{DomainFacts, Namespace, Provided};
+use operator::robot::running::ConfigOrigin;
 use runtime::finding::{Finding, Severity};
 use runtime::wall_clock::WallClock;
 
@@ -12,9 +15,6 @@ use super::facts::{
     ClockFacts, FreeMemory, LinkFacts, Live, LogPlace, Logs, MachineFacts, PreflightFacts,
 };
 use super::preflight::{PreflightReport, judge, worst};
-use operator::config::PreflightLimits;
-use operator::robot::domain::{DomainFacts, Namespace, Provided};
-use operator::robot::running::ConfigOrigin;
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 

@@ -7,6 +7,7 @@ use std::process::Command;
 
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
 use ipc_types::{RobotId, Topic};
+use recording::topic_of;
 use runtime::finding::Finding;
 use serde::Deserialize;
 use status::log::file_name::{FileKind, recognize};
@@ -14,7 +15,6 @@ use status::log::file_name::{FileKind, recognize};
 use super::checks::{Evidence, RecordEvidence, judge};
 use super::script::SCRIPT;
 use super::seen::Flown;
-use recording::topic_of;
 
 /// The files of a flight; `None` where there is none.
 pub(super) struct FlightFiles {

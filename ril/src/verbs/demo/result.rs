@@ -4,14 +4,14 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::Duration;
 
+use operator::render::finding::lines;
+use operator::render::print_as;
 use runtime::exit::Failure;
 use runtime::finding::Finding;
 use runtime::usage::Usage;
 use serde::Serialize;
 
 use super::files::FlightFiles;
-use operator::render::finding::lines;
-use operator::render::print_as;
 
 /// Width of the names of the checks, and a space.
 const HEADING: usize = 34;

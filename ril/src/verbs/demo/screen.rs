@@ -4,10 +4,10 @@ use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, Instant};
 
 use ipc_types::MonotonicNs;
+use operator::render::terminal::{Block, Size};
 use runtime::exit::Failure;
 
 use super::seen::Seen;
-use operator::render::terminal::{Block, Size};
 
 /// Shortest time between two drawings: what the eye can follow.
 const REDRAW_PERIOD: Duration = Duration::from_millis(100);

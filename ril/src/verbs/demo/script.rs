@@ -4,9 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use dsp_protocol::Waypoint;
-use runtime::exit::{ExitCode, Failure, OrFail};
-
 use operator::robot::geo::{Place, moved};
+use runtime::exit::{ExitCode, Failure, OrFail};
 
 /// A command of the operator: the name of its output, and its words behind `ril`.
 pub(super) type ScriptCommand = (&'static str, &'static [&'static str]);

@@ -3,12 +3,11 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use operator::render::words::{count, duration_with_tenths};
 use recording::EventKind;
 use recording::read::{RecordCheck, RecordedEvent};
 use serde::Serialize;
 use status::log::clock::IsoTime;
-
-use operator::render::words::{count, duration_with_tenths};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.LogCheck.v1";

@@ -4,6 +4,7 @@ use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use operator::render::words::count;
 use recording::read::RecordFile;
 use runtime::config::load;
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -15,7 +16,6 @@ use status::log::read::{LogReader, MAX_LINE_BYTES};
 
 use super::options::LogPlaceArgs;
 use super::recording::{LogEntry, LogFormat, LogReadError, McapReader, Recording};
-use operator::render::words::count;
 
 /// Most damaged lines that are named: the first ones show what happened, the number of all how bad it is.
 pub(super) const MAX_NAMED: u64 = 5;

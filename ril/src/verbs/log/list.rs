@@ -2,15 +2,15 @@
 
 use std::io::{self, BufWriter, Write};
 
+use operator::render::words::duration_with_tenths;
+use operator::render::{json_line, note};
+use operator::session::configuration;
 use runtime::exit::Failure;
 use serde::Serialize;
 use status::log::clock::IsoTime;
 
 use super::files::{self, FoundLog, folders};
 use super::options::LogListArgs;
-use operator::render::words::duration_with_tenths;
-use operator::render::{json_line, note};
-use operator::session::configuration;
 
 /// Name of the layout of a file in a list.
 const SCHEMA: &str = "ril.LogFile.v1";

@@ -4,6 +4,7 @@
 //! records. `recording` reads their entries: its `LogFormat` is the one place to add another format. `row` and `summary` are pure
 //! values that take entries.
 
+mod check;
 mod files;
 mod list;
 pub mod options;
@@ -18,18 +19,17 @@ mod whole;
 
 use std::io::{self, BufWriter};
 
+use operator::render::print;
+use operator::session::configuration;
 use runtime::exit::Failure;
 use status::log::groups::LogGroups;
-
-pub use self::report::report_page;
 
 use self::files::{MAX_NAMED, OF_SAMPLES, chosen_file};
 use self::options::{LogArgs, LogCommand, LogCsvArgs, LogFileArgs};
 use self::recording::LogEntry;
+pub use self::report::report_page;
 use self::row::{Chosen, UTC, UtcSource, UtcTimes};
 use self::summary::Summarizer;
-use operator::render::print;
-use operator::session::configuration;
 
 /// `ril log …`
 ///

@@ -4,9 +4,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Subcommand};
-use runtime::args::CommonArgs;
-
 use operator::options::{EXIT_CODES, duration};
+use runtime::args::CommonArgs;
 
 /// Most rows that `ril log tail` begins with: what a person can read back.
 const MAX_TAIL_ROWS: u32 = 10_000;

@@ -6,14 +6,14 @@ use std::fmt;
 
 use ipc_types::TelemetryGroup;
 use ipc_types::payload::DspTelemetry;
+use operator::render::words::{count, duration_with_tenths as duration};
+use operator::robot::geo::{Place, distance_m};
 use serde::Serialize;
 use status::log::clock::IsoTime;
 use status::log::file_name::FileKind;
 
 use super::recording::{Damage, Row};
 use super::row::{UtcSource, UtcTimes};
-use operator::render::words::{count, duration_with_tenths as duration};
-use operator::robot::geo::{Place, distance_m};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.LogSummary.v1";

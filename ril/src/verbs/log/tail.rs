@@ -9,6 +9,8 @@ use std::io::{self, BufWriter, Write};
 use std::os::fd::{AsFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
+use operator::render::json_line;
+use operator::session::configuration;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::signal::Termination;
 use rustix::event::{PollFd, PollFlags, poll};
@@ -20,8 +22,6 @@ use super::files::{LogFile, MAX_NAMED, folder_of, last_rows, newest, successor, 
 use super::options::LogTailArgs;
 use super::recording::{LogEntry, Recording, Row};
 use super::row::{Chosen, JsonRow, UtcSource, UtcTimes};
-use operator::render::json_line;
-use operator::session::configuration;
 
 /// The columns that are shown when none is chosen: with the time they fit into 80 characters.
 const USUAL: [&str; 3] = ["flying", "altitude_m", "battery_mv"];

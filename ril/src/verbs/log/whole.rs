@@ -5,6 +5,11 @@ use std::io::BufWriter;
 use std::path::Path;
 use std::time::Duration;
 
+use operator::render::words::{count, shell_word};
+use operator::render::{print, print_as};
+use operator::session::configuration;
+use operator::topic_name::key_of;
+use recording::name_of;
 use recording::read::{self, ReadError, RecordFile, Recovered};
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
@@ -14,11 +19,6 @@ use super::check::FileCheck;
 use super::files::{OrFailUsage, last_flight, open};
 use super::options::{LogExportArgs, LogFileArgs, LogRecoverArgs};
 use crate::new_file::new_file;
-use operator::render::words::{count, shell_word};
-use operator::render::{print, print_as};
-use operator::session::configuration;
-use operator::topic_name::key_of;
-use recording::name_of;
 
 /// How a file of a record that was made whole ends, behind the name of the damaged one. No log and no recording gives such a
 /// name, so that none removes the file to make room.

@@ -4,8 +4,6 @@ use clap::{Args, Subcommand};
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, ModuleState, RelayStations};
 use ipc_types::{MonotonicNs, Request, Topic};
-use runtime::exit::Failure;
-
 use operator::options::{RequestArgs, SampleArgs};
 use operator::render::fields::{JsonLine, Tree};
 use operator::render::messages::Verb;
@@ -14,6 +12,7 @@ use operator::request::{ask, control_request};
 use operator::robot::absence::{absent, nothing_came};
 use operator::robot::controller::{Senders, own_session};
 use operator::session::{Latest, Session, is_relayed};
+use runtime::exit::Failure;
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.Control.v1";

@@ -7,10 +7,6 @@ use bridge::safety::fence::{AreaConfig, AreaKind, FenceConfig};
 use ipc_types::Topic;
 use ipc_types::code::{ControlCommand, Reason};
 use ipc_types::payload::{BridgeJournal, ModuleControl, ModuleState};
-use runtime::config::ConfigError;
-use runtime::exit::{ExitCode, Failure};
-use serde::Serialize;
-
 use operator::options::{RequestArgs, SampleArgs};
 use operator::render::messages::Verb;
 use operator::render::print_as;
@@ -19,6 +15,9 @@ use operator::request::{Conversation, Format, Until, control_request};
 use operator::robot::absence::{absent, nothing_came};
 use operator::robot::running;
 use operator::session::{OrderContext, Session, is_relayed};
+use runtime::config::ConfigError;
+use runtime::exit::{ExitCode, Failure};
+use serde::Serialize;
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.Fence.v1";

@@ -12,21 +12,19 @@ mod progress;
 use std::time::Duration;
 
 use clap::{Args, Subcommand};
+pub use control::{HolderArgs, control as command_of};
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, MovementData};
 use ipc_types::service::is_key;
 use ipc_types::{MonotonicNs, Request, fresh_request_id};
-use runtime::args::CommonArgs;
-use runtime::exit::{ExitCode, Failure};
-
 use operator::config::Config;
 use operator::options::{RequestArgs, SampleArgs, take_off_height};
 use operator::render::messages::Verb;
 use operator::request::{Conversation, Format, Until, ask, ask_at_once, complete, control_request};
 use operator::session::{OrderContext, Session, UrgentContext, commandable_here, other_domains};
-
-pub use control::{HolderArgs, control as command_of};
 pub use path::{GotoArgs, RtlArgs, go_to, rtl};
+use runtime::args::CommonArgs;
+use runtime::exit::{ExitCode, Failure};
 
 /// `ril start`, `ril stop`
 #[derive(Args, Clone, Debug)]

@@ -6,9 +6,6 @@ use clap::Args;
 use dsp_protocol::Waypoint;
 use ipc_types::fresh_request_id;
 use ipc_types::payload::{MovementData, WaypointPosition};
-use runtime::exit::{ExitCode, Failure};
-
-use super::progress::ProgressLine;
 use operator::options::{
     Height, Move, RequestArgs, SenderArgs, Target, Targets, height, number, read_text, targets,
     waypoints,
@@ -19,6 +16,9 @@ use operator::request::{Conversation, Format, Until, complete};
 use operator::robot::geo::{Place, moved};
 use operator::robot::position::{ground_altitude_m, newest_state, present_position};
 use operator::session::OrderContext;
+use runtime::exit::{ExitCode, Failure};
+
+use super::progress::ProgressLine;
 
 /// A climb shorter than this is none: an altitude is not measured better, m.
 const MIN_CLIMB_M: f64 = 1.0;

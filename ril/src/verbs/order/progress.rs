@@ -7,9 +7,6 @@ use std::time::Duration;
 use ipc_types::code::Stage;
 use ipc_types::payload::{DspTelemetry, ModuleState, RequestReport, WaypointPosition};
 use ipc_types::{MonotonicNs, Source, Subscriber, Topic};
-use runtime::exit::{ExitCode, Failure, OrFail};
-use runtime::output::standard_output;
-
 use operator::render::messages::Verb;
 use operator::render::terminal::{Block, Size};
 use operator::render::words::{count, distance, duration};
@@ -18,6 +15,8 @@ use operator::request::Companion;
 use operator::robot::geo::{Place, distance_m};
 use operator::robot::pilot::PilotView;
 use operator::session::Session;
+use runtime::exit::{ExitCode, Failure, OrFail};
+use runtime::output::standard_output;
 
 /// Slower than this the helicopter hovers or turns, and its speed says nothing about the time to go, m/s.
 const MIN_SPEED_MPS: f64 = 0.5;

@@ -6,6 +6,15 @@ use std::time::Duration;
 use ipc_types::code::ControlCommand;
 use ipc_types::payload::{ModuleControl, ModuleState, MovementData, RequestReport};
 use ipc_types::{MonotonicNs, Source, Subscriber, Topic, fresh_request_id};
+use operator::fence_file::{FenceChange, FenceFileError};
+use operator::options::SenderArgs;
+use operator::render::messages::Verb;
+use operator::render::words::{columns, distance, duration};
+use operator::render::{Weight, json_line, json_text, tell};
+use operator::request::cruise::CruiseSpeed;
+use operator::request::{Companion, Conversation, Format, Steps, Until};
+use operator::robot::running::file_of;
+use operator::session::{Latest, OrderContext, Session, Unread};
 use plans::executor::Executor;
 use plans::flight::{PathPoint, Step};
 use plans::model::FenceArea;
@@ -16,15 +25,6 @@ use super::gather::{KnownPlan, gather, read};
 use super::options::PlanFlyArgs;
 use super::progress::{StepEvent, resume};
 use super::report::PlanReport;
-use operator::fence_file::{FenceChange, FenceFileError};
-use operator::options::SenderArgs;
-use operator::render::messages::Verb;
-use operator::render::words::{columns, distance, duration};
-use operator::render::{Weight, json_line, json_text, tell};
-use operator::request::cruise::CruiseSpeed;
-use operator::request::{Companion, Conversation, Format, Steps, Until};
-use operator::robot::running::file_of;
-use operator::session::{Latest, OrderContext, Session, Unread};
 
 /// `ril plan fly`
 ///

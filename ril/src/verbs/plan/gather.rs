@@ -8,6 +8,13 @@ use dsp_protocol::{Waypoint, port};
 use ipc_types::Topic;
 use ipc_types::code::{LinkState, SafetyAction};
 use ipc_types::payload::{ModuleState, WaypointPosition};
+use operator::config::PlanConfig;
+use operator::request::cruise::read_mps;
+use operator::robot::absence::nothing_came;
+use operator::robot::chart::read_plan;
+use operator::robot::position::{Present, newest_state, present_position};
+use operator::robot::running::{self, ConfigOrigin};
+use operator::session::Session;
 use plans::Plan;
 use plans::check::{check, configured};
 use plans::finding::sort;
@@ -18,13 +25,6 @@ use runtime::exit::Failure;
 use runtime::finding::{Finding, Severity};
 
 use super::options::{HomeArg, PlanFileArgs};
-use operator::config::PlanConfig;
-use operator::request::cruise::read_mps;
-use operator::robot::absence::nothing_came;
-use operator::robot::chart::read_plan;
-use operator::robot::position::{Present, newest_state, present_position};
-use operator::robot::running::{self, ConfigOrigin};
-use operator::session::Session;
 
 /// A plan with all that is known about it.
 pub struct KnownPlan {

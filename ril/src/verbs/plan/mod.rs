@@ -14,16 +14,15 @@ use std::fs::OpenOptions;
 use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
-use plans::Plan;
-use plans::write::to_qgc_plan;
-use runtime::exit::{ExitCode, Failure};
-
 use gather::{KnownPlan, gather, read};
 use operator::render::json_line;
 use operator::render::words::columns;
 use operator::session::{Session, configuration};
 use options::{PlanCheckArgs, PlanCommand, PlanFileArgs, PlanLookArgs, PlanShowArgs};
+use plans::Plan;
+use plans::write::to_qgc_plan;
 use report::PlanReport;
+use runtime::exit::{ExitCode, Failure};
 
 /// `ril plan …`
 ///

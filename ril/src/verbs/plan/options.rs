@@ -4,12 +4,11 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Subcommand, ValueEnum};
-use plans::model::{Altitude, Reference};
-use runtime::args::CommonArgs;
-
 use operator::options::{
     AskArgs, EXIT_CODES, Height, SenderArgs, duration, height, number, take_off_height,
 };
+use plans::model::{Altitude, Reference};
+use runtime::args::CommonArgs;
 
 /// `ril plan`
 #[derive(Args, Clone, Debug)]

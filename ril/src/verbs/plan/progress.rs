@@ -1,12 +1,12 @@
 //! What a flight is for programs, and with which command it goes on. Pure values.
 
 use dsp_protocol::Waypoint;
+use operator::render::words::shell_word;
 use plans::executor::Executor;
 use plans::flight::Step;
 use serde::Serialize;
 
 use super::options::PlanFlyArgs;
-use operator::render::words::shell_word;
 
 /// What happens in a flight, for programs.
 #[derive(Debug, PartialEq, Serialize)]

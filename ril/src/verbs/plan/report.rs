@@ -3,6 +3,8 @@
 use std::io::Write;
 use std::path::Path;
 
+use operator::render::words::{count, distance, duration, wrap};
+use operator::render::{finding, json_line};
 use plans::finding::effect;
 use plans::flight::ground_m;
 use plans::model::{Action, Altitude, Item};
@@ -12,8 +14,6 @@ use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
 use super::gather::KnownPlan;
-use operator::render::words::{count, distance, duration, wrap};
-use operator::render::{finding, json_line};
 
 /// How wide the headings are.
 const HEADING: usize = 13;

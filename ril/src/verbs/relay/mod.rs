@@ -15,10 +15,6 @@ use std::process;
 use clap::{ArgAction, Args, Subcommand};
 use ipc_types::payload::{RelayLink, RelayStation, RelayStations};
 use ipc_types::{MonotonicNs, RobotId};
-use runtime::duration::DurationText;
-use runtime::exit::{ExitCode, Failure};
-use serde::ser::{Serialize, Serializer};
-
 use operator::options::SampleArgs;
 use operator::render::fields::{JsonLine, Tree};
 use operator::render::print;
@@ -29,6 +25,9 @@ use operator::robot::relay_link::{
     since_ms,
 };
 use operator::session::{Latest, Session, other_domains, others_alive};
+use runtime::duration::DurationText;
+use runtime::exit::{ExitCode, Failure};
+use serde::ser::{Serialize, Serializer};
 
 /// `ril relay`
 ///

@@ -3,10 +3,10 @@
 use ipc_types::RobotId;
 use ipc_types::code::{Reason, RelayLinkState};
 use ipc_types::payload::{MAX_STATIONS, RelayStation, ascii_bytes};
+use operator::robot::relay_link::LinkReport;
 use serde_json::{Value, json};
 
 use super::*;
-use operator::robot::relay_link::LinkReport;
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 

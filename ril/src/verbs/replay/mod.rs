@@ -17,6 +17,8 @@ use ipc_types::{
     Descriptor, Domain, DynamicError, Ipc, MonotonicNs, OpenError, RobotId, SchedulingRole, Source,
     Waiter, request_slice,
 };
+use operator::render::{json_line, note};
+use operator::session::configuration;
 use recording::play::{
     PROCESS, PlayableFlight, PlayedContent, PlayedServices, Player, Section, ServicesError,
 };
@@ -28,8 +30,6 @@ use serde::Serialize;
 use self::journals::kept_flight;
 use self::options::ReplayArgs;
 use self::terminal::{PlayerKey, ReplayKeys, ReplayScreen, ReplayedRequest};
-use operator::render::{json_line, note};
-use operator::session::configuration;
 
 /// Name of the layout of the JSON object at the end.
 const SCHEMA: &str = "ril.Replay.v1";

@@ -4,10 +4,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
+use operator::options::EXIT_CODES;
 use recording::play::SPEEDS;
 use runtime::args::CommonArgs;
-
-use operator::options::EXIT_CODES;
 
 /// Options of playing, which verification has no use for.
 const PLAYING: [&str; 4] = ["speed", "from", "to", "is_looped"];

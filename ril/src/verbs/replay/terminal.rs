@@ -6,14 +6,13 @@ use std::io::{self, IsTerminal, Stdout, Write};
 use std::time::Duration;
 
 use ipc_types::{Descriptor, MonotonicNs};
+use operator::render::terminal::{Block, Key, Size, read_keys};
+use recording::RequestEvent;
 use recording::play::Player;
 use rustix::process::getpgrp;
 use rustix::stdio::stdin;
 use rustix::termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcgetpgrp, tcsetattr};
 use serde::Serialize;
-
-use operator::render::terminal::{Block, Key, Size, read_keys};
-use recording::RequestEvent;
 
 /// Shortest time between two drawings of the position.
 const REDRAW_PERIOD: Duration = Duration::from_millis(200);

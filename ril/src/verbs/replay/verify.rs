@@ -12,6 +12,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
+use operator::render::fields::Meaning;
+use operator::render::words::{count, shell_word};
+use operator::render::{note, print};
 use recording::play::{anchor_of, key_of};
 use recording::read::{RecordFile, messages};
 use replay::{Comparison, Difference, JournalVerdict, Keeper, Kept, Verifier};
@@ -22,9 +25,6 @@ use serde::Serialize;
 use super::journals::{first_robot, first_samples, kept_flight, open, piece, refuse_kept};
 use super::options::ReplayArgs;
 use crate::new_file::new_file;
-use operator::render::fields::Meaning;
-use operator::render::words::{count, shell_word};
-use operator::render::{note, print};
 
 /// `ril replay FILE --verify`
 ///

@@ -8,9 +8,6 @@ use std::time::{Duration, SystemTime};
 use clap::Args;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState, RelayStations};
 use ipc_types::{MonotonicNs, Source, StateOf, StatusModule, Topic};
-use runtime::exit::{ExitCode, Failure};
-
-use self::report::{Samples, StateReport, is_module_old};
 use operator::options::SampleArgs;
 use operator::render::terminal::{Block, Size};
 use operator::render::words::time_of_day;
@@ -21,6 +18,9 @@ use operator::robot::freshness::is_present;
 use operator::robot::pilot::PilotView;
 use operator::robot::relay_link::{LinkReport, LinkWatch};
 use operator::session::{Latest, Session, Topics};
+use runtime::exit::{ExitCode, Failure};
+
+use self::report::{Samples, StateReport, is_module_old};
 
 /// `ril status`
 #[derive(Args, Clone, Debug)]

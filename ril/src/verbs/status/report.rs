@@ -15,9 +15,6 @@ use ipc_types::payload::{
     RefusedCounters, RelayStations, SafetyState,
 };
 use ipc_types::{MonotonicNs, RobotId, TelemetryGroup};
-use runtime::exit::ExitCode;
-use serde::ser::{Serialize, Serializer};
-
 use operator::render::fields::{JsonLine, Selection, Tree};
 use operator::render::messages::details;
 use operator::robot::controller::Senders;
@@ -26,6 +23,8 @@ use operator::robot::freshness::{
 };
 use operator::robot::pilot::{self, PilotView};
 use operator::robot::relay_link::{LinkReport, UNREADABLE};
+use runtime::exit::ExitCode;
+use serde::ser::{Serialize, Serializer};
 
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.State.v3";

@@ -6,15 +6,15 @@ use std::time::Duration;
 
 use clap::Args;
 use ipc_types::{Losses, MonotonicNs, Schema};
-use runtime::exit::Failure;
-
-use super::stream::{Stream, StreamArgs, Watcher};
 use operator::options::EXIT_CODES;
 use operator::render::fields::{JsonLine, Meaning, Plain, Selection, Tree};
 use operator::render::stamps::StampReader;
 use operator::render::words::count as plural;
 use operator::render::{json_line, note};
 use operator::robot::freshness::STALE_AFTER;
+use runtime::exit::Failure;
+
+use super::stream::{Stream, StreamArgs, Watcher};
 
 /// `ril echo`, `ril topic echo`
 #[derive(Args, Clone, Debug)]

@@ -10,11 +10,10 @@ use clap::Args;
 use ipc_types::Schema;
 use ipc_types::payload::Layout;
 use ipc_types::schema::generate;
-use runtime::exit::{ExitCode, Failure, OrFail};
-use serde::Serialize;
-
 use operator::options::{EXIT_CODES, read_text};
 use operator::render::print_as;
+use runtime::exit::{ExitCode, Failure, OrFail};
+use serde::Serialize;
 
 /// `ril topic generate`
 #[derive(Args, Clone, Debug)]

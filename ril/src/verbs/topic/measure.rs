@@ -10,17 +10,17 @@ use std::time::Duration;
 use clap::Args;
 use ipc_types::payload::RelayLink;
 use ipc_types::{Losses, MonotonicNs};
-use runtime::exit::Failure;
-
-use super::histogram::Detail;
-use super::meter::{Meter, MeterReport, Of, Quantity, Relayed};
-use super::stream::{Stream, StreamArgs, Watched, Watcher};
 use operator::options::EXIT_CODES;
 use operator::render::json_line;
 use operator::render::stamps::StampReader;
 use operator::render::terminal::{Block, Size};
 use operator::robot::relay_link::LinkWatch;
 use operator::session::Topics;
+use runtime::exit::Failure;
+
+use super::histogram::Detail;
+use super::meter::{Meter, MeterReport, Of, Quantity, Relayed};
+use super::stream::{Stream, StreamArgs, Watched, Watcher};
 
 /// `ril hz`, `ril delay`, `ril bw`
 ///

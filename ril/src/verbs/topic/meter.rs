@@ -16,13 +16,13 @@
 use std::time::Duration;
 
 use ipc_types::{Losses, MonotonicNs};
+use operator::render::stamps::{DspClock, Stamps};
+use operator::render::words::{count, or_dash};
 use serde::Serialize;
 use serde::ser::{SerializeMap, Serializer};
 use serde_json::Value;
 
 use super::histogram::{Detail, Distribution, Histogram, Unit, rounded};
-use operator::render::stamps::{DspClock, Stamps};
-use operator::render::words::{count, or_dash};
 
 /// For how long the DSP's clock is compared with the quickest sample. Two quartzes drift apart by up to 1 ms in this time,
 /// which is the step of the DSP's clock; a longer time would show the drift and not the delay.

@@ -16,6 +16,10 @@ use clap::{Args, Subcommand};
 use ipc_types::Schema;
 use ipc_types::dynamic::{self, ServiceFacts};
 use ipc_types::schema::{Field, Kind, Message};
+use operator::options::EXIT_CODES;
+use operator::render::fields::Selection;
+use operator::render::{json_line, note, print_as};
+use operator::session::{Session, configuration, other_domains, others_alive};
 use runtime::args::CommonArgs;
 use runtime::exit::Failure;
 use serde::Serialize;
@@ -25,10 +29,6 @@ use self::generate::TopicGenerateArgs;
 use self::measure::MeasureArgs;
 use self::meter::Quantity;
 use self::stream::{schema_of, topic_key};
-use operator::options::EXIT_CODES;
-use operator::render::fields::Selection;
-use operator::render::{json_line, note, print_as};
-use operator::session::{Session, configuration, other_domains, others_alive};
 
 /// `ril topic`
 #[derive(Args, Clone, Debug)]

@@ -13,15 +13,14 @@ use clap::Args;
 use ipc_types::schema::LoadError;
 use ipc_types::service::{is_key, own};
 use ipc_types::{Descriptor, DynamicSubscriber, Losses, MonotonicNs, Schema, dynamic};
-use runtime::args::CommonArgs;
-use runtime::exit::{ExitCode, Failure, OrFail};
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::fs::{FileType, fstat};
-
 use operator::options::duration;
 use operator::robot::absence::{absent, nothing_came};
 use operator::session::{Session, configuration};
 use operator::topic_name::key_of;
+use runtime::args::CommonArgs;
+use runtime::exit::{ExitCode, Failure, OrFail};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{FileType, fstat};
 
 /// Reads the key or the short name of a topic.
 pub(super) fn topic_key(text: &str) -> Result<String, String> {

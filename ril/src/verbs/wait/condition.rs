@@ -10,7 +10,6 @@ use std::fmt;
 use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Schema, TelemetryGroup};
-
 use operator::render::fields::{Selection, Tree};
 use operator::robot::freshness::is_present;
 

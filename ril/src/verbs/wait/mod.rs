@@ -9,16 +9,16 @@ use std::time::Duration;
 use clap::Args;
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, Topic};
+use operator::options::{EXIT_CODES, duration};
+use operator::render::{Weight, json_text, tell};
+use operator::robot::absence::absent;
+use operator::session::{Latest, Session, configuration};
 use runtime::args::CommonArgs;
 use runtime::duration::DurationText;
 use runtime::exit::{ExitCode, Failure};
 use serde::Serialize;
 
 use self::condition::{Condition, Newest, Standing};
-use operator::options::{EXIT_CODES, duration};
-use operator::render::{Weight, json_text, tell};
-use operator::robot::absence::absent;
-use operator::session::{Latest, Session, configuration};
 
 /// What a condition is, for the end of the help.
 const CONDITIONS: &str = "\

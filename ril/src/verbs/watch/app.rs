@@ -9,12 +9,11 @@ mod tests;
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
-use operator::robot::chart::ChartArea;
-
 use operator::render::terminal::Key;
 use operator::request::ports::RobotOrder;
 use operator::robot::changes::Weight;
 use operator::robot::chart::Chart;
+use operator::robot::chart::ChartArea;
 use operator::robot::geo::Place;
 use operator::robot::model::WatchedRobot;
 

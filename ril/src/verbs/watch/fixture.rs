@@ -2,11 +2,11 @@
 
 use ipc_types::RobotId;
 use ipc_types::outline::Outline;
-
-use super::app::App;
 use operator::robot::chart::Chart;
 use operator::robot::clock::Clocks;
 use operator::robot::fixture::{at, fly, outline};
+
+use super::app::App;
 
 /// The clock at `ms`; the flight begins at 12:00:00.
 pub fn clock(ms: u64) -> Clocks {

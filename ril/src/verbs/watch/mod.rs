@@ -19,6 +19,13 @@ use std::time::Duration;
 
 use clap::{ArgAction, Args};
 use ipc_types::{Descriptor, Domain, MonotonicNs, RobotId, Source, Waiter};
+use operator::config::RequestConfig;
+use operator::options::EXIT_CODES;
+use operator::render::terminal::read_keys;
+use operator::request::ports::{self, RobotPorts};
+use operator::robot::clock::{Clocks, WallClock};
+use operator::robot::{chart, model};
+use operator::session::{alive, configuration};
 use ratatui::buffer::Buffer;
 use runtime::args::{CommonArgs, SettingsArgs, robot};
 use runtime::exit::{ExitCode, Failure, OrFail};
@@ -27,13 +34,6 @@ use terminal::Terminal;
 
 use self::app::{App, KeyAction, MAX_ROBOTS};
 use self::view::Glyphs;
-use operator::config::RequestConfig;
-use operator::options::EXIT_CODES;
-use operator::render::terminal::read_keys;
-use operator::request::ports::{self, RobotPorts};
-use operator::robot::clock::{Clocks, WallClock};
-use operator::robot::{chart, model};
-use operator::session::{alive, configuration};
 
 /// `ril watch`
 #[derive(Args, Clone, Debug)]

@@ -16,6 +16,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use ipc_types::Descriptor;
+use operator::render::terminal::Size;
 use ratatui::buffer::{Buffer, Cell};
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier};
@@ -29,8 +30,6 @@ use rustix::termios::{
 use signal_hook::consts::{SIGCONT, SIGHUP, SIGQUIT, SIGWINCH};
 use signal_hook::low_level::{pipe, unregister};
 use signal_hook::{SigId, flag};
-
-use operator::render::terminal::Size;
 
 /// Largest screen that is drawn, to each side: what says to be larger is surely wrong, and would take memory.
 const MAX_SIDE: u16 = 500;

@@ -256,7 +256,7 @@ fn the_manual_permits_the_service_to_write_the_fence_where_its_bridge_reads_it()
     assert_eq!(only(&unit, "ProtectSystem"), "strict");
     assert!(!only(&unit, "ReadWritePaths").contains("/etc"));
     let read = |path: &str| fs::read_to_string(repository(path)).unwrap();
-    let example = read("ril/mavlink.toml");
+    let example = read("gateways/mavlink/mavlink.toml");
     assert!(example.contains(&format!("#bridge = \"{folder}/bridge.toml\"")));
     let manual = read("docs/install.md");
     let drop_in = "/etc/systemd/system/ril-mavlink@1.service.d";

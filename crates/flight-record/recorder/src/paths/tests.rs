@@ -1,11 +1,11 @@
 use ipc_types::RobotId;
 use ipc_types::code::OutlineKind;
 use ipc_types::payload::{HeroGeodetic, HeroLocal, SharedStruct};
+use operator::robot::geo::moved;
 use recording::{Anchor, FlightInfo, Settings, read};
 use ros_messages::cdr::Reader;
 
 use super::*;
-use operator::robot::geo::moved;
 
 /// Where `map` begins.
 fn home() -> Place {

@@ -23,7 +23,7 @@ use status::log::retention::Retention;
 use status::log::store::{FileStore, LogFile, Store};
 
 /// The thread, as the rest of the process sees it.
-pub(super) struct Disk {
+pub(crate) struct Disk {
     /// Room for the one action that can be outstanding, so that handing it over never waits.
     actions: SyncSender<FileAction>,
     outcomes: Receiver<ActionResult>,
@@ -34,7 +34,7 @@ pub(super) struct Disk {
 /// The thread of the disk has ended by itself: it panicked.
 #[derive(Debug, thiserror::Error)]
 #[error("the thread that writes to the disk has failed")]
-pub(super) struct DiskGone;
+pub(crate) struct DiskGone;
 
 impl Disk {
     /// Starts the thread.
@@ -136,7 +136,7 @@ trait RecordFile: LogFile {
 }
 
 /// Who may read and write a record at most: its owner, and its group may read.
-pub(super) const MODE: u32 = 0o640;
+pub(crate) const MODE: u32 = 0o640;
 
 impl RecordFile for File {
     fn write_at(&mut self, bytes: &[u8], at: u64) -> io::Result<()> {
@@ -350,7 +350,7 @@ fn failed(file: &Path, error: &io::Error) -> DiskError {
 
 /// What the thread did, in its order, for the operator.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Note {
+pub(crate) enum Note {
     /// A file was created.
     Opened(PathBuf),
     /// An old file was removed to make room for the next.
@@ -368,7 +368,7 @@ pub(super) enum Note {
 
 /// A file to which nothing will be written any more.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct ClosedFile {
+pub(crate) struct ClosedFile {
     /// Where it is.
     pub path: PathBuf,
     /// Whether it is complete.
@@ -380,7 +380,7 @@ pub(super) struct ClosedFile {
 }
 
 /// How an action went.
-pub(super) struct ActionResult {
+pub(crate) struct ActionResult {
     /// The answer for the recorder.
     pub result: Result<(), DiskError>,
     /// What the operator should know.
@@ -389,7 +389,7 @@ pub(super) struct ActionResult {
 
 /// Where the files go, and how much they may take.
 #[derive(Clone, Debug)]
-pub(super) struct RecordFolder {
+pub(crate) struct RecordFolder {
     /// The folder.
     pub folder: PathBuf,
     /// Which files in it are the recording's.
@@ -402,7 +402,7 @@ pub(super) struct RecordFolder {
 
 /// A file beside the recordings that Foxglove and Lichtblick import.
 #[derive(Clone, Debug)]
-pub(super) struct ViewerLayout {
+pub(crate) struct ViewerLayout {
     /// Its name.
     pub name: String,
     /// What it has.

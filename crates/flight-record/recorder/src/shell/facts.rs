@@ -5,12 +5,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use ipc_types::{Ipc, Provider, RobotId, ServiceId};
+use operator::robot::running::{command_of, file_of};
 use recording::{Anchor, Attachment, FlightInfo};
 use runtime::config::resulting::Resulting;
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::options::RecordArgs;
-use operator::robot::running::{command_of, file_of};
+use crate::cli::RecordArgs;
 
 /// A process whose configuration is recorded.
 struct Configured {
@@ -30,7 +30,7 @@ const CONFIGURED: [Configured; 2] = [
         service: ServiceId::DspTelemetry,
         default_file: bridge::cli::DEFAULT_CONFIG_FILE,
         read: |file| {
-            let example = include_str!("../../../../bridge/bridge.toml");
+            let example = include_str!("../../../../../bridge/bridge.toml");
             Resulting::load::<bridge::BridgeConfig>(Some(file), file, example)
         },
     },
@@ -39,14 +39,14 @@ const CONFIGURED: [Configured; 2] = [
         service: ServiceId::HeroTelemetry,
         default_file: status::config::DEFAULT_FILE,
         read: |file| {
-            let example = include_str!("../../../../status/status.toml");
+            let example = include_str!("../../../../../status/status.toml");
             Resulting::load::<status::config::Config>(Some(file), file, example)
         },
     },
 ];
 
 /// What is known of a robot, its processes and this machine.
-pub(super) struct FactsOfRobot {
+pub(crate) struct FactsOfRobot {
     ipc: Ipc,
     /// When the recording began.
     start: Anchor,

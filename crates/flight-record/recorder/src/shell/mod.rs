@@ -1,21 +1,28 @@
 //! [`RecorderShell`]: the recorder between the ports of the robot's topics and the thread of the disk, in the loop of every process.
+//!
+//! * `topics`: the ports; `disk`: the one thread that writes; `facts`: what the files say of the flight; `report`: what is printed.
+
+pub(crate) mod disk;
+pub(crate) mod facts;
+pub(crate) mod report;
+pub(crate) mod topics;
 
 use std::os::fd::AsFd;
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, SchedulingRole, WaitError, Wake};
 use module_kit::process::{Process, Sources};
+use operator::render::words::count;
 use recording::{Anchor, FileAction, Recorder, Totals};
 use runtime::exit::{ExitCode, Failure};
 use status::log::store::{FileStore, Store};
 
-use super::disk::{ActionResult, Disk, DiskGone, Note};
-use super::facts::FactsOfRobot;
-use super::gather::Gather;
-use super::report::Reporter;
-use super::sinks::Sinks;
-use super::topics::{RecordedTopics, Wakes};
-use operator::render::words::count;
+use self::disk::{ActionResult, Disk, DiskGone, Note};
+use self::facts::FactsOfRobot;
+use self::report::Reporter;
+use self::topics::{RecordedTopics, Wakes};
+use crate::gather::Gather;
+use crate::sinks::Sinks;
 
 /// How long the end of the process waits for the disk. Most of what a disk does takes less; what takes longer may hang for ever,
 /// and a process that cannot be ended is worse than an unknown number of messages.
@@ -23,7 +30,7 @@ const END_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Why a recording cannot go on.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum RecordError {
+pub(crate) enum RecordError {
     /// The operating system cannot wait any more.
     #[error(transparent)]
     Wait(#[from] WaitError),
@@ -33,7 +40,7 @@ pub(super) enum RecordError {
 }
 
 /// What the clocks show now.
-pub(super) fn anchor() -> Anchor {
+pub(crate) fn anchor() -> Anchor {
     let clock = FileStore.clock();
     Anchor {
         monotonic: clock.monotonic,
@@ -42,7 +49,7 @@ pub(super) fn anchor() -> Anchor {
 }
 
 /// A recording that goes on.
-pub(super) struct RecorderShell {
+pub(crate) struct RecorderShell {
     topics: RecordedTopics,
     facts: FactsOfRobot,
     recorder: Recorder,

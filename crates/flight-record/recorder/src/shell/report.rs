@@ -3,6 +3,8 @@
 use std::time::Duration;
 
 use ipc_types::{MonotonicNs, RobotId};
+use operator::render::json_line;
+use operator::render::words::{count, shell_word};
 use recording::{DiskError, DiskErrorKind, Totals};
 use runtime::output::standard_output;
 use serde::Serialize;
@@ -10,8 +12,6 @@ use status::rate_limited::RateLimitedCounter;
 
 use super::disk::{ClosedFile, Note};
 use super::topics::TopicCounts;
-use operator::render::json_line;
-use operator::render::words::{count, shell_word};
 
 /// How often lost messages are reported while they go on.
 const LOSS_REPORT_PERIOD: Duration = Duration::from_secs(60);
@@ -52,7 +52,7 @@ struct TopicObject {
 }
 
 /// See the module's documentation.
-pub(super) struct Reporter {
+pub(crate) struct Reporter {
     robot: RobotId,
     is_json: bool,
     dropped: RateLimitedCounter,

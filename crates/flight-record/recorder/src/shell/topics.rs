@@ -9,14 +9,14 @@ use ipc_types::payload::{BridgeJournal, StatusJournal};
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::service::Pattern;
 use ipc_types::{DynamicSubscriber, Ipc, JournalPiece, Losses, MonotonicNs, PortSet, Schema};
+use operator::render::stamps::StampReader;
+use recording::topic_of;
 use recording::{Channel, ChannelId, Event, EventKind, Recorder};
 use ros_messages::{OFFERED_QOS_PROFILES, Qos};
 use runtime::exit::{ExitCode, Failure, OrFail};
 
-use super::publisher::{LossEvents, Piece, ProcessWatch, Tail};
-use super::sinks::{SinkTopic, Sinks};
-use operator::render::stamps::StampReader;
-use recording::topic_of;
+use crate::publisher::{LossEvents, Piece, ProcessWatch, Tail};
+use crate::sinks::{SinkTopic, Sinks};
 
 /// When a service that could not be opened is tried again.
 const RETRY_PERIOD: Duration = Duration::from_secs(1);
@@ -25,7 +25,7 @@ const RETRY_PERIOD: Duration = Duration::from_secs(1);
 const MAX_NAMED: usize = 5;
 
 /// All topics, each with its subscriber.
-pub(super) struct RecordedTopics {
+pub(crate) struct RecordedTopics {
     ipc: Ipc,
     /// When the recording began.
     begun: MonotonicNs,
@@ -79,7 +79,7 @@ struct Destination<'a> {
 
 /// Whether publishers are to wake the recorder for what they publish next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Wakes {
+pub(crate) enum Wakes {
     /// The recorder will look by the time.
     Unneeded,
     /// The recorder may sleep until a sample comes.
@@ -87,7 +87,7 @@ pub(super) enum Wakes {
 }
 
 /// What became of a topic.
-pub(super) struct TopicCounts {
+pub(crate) struct TopicCounts {
     /// As it is called in the file.
     pub topic: String,
     /// What came and what did not.

@@ -2,11 +2,10 @@
 
 use ipc_types::MonotonicNs;
 
+use super::{FileStep, Files, Goal, OpenFile, Then};
 use crate::action::FileAction;
 use crate::encoder::Encoder;
 use crate::notes::file_metadata;
-
-use super::{FileStep, Files, Goal, OpenFile, Then};
 
 /// Bytes of messages that are written at once, without the last one.
 const CHUNK_BYTES: usize = 1 << 20;

@@ -2,13 +2,12 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use crate::event::EventKind;
-use crate::event_message;
-
 use super::message::{ReadError, RecordedMessage};
 use super::record::{self, AttachmentRecord};
 use super::store::RecordSource;
 use super::walk::{Walk, WalkItem};
+use crate::event::EventKind;
+use crate::event_message;
 
 /// Errors that are listed at most.
 const MAX_ERRORS: usize = 1000;

@@ -6,13 +6,12 @@ use std::io::Write;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, Writer};
 
-use crate::encoder::write_options;
-use crate::sink::Counted;
-
 use super::message::{ReadError, RecordedMessage};
 use super::record::{self, ChannelFacts};
 use super::store::RecordSource;
 use super::walk::{Walk, WalkItem};
+use crate::encoder::write_options;
+use crate::sink::Counted;
 
 /// Name of the record of metadata that says what was wrong with the damaged file.
 pub const RECOVERED_METADATA: &str = "ril.recovered";

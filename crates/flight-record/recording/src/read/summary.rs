@@ -5,14 +5,13 @@ use std::sync::Arc;
 
 use mcap::records::op;
 
-use crate::ending::HEAD_LEN;
-use crate::settings::Attachment;
-
 use super::check::check_with;
 use super::message::ReadError;
 use super::record::{self, AttachmentRecord, Fields, McapRecord, SchemaFacts};
 use super::store::{CachedSource, RecordSource};
 use super::walk::summary_place;
+use crate::ending::HEAD_LEN;
+use crate::settings::Attachment;
 
 /// Length of the head of a record, bytes.
 const HEAD: u64 = HEAD_LEN as u64;

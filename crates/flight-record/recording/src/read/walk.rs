@@ -6,14 +6,13 @@ use std::sync::Arc;
 
 use mcap::records::op;
 
-use crate::ending::HEAD_LEN;
-
 use super::message::{ReadError, RecordedMessage};
 use super::record::{
     self, ChannelFacts, ChunkHead, FOOTER_LEN, MAX_CHUNK_HEAD_LEN, McapRecord, SchemaFacts,
     summary_start,
 };
 use super::store::{CachedSource, RecordSource, room_for};
+use crate::ending::HEAD_LEN;
 
 /// How often the bytes of a file are summed up at most, while chunks are searched. A damaged file needs one; a file that was
 /// made to look like chunks everywhere could take hours.

@@ -8,11 +8,11 @@ use ipc_types::dynamic::ServiceFacts;
 use ipc_types::schema::CDR_HEADER;
 use ipc_types::service::Pattern;
 use ipc_types::{DynamicSubscriber, Ipc, RobotId, Schema};
-use view::{Channel, ChannelId, Server};
-
 use operator::render::stamps::StampReader;
 use operator::robot::clock::Clocks;
 use recording::topic_of;
+
+use crate::{Channel, ChannelId, Server};
 
 /// A topic that is offered.
 struct OfferedTopic {
@@ -38,7 +38,7 @@ struct RobotTopics {
 
 /// See the module's documentation.
 #[derive(Default)]
-pub(super) struct Channels {
+pub(crate) struct Channels {
     robots: BTreeMap<RobotId, RobotTopics>,
     /// A sample as a CDR message; kept, so that only the server's copy is made of each.
     cdr: Vec<u8>,

@@ -8,20 +8,20 @@ use std::time::Duration;
 
 use ipc_types::payload::HeroTelemetry;
 use ipc_types::{Ipc, MonotonicNs, RobotId, Subscriber};
-use ros_messages::{
-    DIAGNOSTIC_ARRAY, Diagnostic, DiagnosticLevel, GEO_JSON, Log, UnixOffset, ViewerMessage,
-    definition, diagnostic_array, geojson_message,
-};
-use view::{Channel, ChannelId, Server, page};
-
-use super::geojson;
-use crate::verbs::view::fleet::ShownRobot;
-use crate::verbs::view::messages;
 use operator::robot::clock::Clocks;
 use operator::robot::geo::Place;
 use operator::robot::history::EventLine;
 use operator::robot::model::{Process, WatchedRobot};
 use recording::{FLIGHT, topic};
+use ros_messages::{
+    DIAGNOSTIC_ARRAY, Diagnostic, DiagnosticLevel, GEO_JSON, Log, UnixOffset, ViewerMessage,
+    definition, diagnostic_array, geojson_message,
+};
+
+use super::geojson;
+use crate::messages;
+use crate::shell::fleet::ShownRobot;
+use crate::{Channel, ChannelId, Server, page};
 
 /// How often conditions are sent although they did not change: all robots share the topic, and a client that comes later gets its
 /// newest message alone.
@@ -32,7 +32,7 @@ const TRACK_PERIOD: Duration = Duration::from_secs(1);
 
 /// See the module's documentation.
 #[derive(Default)]
-pub(super) struct Derived {
+pub(crate) struct Derived {
     robots: BTreeMap<RobotId, RobotTopics>,
 }
 
@@ -252,7 +252,7 @@ const MAX_KNOWN: usize = 64;
 
 /// See the module's documentation.
 #[derive(Debug, Default)]
-pub(super) struct Diagnostics {
+pub(crate) struct Diagnostics {
     /// Names of alarms that there were.
     known: Vec<String>,
 }
@@ -307,7 +307,7 @@ mod tests {
     use ipc_types::RobotId;
 
     use super::*;
-    use crate::verbs::view::messages;
+    use crate::messages;
     use operator::robot::fixture::{at, fly};
     use operator::robot::model::{Process, WatchedRobot};
 

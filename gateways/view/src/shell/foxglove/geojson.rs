@@ -1,9 +1,9 @@
 //! What lies on the map, as GeoJSON: fence, path and home, and the track. Places of GeoJSON are longitude and latitude.
 
-use serde_json::{Value, json};
-use view::page;
-
 use operator::robot::geo::Place;
+use serde_json::{Value, json};
+
+use crate::page;
 
 /// Colours by Okabe and Ito, as in the page.
 const INCLUSION: &str = "#009e73";
@@ -13,7 +13,7 @@ const TRACK: &str = "#cc79a7";
 const HOME: &str = "#000000";
 
 /// The fence in force, the path that is flown, and home.
-pub(super) fn chart(chart: &page::Chart) -> String {
+pub(crate) fn chart(chart: &page::Chart) -> String {
     let mut features: Vec<Value> = chart.fence.iter().map(area).collect();
     let path = chart
         .path
@@ -43,7 +43,7 @@ pub(super) fn chart(chart: &page::Chart) -> String {
 }
 
 /// Where the robot was.
-pub(super) fn track(places: &[Place]) -> String {
+pub(crate) fn track(places: &[Place]) -> String {
     let line = places
         .iter()
         .map(|place| [place.longitude_deg, place.latitude_deg]);

@@ -9,24 +9,22 @@ mod geojson;
 mod parameters;
 mod services;
 
-pub(crate) use self::services::ServiceCall;
-
 use ipc_types::MonotonicNs;
+use operator::config::RequestConfig;
+use operator::robot::clock::Clocks;
 use serde_json::Value;
-use view::{Server, page};
 
 use self::channels::Channels;
 use self::derived::Derived;
 use self::parameters::Parameters;
+pub(crate) use self::services::ServiceCall;
 use self::services::Services;
-
 use super::fleet::Fleet;
 use super::orders::Orders;
-use operator::config::RequestConfig;
-use operator::robot::clock::Clocks;
+use crate::{Server, page};
 
 /// See the module's documentation.
-pub(super) struct Foxglove {
+pub(crate) struct Foxglove {
     channels: Channels,
     derived: Derived,
     /// `None` if clients order nothing.

@@ -15,11 +15,6 @@ use std::time::Duration;
 use ipc_types::code::{PortKind, Stage};
 use ipc_types::payload::{ParameterRequest, PortInfo, RequestReport};
 use ipc_types::{Client, MonotonicNs, RobotId, fresh_request_id};
-use serde_json::Value;
-use view::Server;
-
-use super::services::COMMANDED;
-use crate::verbs::view::fleet::{Fleet, ShownRobot};
 use operator::config::RequestConfig;
 use operator::render::messages::details::{port_name, port_value};
 use operator::render::messages::{FinalReport, Verb, ending};
@@ -27,6 +22,11 @@ use operator::request::{Exchange, Next, Outcome, Until, begin_by_ns, ports};
 use operator::robot::changes::Weight;
 use operator::robot::freshness::Freshness;
 use operator::robot::model::Process;
+use serde_json::Value;
+
+use super::services::COMMANDED;
+use crate::Server;
+use crate::shell::fleet::{Fleet, ShownRobot};
 
 /// A robot's cache, and its bridge.
 #[derive(Default)]
@@ -41,7 +41,7 @@ struct OfRobot {
 
 /// See the module's documentation.
 #[derive(Default)]
-pub(super) struct Parameters {
+pub(crate) struct Parameters {
     robots: BTreeMap<RobotId, OfRobot>,
 }
 
@@ -228,7 +228,7 @@ const MAX_PORTS: u32 = 64;
 
 /// A question to the bridge.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Ask {
+pub(crate) enum Ask {
     /// Which port stands at this place of the list.
     List(u32),
     /// The value of the port at this place of the cache.
@@ -259,7 +259,7 @@ enum QueryStep {
 
 /// See the module's documentation.
 #[derive(Debug, Default)]
-pub(super) struct Cache {
+pub(crate) struct Cache {
     ports: Vec<PortValue>,
     step: QueryStep,
     /// No question to the bridge before this moment.

@@ -4,14 +4,14 @@
 use std::collections::BTreeMap;
 
 use ipc_types::MonotonicNs;
+use operator::config::RequestConfig;
 use serde::Deserialize;
 use serde_json::json;
-use view::page::{OrderKind, OrderReport, OrderRequest, OrderStage};
-use view::{Call, OfferedService, Server};
 
-use crate::verbs::view::fleet::Fleet;
-use crate::verbs::view::orders::{GivenOrder, Orders};
-use operator::config::RequestConfig;
+use crate::page::{OrderKind, OrderReport, OrderRequest, OrderStage};
+use crate::shell::fleet::Fleet;
+use crate::shell::orders::{GivenOrder, Orders};
+use crate::{Call, OfferedService, Server};
 
 /// What every robot is offered: name, order, JSON Schema of the request's properties, those that it must have.
 const SERVICES: [(&str, OrderKind, &str, &str); 6] = [
@@ -43,7 +43,7 @@ const SERVICES: [(&str, OrderKind, &str, &str); 6] = [
 const RESPONSE: &str = r#"{"type":"object","properties":{"accepted":{"type":"boolean"},"request_id":{"type":"string"},"text":{"type":"string"}},"required":["accepted","request_id","text"]}"#;
 
 /// Why a client orders nothing: a page has the lease.
-pub(super) const COMMANDED: &str = "a page commands this robot, and can release it";
+pub(crate) const COMMANDED: &str = "a page commands this robot, and can release it";
 
 /// A call of a service, and its caller.
 pub(crate) struct ServiceCall {
@@ -57,7 +57,7 @@ pub(crate) struct ServiceCall {
 
 /// See the module's documentation.
 #[derive(Default)]
-pub(super) struct Services {
+pub(crate) struct Services {
     /// The robots whose services are offered.
     offered: Vec<u32>,
     /// Orders that were given so far.

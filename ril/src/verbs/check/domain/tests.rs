@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
+use operator::robot::domain::Trouble;
 use runtime::finding::Severity::{self, Error, Note, Warning};
 
 use super::*;
-use operator::robot::domain::Trouble;
 
 /// Of a user that is not this one.
 const STRANGER: u32 = u32::MAX - 7;

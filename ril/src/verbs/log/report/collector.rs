@@ -3,6 +3,11 @@
 use ipc_types::TelemetryGroup;
 use ipc_types::code::PilotSwitch;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry, ModuleState};
+use operator::render::messages::details;
+use operator::robot::chart::Chart;
+use operator::robot::geo::{Place, Spaced, Track, distance_m};
+use operator::robot::pilot::PilotView;
+use recording::RequestEvent;
 use view::page::Weight;
 use view::report::FlightReport;
 use view::report::flight::{Ink, Lane, Limit, Map};
@@ -12,11 +17,6 @@ use super::events::{EventLog, LoggedEventKind};
 use super::module::{ModuleLog, States};
 use super::requests::RequestLog;
 use crate::verbs::log::summary::{GAP_S, MAX_STEP_M, SampleStep};
-use operator::render::messages::details;
-use operator::robot::chart::Chart;
-use operator::robot::geo::{Place, Spaced, Track, distance_m};
-use operator::robot::pilot::PilotView;
-use recording::RequestEvent;
 
 /// Most points of the track: more than a map has columns.
 const TRACK_POINTS: usize = 4000;

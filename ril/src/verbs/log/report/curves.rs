@@ -4,11 +4,11 @@
 
 use ipc_types::TelemetryGroup;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};
+use operator::robot::pilot::PilotView;
 use view::report::envelope::{Bins, Envelope};
 use view::report::flight::{Curve, Ink, Limit, Plot, Scale};
 
 use crate::verbs::log::summary::GAP_S;
-use operator::robot::pilot::PilotView;
 
 /// An altitude that was asked for beyond this is none, m.
 const MAX_ALTITUDE_M: f32 = 100_000.0;

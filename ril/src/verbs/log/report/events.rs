@@ -1,10 +1,9 @@
 //! [`EventLog`]: what happened in a flight, bounded: of each kind at most [`MAX_OF_A_KIND`] events are kept, so that no kind crowds
 //! out another, and the others are counted. What repeats within some seconds is one event.
 
+use operator::robot::geo::Place;
 use view::page::Weight;
 use view::report::flight::Event;
-
-use operator::robot::geo::Place;
 
 /// Most events of a kind: more than a person reads.
 pub const MAX_OF_A_KIND: usize = 50;

@@ -15,6 +15,9 @@ use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
+use operator::render::print_as;
+use operator::robot::chart::{Chart, FenceFile, of_files};
+use operator::session::configuration;
 use recording::read::{RecordFile, RecordSummary, summary_of};
 use runtime::exit::Failure;
 use serde::Serialize;
@@ -28,9 +31,6 @@ use super::options::LogReportArgs;
 use super::recording::{LogEntry, LogFormat};
 use super::row::UtcSource;
 use super::summary::{Summarizer, Summary};
-use operator::render::print_as;
-use operator::robot::chart::{Chart, FenceFile, of_files};
-use operator::session::configuration;
 
 /// Name of the JSON object's layout.
 const SCHEMA: &str = "ril.LogReport.v1";

@@ -2,14 +2,14 @@
 
 use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::ModuleState;
+use operator::render::messages::details;
+use operator::robot::pilot;
 use runtime::finding::Severity;
 use view::page::Weight;
 use view::report::flight::{Ink, Lane, Span};
 
 use super::curves::Curves;
 use super::events::{EventLog, LoggedEventKind};
-use operator::render::messages::details;
-use operator::robot::pilot;
 
 /// See the module's documentation.
 #[derive(Debug, Default)]

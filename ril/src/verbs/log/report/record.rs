@@ -7,13 +7,13 @@ use ipc_types::payload::{HeroTelemetry, ModuleState, SharedStruct};
 use ipc_types::schema::CDR_HEADER;
 use recording::EventKind;
 use recording::read::{self, RecordFile, RecordedEvent, RecordedMessage};
+use recording::{FLIGHT, REQUEST_EVENT, RequestEvent};
 use ros_messages::{Level, Log};
 use view::page::Weight;
 use view::report::flight::Table;
 
 use super::collector::Collector;
 use super::events::LoggedEventKind;
-use recording::{FLIGHT, REQUEST_EVENT, RequestEvent};
 
 /// Ends of the names of topics.
 const HERO: &str = "/hero/telemetry";

@@ -4,10 +4,9 @@
 use std::collections::BTreeMap;
 
 use ipc_types::code::Stage;
-use view::report::flight::{Outcome, RequestRow};
-
 use operator::robot::geo::Place;
 use recording::RequestEvent;
+use view::report::flight::{Outcome, RequestRow};
 
 /// Most requests that are shown; further ones are counted.
 const MAX_REQUESTS: usize = 300;

@@ -1,16 +1,15 @@
 //! Logs as reports.
 
+use operator::robot::chart::Chart;
+use status::log::read::LogReader;
 use view::page::Weight;
 use view::report::FlightReport;
-
-use status::log::read::LogReader;
 
 use super::collector::Collector;
 use super::words;
 use crate::verbs::log::recording::LogEntry;
 use crate::verbs::log::row::UtcSource;
 use crate::verbs::log::summary::Summarizer;
-use operator::robot::chart::Chart;
 
 const HEADER: &str = "flying\tsequence\treceived_ns\tdsp_time_ms\tlatitude_deg\tlongitude_deg\taltitude_m\tgps_quality\tbattery_mv\tfuel_percent\tauto_switch\tdsp_errors\tlast_dsp_error_code\n";
 

@@ -1,7 +1,8 @@
 //! The flight in sentences, of the same summary that `ril log summary` prints.
 
-use crate::verbs::log::summary::{Course, Summary};
 use operator::render::words::duration_with_tenths as duration;
+
+use crate::verbs::log::summary::{Course, Summary};
 
 /// Titles of the summary's lines that the report shows elsewhere.
 const ELSEWHERE: [&str; 5] = ["file", "robot", "start", "end", "requests"];

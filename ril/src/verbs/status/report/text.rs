@@ -7,15 +7,15 @@ use ipc_types::MonotonicNs;
 use ipc_types::code::{ModuleId, ModuleStatus};
 use ipc_types::module::State;
 use ipc_types::payload::{DspErrorCounters, LinkHealth, ModuleState, MovementState, SafetyState};
-use runtime::duration::DurationText;
-
-use super::{StateReport, implausible, known_dsp_errors, pc_timeout_supported};
 use operator::render::fields::{Selection, Tree};
 use operator::render::messages::details;
 use operator::render::words::{count, error_words, module_words, or_dash};
 use operator::robot::freshness::{age_ms, named};
 use operator::robot::pilot;
 use operator::robot::relay_link::UNREADABLE;
+use runtime::duration::DurationText;
+
+use super::{StateReport, implausible, known_dsp_errors, pc_timeout_supported};
 
 impl fmt::Display for StateReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

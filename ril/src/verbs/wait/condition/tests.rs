@@ -3,9 +3,9 @@
 use ipc_types::code::{Functionality, LinkState};
 use ipc_types::payload::{HeroTelemetry, ModuleState};
 use ipc_types::{MonotonicNs, TelemetryGroup};
+use operator::render::fields::{Selection, Tree};
 
 use super::{Condition, Newest};
-use operator::render::fields::{Selection, Tree};
 
 const NOW: MonotonicNs = MonotonicNs(100_000_000_000);
 

@@ -2,16 +2,16 @@
 //! last; keys, or the question that waits for its word.
 
 use ipc_types::payload::ModuleState;
+use operator::robot::changes::Weight;
+use operator::robot::clock::Clocks;
+use operator::robot::freshness::Freshness;
+use operator::robot::model::{Process, WatchedRobot};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Modifier, Style};
 
 use super::pen::{ALARM, GOOD, Glyphs, OLD, TITLE, WARNING, mark_of, put, put_right, style_of};
 use crate::verbs::watch::app::App;
-use operator::robot::changes::Weight;
-use operator::robot::clock::Clocks;
-use operator::robot::freshness::Freshness;
-use operator::robot::model::{Process, WatchedRobot};
 
 /// What the robot does, in words; and the style of these.
 pub(super) fn doing(robot: &WatchedRobot, clock: Clocks) -> (String, Style) {

@@ -1,6 +1,8 @@
 //! Draws the map: north up, as many metres to a line as to two characters.
 
 use operator::robot::chart::ChartArea;
+use operator::robot::geo::{Place, offset_m};
+use operator::robot::model::WatchedRobot;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
@@ -11,8 +13,6 @@ use ratatui::widgets::{Block, Widget};
 
 use super::pen::{Glyphs, OLD, TITLE, put};
 use crate::verbs::watch::app::{App, Zoom};
-use operator::robot::geo::{Place, offset_m};
-use operator::robot::model::WatchedRobot;
 
 /// Least width and height of what is shown, m: a robot that stands still is not drawn larger than its error.
 const LEAST_SPAN_M: f64 = 20.0;

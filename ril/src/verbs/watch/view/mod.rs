@@ -8,12 +8,12 @@ mod pen;
 mod tests;
 mod values;
 
+use operator::robot::clock::Clocks;
+pub use pen::Glyphs;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use super::app::App;
-use operator::robot::clock::Clocks;
-pub use pen::Glyphs;
 
 /// The least that the whole view needs, characters. On less there are a few lines and a word about it.
 pub const MIN_WIDTH: u16 = 80;

@@ -1,11 +1,10 @@
 //! What every part of the screen is drawn with: characters, styles, and text at a place.
 
+use operator::robot::changes::Weight;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::text::{Line, Span};
-
-use operator::robot::changes::Weight;
 
 /// Which characters are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

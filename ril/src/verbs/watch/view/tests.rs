@@ -7,6 +7,11 @@ use ipc_types::payload::{
     DspTelemetry, HeroTelemetry, ModuleState, RelayLink, RelayStation, RelayStations, SharedStruct,
     ascii_bytes,
 };
+use operator::render::terminal::Key;
+use operator::robot::changes::Weight;
+use operator::robot::chart::Chart;
+use operator::robot::fixture::{at, hero, on_path, outline};
+use operator::robot::model::Process;
 use proptest::prelude::*;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
@@ -16,11 +21,6 @@ use ratatui::style::Modifier;
 
 use super::*;
 use crate::verbs::watch::fixture::{app, clock};
-use operator::render::terminal::Key;
-use operator::robot::changes::Weight;
-use operator::robot::chart::Chart;
-use operator::robot::fixture::{at, hero, on_path, outline};
-use operator::robot::model::Process;
 
 fn drawn(app: &App, clock: Clocks, glyphs: Glyphs, width: u16, height: u16) -> Buffer {
     let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a test's terminal");

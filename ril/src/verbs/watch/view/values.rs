@@ -4,11 +4,6 @@ use std::borrow::Cow;
 
 use ipc_types::MonotonicNs;
 use ipc_types::code::{LinkState, PilotSwitch};
-use ratatui::buffer::Buffer;
-use ratatui::layout::Rect;
-use ratatui::style::Style;
-
-use super::pen::{GOOD, Glyphs, OLD, TITLE, WARNING, put};
 use operator::render::words::{count, duration, or_dash};
 use operator::robot::clock::Clocks;
 use operator::robot::freshness::{Freshness, named};
@@ -16,6 +11,11 @@ use operator::robot::history::{Past, PastPoint};
 use operator::robot::model::{Process, WatchedRobot};
 use operator::robot::pilot;
 use operator::robot::relay_link::UNREADABLE;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+
+use super::pen::{GOOD, Glyphs, OLD, TITLE, WARNING, put};
 
 /// Width of the names, characters.
 const NAMES: u16 = 9;

@@ -19,7 +19,7 @@ use super::paths::Paths;
 
 /// A topic that more is made of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum SinkTopic {
+pub(crate) enum SinkTopic {
     Dsp,
     Hero,
     State,
@@ -46,7 +46,7 @@ impl SinkTopic {
 }
 
 /// Takes the samples of the topics that more is made of.
-pub(super) struct Sinks {
+pub(crate) struct Sinks {
     /// Where flights end; `None` if a file may have several.
     flights: Option<Flights>,
     viewers: Viewers,

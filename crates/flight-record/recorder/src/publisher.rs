@@ -8,9 +8,8 @@ use ipc_types::payload::{ModuleState, RelayLink};
 use ipc_types::{
     Ipc, JournalPiece, LeftTail, Losses, MonotonicNs, OpenError, SequenceTracker, Topic,
 };
-use recording::{Event, EventKind};
-
 use operator::robot::freshness::{Feed, MODULE_OVERDUE_AFTER, OVERDUE_AFTER};
+use recording::{Event, EventKind};
 
 /// Follows the samples of one topic.
 #[derive(Debug)]
@@ -108,7 +107,7 @@ const STATE_END: &str = "/state";
 
 /// See the module's documentation.
 #[derive(Debug)]
-pub(super) struct ProcessWatch {
+pub(crate) struct ProcessWatch {
     feed: Feed,
     /// When its last sample came.
     last: Option<MonotonicNs>,
@@ -149,7 +148,7 @@ impl ProcessWatch {
 }
 
 /// Follows the publishers of a journal, and has the rest of the journal of one that is gone.
-pub(super) struct Tail {
+pub(crate) struct Tail {
     ipc: Ipc,
     open: fn(&Ipc) -> Result<Option<LeftTail>, OpenError>,
     read: fn(&LeftTail, Option<Piece>) -> Option<Vec<u8>>,
@@ -161,7 +160,7 @@ pub(super) struct Tail {
 
 /// Which piece of which publisher.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Piece {
+pub(crate) struct Piece {
     pub epoch_ns: u64,
     pub sequence: u64,
 }

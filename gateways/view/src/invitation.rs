@@ -6,8 +6,8 @@ use std::net::IpAddr;
 use qrcodegen::{QrCode, QrCodeEcc};
 use runtime::exit::{ExitCode, Failure};
 
-use crate::view_setup::config::ViewConfig;
-use crate::view_setup::token_key::{self, TokenKey};
+use crate::config::ViewConfig;
+use crate::shell::token_key::{self, TokenKey};
 
 /// Light modules around a code, which readers need.
 const BORDER: i32 = 2;
@@ -17,7 +17,7 @@ const BORDER: i32 = 2;
 /// # Errors
 ///
 /// Code 2 when view.toml has no such token, 8 when its key cannot be used, 78 when other machines have no address to call.
-pub(super) fn print(config: &ViewConfig, name: &str) -> Result<(), Failure> {
+pub(crate) fn print(config: &ViewConfig, name: &str) -> Result<(), Failure> {
     if !config.tokens.contains_key(name) {
         let text = format!("view.toml has no token `{name}`");
         return Err(Failure::usage(text).with_next_step(format!(

@@ -14,6 +14,8 @@ use std::time::Duration;
 
 use ipc_types::{Domain, MonotonicNs, RobotId, allow_many_files, fresh_request_id};
 use module_kit::process;
+use operator::render::json_line;
+use operator::session::print_configuration;
 use runtime::exit::{ExitCode, Failure, OrFail};
 use runtime::notify::Notifier;
 use runtime::output::standard_output;
@@ -22,18 +24,16 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 use serde::Serialize;
 
-use super::files::Report;
-use super::fleet::Fleet;
-use super::options::{ServerArgs, ViewArgs};
-use super::replay::Playback;
-use super::shell::ViewShell;
-use super::sockets::Sockets;
-use super::{invitation, server};
-use crate::view_setup::config::ViewConfig;
-use crate::view_setup::run_file::{self, RunEntry, RunFile};
-use crate::view_setup::token_key::random_hex;
-use operator::render::json_line;
-use operator::session::print_configuration;
+use crate::cli::{ServerArgs, ViewArgs};
+use crate::config::ViewConfig;
+use crate::replay::Playback;
+use crate::shell::ViewShell;
+use crate::shell::files::Report;
+use crate::shell::fleet::Fleet;
+use crate::shell::run_file::{self, RunEntry, RunFile};
+use crate::shell::sockets::Sockets;
+use crate::shell::token_key::random_hex;
+use crate::{cli, invitation};
 
 /// How long the server has to be ready, and to end. It takes a tenth of a second.
 const TIMEOUT: Duration = Duration::from_secs(10);
@@ -48,7 +48,7 @@ const MAX_LOG_BYTES: u64 = 4096;
 /// Code 1 when the server cannot start, 2 when a layout is of several robots, 3 when there is none to stop, 78 when the configuration is wrong.
 pub fn view(args: &ViewArgs, report: fn(&Path) -> Result<String, Failure>) -> Result<(), Failure> {
     if args.server.settings.check_config {
-        return print_configuration("view", &server::check_config(&args.server)?);
+        return print_configuration("view", &cli::check_config(&args.server)?);
     }
     if args.layout {
         return print_layout(&args.server.robots);
@@ -57,7 +57,7 @@ pub fn view(args: &ViewArgs, report: fn(&Path) -> Result<String, Failure>) -> Re
     if let Some(file) = &args.file {
         return view_file(args, file, report);
     }
-    let config = server::load(&args.server)?.value;
+    let config = cli::load(&args.server)?.value;
     if let Some(name) = &args.invite {
         return invitation::print(&config, name);
     }
@@ -244,7 +244,7 @@ fn view_file(
     file: &Path,
     report: fn(&Path) -> Result<String, Failure>,
 ) -> Result<(), Failure> {
-    let config = server::load(&args.server)?.value;
+    let config = cli::load(&args.server)?.value;
     let termination = Termination::install().or_fail(ExitCode::Internal)?;
     let domain = Domain::from_environment().or_fail(ExitCode::Configuration)?;
     allow_many_files();
@@ -268,7 +268,7 @@ fn view_file(
     run_file.write(&running).or_fail(ExitCode::Internal)?;
     let path = file.to_owned();
     let replay = (info, Box::new(move || report(&path)) as Report);
-    let (mut server, files) = server::server(&config, token, Some(replay))?;
+    let (mut server, files) = cli::server(&config, token, Some(replay))?;
     playback.offer(&mut server);
     let mut shell = ViewShell::new(sockets, server, Fleet::none(domain), files, &config);
     shell.play(playback);
@@ -283,7 +283,7 @@ fn listen(config: &ViewConfig, is_named: bool) -> Result<(RunFile, Sockets, u16)
     let ports = config.port..=config.port.saturating_add(more);
     let try_one = |port| {
         let run_file = RunFile::take(port)?;
-        let sockets = server::listen(&ViewConfig {
+        let sockets = cli::listen(&ViewConfig {
             port,
             ..config.clone()
         })?;
