@@ -1,5 +1,4 @@
-//! The rules of ARCHITECTURE.md that a compiler does not know: which crate may depend on which, and what the sources of
-//! the pure crates never mention.
+//! The rules of ARCHITECTURE.md that a compiler does not know: which crate may depend on which, and what pure sources never mention.
 //!
 //! A failure names the arrow, or the file and the line. An intended change begins in ARCHITECTURE.md, and then comes to the
 //! tables here.
@@ -177,6 +176,7 @@ const BANS: [Ban; 6] = [
             "gateways/relay/src",
             "gateways/mavlink/src",
             "gateways/view/src",
+            "crates/operator/src",
             "crates/flight-record/ros-messages/src",
         ],
         // Between the threads of Zenoh and the relay's own.
@@ -198,6 +198,7 @@ const BANS: [Ban; 6] = [
             "gateways/relay/src",
             "gateways/mavlink/src",
             "gateways/view/src",
+            "crates/operator/src",
             "crates/flight-record/ros-messages/src",
         ],
         except: &[],
@@ -389,6 +390,34 @@ fn assert_none(offences: &[String]) {
 #[test]
 fn crates_depend_only_along_the_arrows() {
     assert_none(&offences_against_arrows(&metadata()));
+}
+
+/// The crates of the picture, each with the number of its line, from below.
+fn lines_of_the_picture() -> BTreeMap<String, usize> {
+    let page = fs::read_to_string(workspace().join("ARCHITECTURE.md")).expect("the page");
+    let picture = page.rsplit("```text\n").next().unwrap_or_default();
+    let picture = picture.split("```").next().unwrap_or_default();
+    let lines = picture.lines().rev().enumerate();
+    lines
+        .flat_map(|(height, line)| {
+            line.split_whitespace()
+                .map(move |name| (name.to_owned(), height))
+        })
+        .collect()
+}
+
+#[test]
+fn arrows_lead_down_in_the_picture() {
+    let lines = lines_of_the_picture();
+    let beside = ["endurance", "ril-tests"];
+    for (from, arrows) in ARROWS.iter().filter(|(from, _)| !beside.contains(from)) {
+        let height = lines.get(*from);
+        assert!(height.is_some(), "`{from}` is not in the picture");
+        for to in *arrows {
+            assert!(lines.get(*to) < height, "`{from}` → `{to}` leads not down");
+        }
+    }
+    assert_eq!(lines.len() + beside.len(), ARROWS.len());
 }
 
 #[test]

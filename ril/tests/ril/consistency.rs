@@ -382,7 +382,12 @@ fn the_schemas_that_are_printed_are_those_that_are_documented() {
     assert_eq!(DspTelemetry::KEY, "dsp_telemetry");
     let mut printed: BTreeSet<String> = samples.map(str::to_owned).into();
     for (path, text) in files(&[".rs"]) {
-        let is_source = ["/ril/src/", "/crates/", "/gateways/view/", "/gateways/mavlink/"];
+        let is_source = [
+            "/ril/src/",
+            "/crates/",
+            "/gateways/view/",
+            "/gateways/mavlink/",
+        ];
         if is_source
             .iter()
             .any(|part| path.to_string_lossy().contains(part))
