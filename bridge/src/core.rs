@@ -646,6 +646,7 @@ fn differs(a: &ModuleState, b: &ModuleState) -> bool {
                 state.safety.action,
                 state.safety.pilot_switch,
                 state.safety.fence_areas,
+                state.ground_valid,
             ],
             [
                 state.movement.request_id,

@@ -9,7 +9,7 @@ use ipc_types::code::{
     ControlCommand, DspPathState, Functionality, ImiError, LinkState, ModuleStatus, PilotSwitch,
     Reason, SafetyAction, SafetyRule, Stage,
 };
-use ipc_types::payload::{ModuleControl, MovementData, ParameterRequest};
+use ipc_types::payload::{ModuleControl, ModuleState, MovementData, ParameterRequest};
 
 fn config(text: &str) -> BridgeConfig {
     runtime::config::parse(text, "test.toml").unwrap()
@@ -209,6 +209,24 @@ fn a_waypoint_below_the_ground_of_the_take_off_is_refused_unless_the_configurati
     );
     let path = rig.path(1, &[at(ground_m - 4.5)]);
     assert_eq!(rig.last(path[0]).0, Stage::Accepted);
+}
+
+/// Checks of plans ask the newest state for it.
+#[test]
+fn home_is_published_as_soon_as_it_is_known() {
+    let mut rig = Rig::closed(&BridgeConfig::default());
+    rig.dsp.status.gps_quality = Some(0);
+    rig.open();
+    rig.run(1_100);
+    assert_eq!(rig.out.states.last().and_then(ModuleState::home), None);
+    rig.dsp.status.gps_quality = Some(1);
+    rig.run(40);
+    assert!(
+        rig.out
+            .states
+            .last()
+            .is_some_and(|state| state.home().is_some())
+    );
 }
 
 #[test]

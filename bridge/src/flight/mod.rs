@@ -150,7 +150,9 @@ impl Flight {
         match event {
             LinkEvent::Ready => {}
             LinkEvent::Sample(sample) => {
+                let had_home = self.observation.home().is_some();
                 self.observation.take(sample, cx.link.status_fresh_for());
+                self.is_changed |= had_home != self.observation.home().is_some();
                 let event = Event::Status {
                     flying: sample.status.flying,
                     position: self.observation.latest(),

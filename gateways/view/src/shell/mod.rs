@@ -472,6 +472,8 @@ impl Process for ViewShell {
         self.take_files(now);
         self.server.advance(now);
         for _ in 0..MAX_ROUNDS {
+            // Orders are judged by a time after their bytes were read: a process may stand still between a look at the clock and the read.
+            let now = MonotonicNs::now();
             let wanted = self.take_events(now);
             self.look(now);
             self.send(now);
