@@ -1,4 +1,4 @@
-//! [`ViewShell`]: the server's loop: sockets, robots and what pages want, in the one wait of every process.
+//! `ViewShell`: the server's loop: sockets, robots and what pages want, in the one wait of every process.
 //!
 //! Samples wake nothing: robots are drained by the time, 20 times a second while a page looks and 5 times when none does, so that no
 //! publisher pays for viewers, and the last minutes are there for a page that comes. Sockets, reports and signals wake at once.
