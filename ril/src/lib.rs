@@ -3,9 +3,9 @@
 //! * [`cli`]: the command line; [`verbs`]: the verbs, each in a file or folder;
 //! * [`completion`]: what can follow on a command line in bash, zsh and fish.
 //!
-//! What verbs share stands in the crate `operator`. The processes that `ril run` starts are rooms of their own: this crate reads their command
-//! lines and starts them. `ril relay` is a program of its own, `ril-relay`. Nothing here decides what the helicopter does: that is the
-//! bridge's.
+//! What verbs share stands in the crate `operator`. The processes that `ril run` starts are rooms of their own: this
+//! crate reads their command lines and starts them. `ril relay` is a program of its own, `ril-relay`. Nothing here
+//! decides what the helicopter does: that is the bridge's.
 
 pub mod cli;
 pub mod completion;

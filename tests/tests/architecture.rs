@@ -1,7 +1,8 @@
-//! The rules of ARCHITECTURE.md that a compiler does not know: which crate may depend on which, and what pure sources never mention.
+//! The rules of ARCHITECTURE.md that a compiler does not know: which crate may depend on which, and what pure sources
+//! never mention.
 //!
-//! A failure names the arrow, or the file and the line. An intended change begins in ARCHITECTURE.md, and then comes to the
-//! tables here.
+//! A failure names the arrow, or the file and the line. An intended change begins in ARCHITECTURE.md, and then comes to
+//! the tables here.
 
 use std::collections::BTreeMap;
 use std::fs;

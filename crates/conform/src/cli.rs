@@ -1,6 +1,7 @@
 //! `ril conform`: plays the PC against a DSP and says which sentences of docs/protocol.md it keeps.
 //!
-//! What is sent and judged is the rest of this crate's. Here are the command line, what it allows, and the operator's confirmation.
+//! What is sent and judged is the rest of this crate's. Here are the command line, what it allows, and the operator's
+//! confirmation.
 
 use std::io::{self, BufRead, Write};
 use std::path::{Path, PathBuf};

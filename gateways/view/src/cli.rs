@@ -1,4 +1,5 @@
-//! `ril run view`: its command line, what it runs with, and the process in the foreground; and the command line of `ril view`.
+//! `ril run view`: its command line, what it runs with, and the process in the foreground.
+//! The command line of `ril view` stands here as well.
 
 use std::io::ErrorKind;
 use std::num::NonZeroU32;

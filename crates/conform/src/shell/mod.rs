@@ -1,4 +1,5 @@
-//! The serial port around a run: one wait for bytes, for room, for a signal and for the next deadline. [`shown`]: how a run is shown.
+//! The serial port around a run: one wait for bytes, for room, for a signal and for the next deadline. [`shown`]: how a
+//! run is shown.
 
 pub mod shown;
 

@@ -1,8 +1,9 @@
 //! `ril record`: every topic of the robot in files, until a signal.
 //!
-//! The crate [`recording`] decides what becomes of a message and of its file. Here is the process around it. Pure: `sinks`, what is made of some
-//! topics, with `journal`, `log` and `paths`; `publisher`, what becomes of the processes behind topics; `gather`, when the loop looks at them.
-//! `shell`: the loop, with the ports, the one thread that writes, what the files say of the flight, and what is printed.
+//! The crate [`recording`] decides what becomes of a message and of its file. Here is the process around it. Pure:
+//! `sinks`, what is made of some topics, with `journal`, `log` and `paths`; `publisher`, what becomes of the processes
+//! behind topics; `gather`, when the loop looks at them. `shell`: the loop, with the ports, the one thread that writes,
+//! what the files say of the flight, and what is printed.
 
 pub mod cli;
 mod gather;

@@ -1,8 +1,9 @@
-//! `MavlinkShell`: the gateway's loop: its socket, the robot's ports and the deadlines in the one wait of every process. `OwnTopic`:
-//! what it publishes of itself.
+//! `MavlinkShell`: the gateway's loop: its socket, the robot's ports and the deadlines in the one wait of every
+//! process. `OwnTopic`: what it publishes of itself.
 //!
 //! * `ports`: what it reads and orders of the robot;
-//! * `state`: what it keeps over restarts; `keeper`: the thread that writes that; `fence`: a fence of a station in the bridge's file;
+//! * `state`: what it keeps over restarts; `keeper`: the thread that writes that; `fence`: a fence of a station in the
+//!   bridge's file;
 //! * [`key`]: the key of signatures, from its file;
 //! * [`status`]: `ril mavlink status`.
 

@@ -1,9 +1,11 @@
 //! `ViewShell`: the server's loop: sockets, robots and what pages want, in the one wait of every process.
 //!
-//! Samples wake nothing: robots are drained by the time, 20 times a second while a page looks and 5 times when none does, so that no
-//! publisher pays for viewers, and the last minutes are there for a page that comes. Sockets, reports and signals wake at once.
+//! Samples wake nothing: robots are drained by the time, 20 times a second while a page looks and 5 times when none
+//! does, so that no publisher pays for viewers, and the last minutes are there for a page that comes. Sockets, reports
+//! and signals wake at once.
 //!
-//! * `sockets`: its connections, `tls`: what hides them, [`certificate`]: until when it is valid, [`peer`]: who is at the other end;
+//! * `sockets`: its connections, `tls`: what hides them, [`certificate`]: until when it is valid, [`peer`]: who is at
+//!   the other end;
 //! * `fleet`: the robots with their ports and [models](operator::robot::model);
 //! * `foxglove`: what Foxglove and Lichtblick get;
 //! * `files`: what is read from a disk: imagery, and the report of a recording;

@@ -1,6 +1,8 @@
-//! [`RecorderShell`]: the recorder between the ports of the robot's topics and the thread of the disk, in the loop of every process.
+//! [`RecorderShell`]: the recorder between the ports of the robot's topics and the thread of the disk, in the loop of
+//! every process.
 //!
-//! * `topics`: the ports; `disk`: the one thread that writes; `facts`: what the files say of the flight; `report`: what is printed.
+//! * `topics`: the ports; `disk`: the one thread that writes; `facts`: what the files say of the flight; `report`: what
+//!   is printed.
 
 pub(crate) mod disk;
 pub(crate) mod facts;
