@@ -1,123 +1,181 @@
-//! GeoJSON, RFC 7946: coordinates are longitude, latitude and perhaps altitude.
+//! GeoJSON, RFC 7946: coordinates are longitude, latitude and perhaps altitude, of WGS 84.
 //!
 //! The RFC's altitude is above the ellipsoid, which no program keeps to: what it is above must be said, by the property
 //! `altitude_reference` or by the operator.
 
-use ::geojson::{Feature as Source, GeoJson, Geometry, GeometryValue, Position as Coordinates};
-use serde_json::Value;
-
+use super::items::clean;
+use super::json;
 use super::shapes::{Feature, Properties, Shapes, Vertex};
-use super::syntax::json;
+use super::tree::{Node, Table, Value, has_word};
 use crate::error::ReadError;
 use crate::format::PlanFormat;
-use crate::model::{Altitude, Plan};
+use crate::model::{Altitude, OtherKind, Plan};
+
+/// What members of GeoJSON mean that are not read.
+pub const TABLE: Table = Table {
+    harmless: &[
+        ("bbox", "the box round all coordinates"),
+        (
+            "id title description /name /generator /copyright /timestamp",
+            "names and origin",
+        ),
+    ],
+    named: ("", ""),
+    open: "geometry",
+    flight: "geometry geometries coordinates features properties action hold_s speed_mps altitude_reference kind radius_m crs",
+};
+
+/// The names of WGS 84 with longitude first, without altitude, in upper case.
+const WGS_84: &str = "URN:OGC:DEF:CRS:OGC:1.3:CRS84 URN:OGC:DEF:CRS:OGC::CRS84 OGC:CRS84 CRS84 EPSG:4326 \
+    URN:OGC:DEF:CRS:EPSG::4326 HTTP://WWW.OPENGIS.NET/DEF/CRS/OGC/1.3/CRS84";
 
 pub fn read(text: &str) -> Result<Plan, ReadError> {
-    let geojson: GeoJson = json(text)?;
-    let mut plan = Plan::empty(PlanFormat::GeoJson);
-    match geojson {
-        GeoJson::FeatureCollection(collection) => {
-            for (index, feature) in collection.features.iter().enumerate() {
-                read_feature(&mut plan, feature, index + 1)?;
+    let root = json::parse(text)?;
+    let mut shapes = Shapes::new(Plan::empty(PlanFormat::GeoJson));
+    match kind(&root)? {
+        "FeatureCollection" => {
+            read_crs(&mut shapes, &root);
+            let features = list(&root, "features")?;
+            for (index, feature) in features.iter().enumerate() {
+                read_feature(&mut shapes, feature.take(), index + 1)?;
             }
         }
-        GeoJson::Feature(feature) => read_feature(&mut plan, &feature, 1)?,
-        GeoJson::Geometry(geometry) => {
-            let feature = Feature {
-                origin: "geometry".to_owned(),
-                name: "",
-                properties: Properties::default(),
-            };
-            let mut shapes = Shapes {
-                plan: &mut plan,
-                feature,
-            };
-            read_geometry(&mut shapes, &geometry)?;
+        "Feature" => read_feature(&mut shapes, &root, 1)?,
+        _ => {
+            shapes.feature.part = "geometry".to_owned();
+            shapes.feature.line = root.line;
+            read_geometry(&mut shapes, &root)?;
         }
     }
+    let Shapes {
+        mut plan,
+        mut remarks,
+        ..
+    } = shapes;
+    remarks.add_left(&root, &TABLE);
+    remarks.finish(&mut plan);
     Ok(plan)
 }
 
-fn read_feature(plan: &mut Plan, feature: &Source, number: usize) -> Result<(), ReadError> {
-    let origin = format!("feature {number}");
-    let mut properties = Properties::default();
-    let mut name = "";
-    for (key, value) in feature.properties.iter().flatten() {
-        let text = match value {
-            Value::String(text) => text.clone(),
-            value => value.to_string(),
-        };
-        if key == "name" {
-            name = value.as_str().unwrap_or_default();
-        }
-        properties
-            .take(key, &text)
-            .map_err(|reason| ReadError::part(&origin, reason))?;
+fn kind(node: &Node) -> Result<&str, ReadError> {
+    let kind = node.one("type").and_then(Node::text);
+    kind.ok_or_else(|| node.wrong("there is no `type` of GeoJSON"))
+}
+
+fn list<'a>(node: &'a Node, name: &str) -> Result<&'a [Node], ReadError> {
+    match node.one(name) {
+        Some(list) if matches!(list.value, Value::List) => Ok(&list.nodes),
+        _ => Err(node.wrong(format!("there is no list `{name}`"))),
     }
-    let feature_of_shape = Feature {
-        origin,
-        name,
-        properties,
+}
+
+/// Only the older form of the format has one; RFC 7946 is WGS 84.
+fn read_crs(shapes: &mut Shapes, node: &Node) {
+    for crs in node.all("crs") {
+        let name = crs
+            .one("properties")
+            .and_then(|properties| properties.one("name")?.text());
+        crs.take_whole();
+        if !name.is_some_and(|name| has_word(WGS_84, &name.to_ascii_uppercase())) {
+            let text = format!(
+                "the coordinate reference system `{}`; WGS 84 is read",
+                clean(name.unwrap_or("unknown"))
+            );
+            shapes.remarks.add(crs.line, text, OtherKind::Flight);
+        }
+    }
+}
+
+fn read_feature(shapes: &mut Shapes, node: &Node, number: usize) -> Result<(), ReadError> {
+    let part = format!("feature {number}");
+    shapes.feature = Feature {
+        part,
+        line: node.line,
+        ..Feature::default()
     };
-    let mut shapes = Shapes {
-        plan,
-        feature: feature_of_shape,
-    };
-    match &feature.geometry {
-        Some(geometry) => read_geometry(&mut shapes, geometry),
+    if kind(node)? != "Feature" {
+        return Err(shapes.wrong("its `type` is not `Feature`"));
+    }
+    read_crs(shapes, node);
+    let mut properties = Properties::default();
+    if let Some(object) = node.one("properties") {
+        for property in &object.nodes {
+            properties.take(&property.name, property.take_whole(), &mut shapes.remarks)?;
+            if let (Value::Text(name), "name") = (&property.value, &*property.name) {
+                shapes.feature.name = name.clone();
+            }
+        }
+    }
+    shapes.feature.properties = properties;
+    match node.one("geometry") {
+        Some(geometry) => read_geometry(shapes, geometry),
         None => shapes.left_out("feature without a geometry"),
     }
 }
 
 /// Collections lie in each other at most as deep as the reader of JSON allows, 128.
-fn read_geometry(shapes: &mut Shapes<'_>, geometry: &Geometry) -> Result<(), ReadError> {
-    match &geometry.value {
-        GeometryValue::Point { coordinates } => {
+fn read_geometry(shapes: &mut Shapes, node: &Node) -> Result<(), ReadError> {
+    read_crs(shapes, node);
+    match kind(node)? {
+        "Point" => {
+            let coordinates = node
+                .one("coordinates")
+                .ok_or_else(|| shapes.wrong("there is no list `coordinates`"))?;
             let vertex = vertex(shapes, coordinates)?;
             shapes.point(&vertex)
         }
-        GeometryValue::MultiPoint { coordinates } | GeometryValue::LineString { coordinates } => {
-            let vertices = vertices(shapes, coordinates)?;
+        "MultiPoint" | "LineString" => {
+            let vertices = vertices(shapes, list(node, "coordinates")?)?;
             shapes.line(&vertices)
         }
-        GeometryValue::MultiLineString { coordinates } => coordinates.iter().try_for_each(|line| {
-            let vertices = vertices(shapes, line)?;
+        "MultiLineString" => list(node, "coordinates")?.iter().try_for_each(|line| {
+            let vertices = vertices(shapes, &line.take().nodes)?;
             shapes.line(&vertices)
         }),
-        GeometryValue::Polygon { coordinates } => read_polygon(shapes, coordinates),
-        GeometryValue::MultiPolygon { coordinates } => coordinates
-            .iter()
-            .try_for_each(|polygon| read_polygon(shapes, polygon)),
-        GeometryValue::GeometryCollection { geometries } => geometries
-            .iter()
-            .try_for_each(|geometry| read_geometry(shapes, geometry)),
-    }
-}
-
-fn read_polygon(shapes: &mut Shapes<'_>, rings: &[Vec<Coordinates>]) -> Result<(), ReadError> {
-    match rings {
-        [] => shapes.left_out("polygon without an outline"),
-        [outline, holes @ ..] => {
-            let outline = vertices(shapes, outline)?;
-            shapes.polygon(&outline, holes.len())
+        "Polygon" => read_polygon(shapes, list(node, "coordinates")?),
+        "MultiPolygon" => {
+            let mut polygons = list(node, "coordinates")?.iter();
+            polygons.try_for_each(|polygon| read_polygon(shapes, &polygon.take().nodes))
         }
+        "GeometryCollection" => {
+            let mut geometries = list(node, "geometries")?.iter();
+            geometries.try_for_each(|geometry| read_geometry(shapes, geometry.take()))
+        }
+        kind => Err(node.wrong(format!("`{}` is no geometry of GeoJSON", clean(kind)))),
     }
 }
 
-fn vertices(shapes: &Shapes<'_>, line: &[Coordinates]) -> Result<Vec<Vertex>, ReadError> {
-    line.iter().map(|point| vertex(shapes, point)).collect()
+fn read_polygon(shapes: &mut Shapes, rings: &[Node]) -> Result<(), ReadError> {
+    let [outline, holes @ ..] = rings else {
+        return shapes.left_out("polygon without an outline");
+    };
+    holes.iter().for_each(Node::skip);
+    let outline = vertices(shapes, &outline.take().nodes)?;
+    shapes.polygon(&outline, !holes.is_empty())
 }
 
-fn vertex(shapes: &Shapes<'_>, coordinates: &Coordinates) -> Result<Vertex, ReadError> {
-    match coordinates.as_slice() {
-        [longitude_deg, latitude_deg, rest @ ..] => Ok(Vertex {
+fn vertices(shapes: &Shapes, points: &[Node]) -> Result<Vec<Vertex>, ReadError> {
+    points.iter().map(|point| vertex(shapes, point)).collect()
+}
+
+fn vertex(shapes: &Shapes, point: &Node) -> Result<Vertex, ReadError> {
+    let numbers = point
+        .take_whole()
+        .nodes
+        .iter()
+        .map(|number| match number.value {
+            Value::Number(number) => Some(number),
+            _ => None,
+        });
+    match numbers.collect::<Option<Vec<f64>>>().as_deref() {
+        Some([longitude_deg, latitude_deg, altitude @ ..]) if altitude.len() <= 1 => Ok(Vertex {
             latitude_deg: *latitude_deg,
             longitude_deg: *longitude_deg,
-            altitude: Altitude::Unstated(rest.first().copied()),
+            altitude: Altitude::Unstated(altitude.first().copied()),
         }),
-        _ => Err(ReadError::part(
-            &shapes.feature.origin,
-            "a point needs longitude and latitude",
-        )),
+        _ => Err(shapes.wrong(format!(
+            "line {}: a point needs longitude and latitude, and at most an altitude",
+            point.line
+        ))),
     }
 }

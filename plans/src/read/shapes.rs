@@ -9,17 +9,22 @@
 //! | `kind` | polygon; point with `radius_m` | `inclusion` or `exclusion`: an area of the fence |
 
 use super::items::{clean, push, push_area};
+use super::tree::{Node, Remarks, Value, has_word, speaks_of_flying, whole_number};
 use crate::error::ReadError;
-use crate::model::{
-    Action, Altitude, FenceArea, FenceShape, LeftOut, OtherKind, Plan, Position, Reference,
-};
+use crate::model::{Action, Altitude, FenceArea, FenceShape, OtherKind, Plan, Position, Reference};
+
+/// Properties that other programs write, and from which nothing follows for a flight: names, times, and how a shape is drawn.
+pub const HARMLESS_PROPERTIES: &str = "name title description desc cmt id fid time timestamp styleUrl stroke stroke-width \
+    stroke-opacity fill fill-opacity marker-color marker-size marker-symbol icon visibility";
 
 /// One feature or placemark.
-pub struct Feature<'a> {
-    /// Where it stands, such as `feature 3`.
-    pub origin: String,
+#[derive(Default)]
+pub struct Feature {
+    /// Which it is, such as `feature 3`.
+    pub part: String,
+    pub line: usize,
     /// Its name, or nothing.
-    pub name: &'a str,
+    pub name: String,
     /// What is said about it.
     pub properties: Properties,
 }
@@ -27,47 +32,91 @@ pub struct Feature<'a> {
 /// The properties of the table above.
 #[derive(Default)]
 pub struct Properties {
-    pub action: Option<String>,
-    pub hold_s: Option<f64>,
-    pub speed_mps: Option<f64>,
-    pub altitude_reference: Option<Reference>,
-    pub is_inclusion: Option<bool>,
-    pub radius_m: Option<f64>,
+    action: Option<String>,
+    hold_s: Option<f64>,
+    speed_mps: Option<f64>,
+    altitude_reference: Option<Reference>,
+    is_inclusion: Option<bool>,
+    radius_m: Option<f64>,
+    /// Their names and lines.
+    stated: Vec<(&'static str, usize)>,
 }
 
+const KNOWN: [&str; 6] = [
+    "action",
+    "hold_s",
+    "speed_mps",
+    "altitude_reference",
+    "kind",
+    "radius_m",
+];
+
 impl Properties {
-    /// Takes a property; others mean nothing for a flight.
+    /// Takes the property `name` with the value of `node`. `null` and an empty text say nothing. What is not known is a remark.
     ///
     /// # Errors
     ///
-    /// A value that the property does not have, as a clause.
-    pub fn take(&mut self, name: &str, value: &str) -> Result<(), String> {
-        let number = || match value.trim().parse::<f64>() {
-            Ok(number) if number.is_finite() && number >= 0.0 => Ok(Some(number)),
-            _ => Err(format!(
-                "`{name}` is `{}`, which is no number from 0 up",
-                clean(value)
-            )),
+    /// A value that the property does not have, or a second one.
+    pub fn take(
+        &mut self,
+        name: &str,
+        node: &Node,
+        remarks: &mut Remarks,
+    ) -> Result<(), ReadError> {
+        let text = match &node.value {
+            Value::Text(text) => text.trim().to_owned(),
+            Value::Number(number) => number.to_string(),
+            Value::Flag(flag) => flag.to_string(),
+            Value::Null => String::new(),
+            Value::List | Value::Object => "a list or an object".to_owned(),
         };
-        let one_of = |names: &str| format!("`{name}` is `{}`; it can be {names}", clean(value));
+        let Some(known) = KNOWN.iter().find(|known| **known == name) else {
+            if !has_word(HARMLESS_PROPERTIES, name) {
+                let kind = match speaks_of_flying(name) {
+                    true => OtherKind::Flight,
+                    false => OtherKind::Payload,
+                };
+                remarks.add(
+                    node.line,
+                    format!("the property `{}` is not read", clean(name)),
+                    kind,
+                );
+            }
+            return Ok(());
+        };
+        if text.is_empty() {
+            return Ok(());
+        }
+        if self.stated.iter().any(|(stated, _)| stated == known) {
+            return Err(node.wrong(format!("`{name}` is said twice of the same shape")));
+        }
+        self.stated.push((known, node.line));
+        let number = || match whole_number(&text) {
+            Some(number) if number >= 0.0 => Ok(Some(number)),
+            _ => Err(node.wrong(format!(
+                "`{name}` is `{}`, which is no number from 0 up",
+                clean(&text)
+            ))),
+        };
+        let one_of =
+            |names: &str| node.wrong(format!("`{name}` is `{}`; it can be {names}", clean(&text)));
         match name {
-            "action" => self.action = Some(value.trim().to_owned()),
             "hold_s" => self.hold_s = number()?,
             "speed_mps" => self.speed_mps = number()?,
             "radius_m" => self.radius_m = number()?,
             "altitude_reference" => {
-                let reference = Reference::from_name(value.trim());
+                let reference = Reference::from_name(&text);
                 self.altitude_reference =
                     Some(reference.ok_or_else(|| one_of("take-off, sea or terrain"))?);
             }
             "kind" => {
-                self.is_inclusion = match value.trim() {
+                self.is_inclusion = match &*text {
                     "inclusion" => Some(true),
                     "exclusion" => Some(false),
                     _ => return Err(one_of("inclusion or exclusion")),
                 }
             }
-            _ => {}
+            _ => self.action = Some(text),
         }
         Ok(())
     }
@@ -85,76 +134,132 @@ pub struct Vertex {
 }
 
 /// Where points of a feature go.
-pub struct Shapes<'a> {
-    pub plan: &'a mut Plan,
-    pub feature: Feature<'a>,
+pub struct Shapes {
+    pub plan: Plan,
+    pub remarks: Remarks,
+    pub feature: Feature,
 }
 
-impl Shapes<'_> {
+impl Shapes {
+    pub fn new(plan: Plan) -> Shapes {
+        Shapes {
+            plan,
+            remarks: Remarks::default(),
+            feature: Feature::default(),
+        }
+    }
+
     /// A single point: an item, or the middle of a circle of the fence.
     pub fn point(&mut self, vertex: &Vertex) -> Result<(), ReadError> {
         let properties = &self.feature.properties;
         if let Some(is_inclusion) = properties.is_inclusion {
-            let radius_m = properties
-                .radius_m
-                .ok_or_else(|| self.wrong("a point with a `kind` needs a `radius_m`"))?;
+            let radius_m = properties.radius_m;
+            let radius_m =
+                radius_m.ok_or_else(|| self.wrong("a point with a `kind` needs a `radius_m`"))?;
             let centre = self.position(vertex)?;
-            return self.area(is_inclusion, FenceShape::Circle { centre, radius_m });
+            self.only("a circle of the fence", &["kind", "radius_m"]);
+            return self.area(
+                is_inclusion,
+                FenceShape::Circle { centre, radius_m },
+                &[*vertex],
+            );
         }
+        let hold_s = properties.hold_s;
         self.speed()?;
         let action = self.action(vertex)?;
+        let mut allowed = vec!["action", "speed_mps", "altitude_reference", "hold_s"];
+        match action {
+            Action::ReturnToLaunch => allowed.truncate(3),
+            // There is no word for a hover after a climb, or before a landing, but a hover of its own.
+            Action::TakeOff { .. } => {
+                self.item(action.clone())?;
+                return self.hover(None, None, hold_s);
+            }
+            Action::Land { position } => {
+                let altitude = self.altitude(vertex);
+                self.hover(position, Some(altitude), hold_s)?;
+            }
+            _ => {}
+        }
+        self.only("such a point", &allowed);
         self.item(action)
+    }
+
+    fn hover(
+        &mut self,
+        position: Option<Position>,
+        altitude: Option<Altitude>,
+        hold_s: Option<f64>,
+    ) -> Result<(), ReadError> {
+        match hold_s.filter(|seconds| *seconds > 0.0) {
+            Some(_) => self.item(Action::Hold {
+                position,
+                altitude,
+                duration_s: hold_s,
+            }),
+            None => Ok(()),
+        }
     }
 
     /// A line: a waypoint for each of its points.
     pub fn line(&mut self, vertices: &[Vertex]) -> Result<(), ReadError> {
-        if self.feature.properties.action.is_some() {
-            return Err(self.wrong("an `action` belongs to a point, not to a line"));
-        }
+        self.only("a line", &["speed_mps", "altitude_reference"]);
         self.speed()?;
         for vertex in vertices {
-            let action = self.action(vertex)?;
-            self.item(action)?;
+            let (position, altitude) = (self.position(vertex)?, self.altitude(vertex));
+            self.item(Action::Waypoint {
+                position,
+                altitude,
+                hold_s: 0.0,
+            })?;
         }
         Ok(())
     }
 
     /// A polygon: an area of the fence, if the file says so.
-    pub fn polygon(&mut self, outline: &[Vertex], holes: usize) -> Result<(), ReadError> {
+    pub fn polygon(&mut self, outline: &[Vertex], has_holes: bool) -> Result<(), ReadError> {
+        self.only("a polygon", &["kind"]);
         let Some(is_inclusion) = self.feature.properties.is_inclusion else {
             return self
                 .left_out("polygon without the property `kind`, `inclusion` or `exclusion`");
         };
-        if holes > 0 {
+        if has_holes {
             return self.left_out("polygon with holes");
         }
-        let mut vertices = outline
-            .iter()
-            .map(|vertex| self.position(vertex))
-            .collect::<Result<Vec<_>, _>>()?;
+        let positions = outline.iter().map(|vertex| self.position(vertex));
+        let mut vertices = positions.collect::<Result<Vec<_>, _>>()?;
         // Both formats repeat the first point at the end.
         if vertices.len() > 1 && vertices.first() == vertices.last() {
             vertices.pop();
         }
-        self.area(is_inclusion, FenceShape::Polygon(vertices))
+        self.area(is_inclusion, FenceShape::Polygon(vertices), outline)
     }
 
     /// A shape that is no item and no area.
     pub fn left_out(&mut self, what: &str) -> Result<(), ReadError> {
-        let Feature { origin, name, .. } = &self.feature;
-        let name = clean(name);
-        let of = match name.is_empty() {
-            true => String::new(),
-            false => format!(" `{name}`"),
+        let Feature {
+            part, name, line, ..
+        } = &self.feature;
+        let of = match clean(name) {
+            name if name.is_empty() => name,
+            name => format!(" `{name}`"),
         };
-        if self.plan.left_out.len() == crate::error::MAX_ITEMS {
-            return Err(ReadError::too_many_items());
-        }
-        self.plan.left_out.push(LeftOut {
-            what: format!("{origin}{of}: {what}"),
-            kind: OtherKind::Flight,
-        });
+        self.remarks
+            .add(*line, format!("{part}{of}: {what}"), OtherKind::Flight);
         Ok(())
+    }
+
+    /// Names the properties that a shape cannot have.
+    fn only(&mut self, shape: &str, allowed: &[&str]) {
+        for (name, line) in &self.feature.properties.stated {
+            if !allowed.contains(name) {
+                self.remarks.add(
+                    *line,
+                    format!("`{name}` cannot belong to {shape}"),
+                    OtherKind::Flight,
+                );
+            }
+        }
     }
 
     fn action(&self, vertex: &Vertex) -> Result<Action, ReadError> {
@@ -162,6 +267,9 @@ impl Shapes<'_> {
         let position = self.position(vertex)?;
         let altitude = self.altitude(vertex);
         let hold_s = properties.hold_s;
+        if properties.radius_m.is_some() {
+            return Err(self.wrong("a point with a `radius_m` needs a `kind`"));
+        }
         Ok(match properties.action.as_deref() {
             None | Some("waypoint") => Action::Waypoint {
                 position,
@@ -182,27 +290,23 @@ impl Shapes<'_> {
             },
             Some("return") => Action::ReturnToLaunch,
             Some(other) => {
-                return Err(self.wrong(format!(
-                    "`action` is `{}`; it can be waypoint, take-off, hold, land or return",
-                    clean(other)
-                )));
+                let found = clean(other);
+                let reason = format!(
+                    "`action` is `{found}`; it can be waypoint, take-off, hold, land or return"
+                );
+                return Err(self.wrong(reason));
             }
         })
     }
 
     /// The property takes precedence over the format.
     fn altitude(&self, vertex: &Vertex) -> Altitude {
-        let metres = match vertex.altitude {
-            Altitude::AboveTakeOff(metres)
-            | Altitude::AboveSea(metres)
-            | Altitude::AboveTerrain(metres)
-            | Altitude::Unstated(Some(metres)) => metres,
-            Altitude::Unstated(None) => return vertex.altitude,
-        };
-        match self.feature.properties.altitude_reference {
-            _ if !metres.is_finite() => Altitude::Unstated(None),
-            Some(reference) => reference.at(metres),
-            None => vertex.altitude,
+        match (
+            vertex.altitude.metres(),
+            self.feature.properties.altitude_reference,
+        ) {
+            (Some(metres), Some(reference)) => reference.at(metres),
+            _ => vertex.altitude,
         }
     }
 
@@ -214,17 +318,41 @@ impl Shapes<'_> {
     }
 
     fn item(&mut self, action: Action) -> Result<(), ReadError> {
-        push(self.plan, &self.feature.origin, self.feature.name, action)
+        let origin = self.origin();
+        push(&mut self.plan, &origin, &self.feature.name, action)
     }
 
-    fn area(&mut self, is_inclusion: bool, shape: FenceShape) -> Result<(), ReadError> {
-        let name = self.feature.name.to_owned();
-        let area = FenceArea {
-            name,
-            is_inclusion,
-            shape,
-        };
-        push_area(self.plan, area)
+    /// The bridge's areas have no altitudes of vertices: those of an exclusion are not needed, those of an inclusion could limit it.
+    fn area(
+        &mut self,
+        is_inclusion: bool,
+        shape: FenceShape,
+        vertices: &[Vertex],
+    ) -> Result<(), ReadError> {
+        if vertices
+            .iter()
+            .any(|vertex| vertex.altitude.metres().is_some_and(|metres| metres != 0.0))
+        {
+            let kind = match is_inclusion {
+                true => OtherKind::Flight,
+                false => OtherKind::Payload,
+            };
+            let text = "the altitudes of a fence area are not read: it reaches from below the ground to the sky";
+            self.remarks.add(self.feature.line, text, kind);
+        }
+        let name = self.feature.name.clone();
+        push_area(
+            &mut self.plan,
+            FenceArea {
+                name,
+                is_inclusion,
+                shape,
+            },
+        )
+    }
+
+    fn origin(&self) -> String {
+        format!("{}, line {}", self.feature.part, self.feature.line)
     }
 
     fn position(&self, vertex: &Vertex) -> Result<Position, ReadError> {
@@ -232,7 +360,7 @@ impl Shapes<'_> {
             .map_err(|reason| self.wrong(reason))
     }
 
-    fn wrong(&self, reason: impl std::fmt::Display) -> ReadError {
-        ReadError::part(&self.feature.origin, reason)
+    pub fn wrong(&self, reason: impl std::fmt::Display) -> ReadError {
+        ReadError::part(self.origin(), reason)
     }
 }
