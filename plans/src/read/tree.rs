@@ -179,6 +179,7 @@ impl Remarks {
             .iter_mut()
             .find(|(other, known, _)| *other == text && *known == kind)
         {
+            Some((.., lines)) if lines.last() == Some(&line) => {}
             Some((.., lines)) => lines.push(line),
             None => self.0.push((text, kind, vec![line])),
         }

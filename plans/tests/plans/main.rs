@@ -3,6 +3,8 @@
 mod altitudes;
 mod checks;
 mod files;
+mod kinds;
 mod mistakes;
 mod mutations;
 mod pymavlink;
+mod structure;
