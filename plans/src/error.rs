@@ -42,9 +42,13 @@ impl ReadError {
         ReadError(format!("line {number}: {reason}"))
     }
 
-    /// The same error, at a line.
-    pub(crate) fn at(self, number: usize) -> ReadError {
-        ReadError::line(number, self.0)
+    /// With the part of the file that it is about and the part's line, if it does not name a line itself.
+    pub(crate) fn about(self, line: usize, part: &str) -> ReadError {
+        match self.0.as_str() {
+            reason if reason.starts_with("line ") => self,
+            reason if reason.starts_with(part) => ReadError::line(line, reason),
+            reason => ReadError::line(line, format_args!("{part}: {reason}")),
+        }
     }
 
     /// Something is wrong in an item, or in another part of the file that has a name.

@@ -5,7 +5,7 @@ use super::tree::{Node, Remarks, Table};
 use super::xml;
 use crate::error::ReadError;
 use crate::format::PlanFormat;
-use crate::model::{Action, Altitude, OtherKind, Plan, Position};
+use crate::model::{Action, Altitude, Plan, Position};
 
 /// What elements of GPX mean that are not read.
 pub const TABLE: Table = Table {
@@ -73,11 +73,7 @@ pub fn read(text: &str) -> Result<Plan, ReadError> {
                 other.name, path.name
             );
             // Two routes, or two tracks: which one is meant is not known.
-            let kind = match other.kind == path.kind {
-                true => OtherKind::Flight,
-                false => OtherKind::Payload,
-            };
-            remarks.add(other.line, text, kind);
+            remarks.add(other.line, text, other.kind == path.kind);
         }
     }
     remarks.add_left(&root, &TABLE);
@@ -136,7 +132,7 @@ fn candidates<'a>(root: &'a Node, remarks: &mut Remarks) -> Vec<Candidate<'a>> {
                 let text = format!(
                     "{name} has a gap before this point: where it leads there is not known"
                 );
-                remarks.add(gap[0].line, text, OtherKind::Flight);
+                remarks.add(gap[0].line, text, true);
             }
         }
         found.push(Candidate {

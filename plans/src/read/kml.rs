@@ -4,12 +4,12 @@
 //! nothing is said, means that the number is not used: the operator must say how high.
 
 use super::items::clean;
-use super::shapes::{Feature, Properties, Shapes, Vertex};
-use super::tree::{Node, Table, whole_number};
+use super::shapes::{Shapes, Vertex};
+use super::tree::{Node, Table, has_word, whole_number};
 use super::xml;
 use crate::error::ReadError;
 use crate::format::PlanFormat;
-use crate::model::{Altitude, OtherKind, Plan, Reference};
+use crate::model::{Altitude, Plan, Reference};
 
 /// What elements of KML mean that are not read.
 pub const TABLE: Table = Table {
@@ -42,191 +42,151 @@ pub const TABLE: Table = Table {
     ),
     open: "ExtendedData",
     flight: "Document Folder Placemark Point LineString LinearRing Polygon MultiGeometry outerBoundaryIs innerBoundaryIs coordinates \
-        ExtendedData Data SchemaData SimpleData Track MultiTrack Model Tour NetworkLink altitudeOffset",
+        ExtendedData Data SchemaData SimpleData Track MultiTrack Model Tour NetworkLink altitudeOffset @name",
 };
 
 pub fn read(text: &str) -> Result<Plan, ReadError> {
     let root = xml::parse(text, "kml")?;
-    let mut reader = Placemarks {
-        shapes: Shapes::new(Plan::empty(PlanFormat::Kml)),
-        count: 0,
-    };
-    reader.read_features(&root)?;
-    let Shapes {
-        mut plan,
-        mut remarks,
-        ..
-    } = reader.shapes;
-    remarks.add_left(&root, &TABLE);
-    remarks.finish(&mut plan);
-    Ok(plan)
+    let mut shapes = Shapes::new(PlanFormat::Kml);
+    read_features(&mut shapes, &root, &mut 0)?;
+    Ok(shapes.finish(&root, &TABLE))
 }
 
-struct Placemarks {
-    shapes: Shapes,
-    count: usize,
-}
-
-impl Placemarks {
-    /// Folders lie in each other at most as deep as the parser allows.
-    fn read_features(&mut self, container: &Node) -> Result<(), ReadError> {
-        self.read_visibility(container)?;
-        container
-            .nodes
-            .iter()
-            .try_for_each(|node| match node.name.as_str() {
-                "Document" | "Folder" => self.read_features(node.take()),
-                "Placemark" => self.read_placemark(node.take()),
-                _ => Ok(()),
-            })
-    }
-
-    /// What its author has hidden is not flown, and not left out either.
-    fn read_visibility(&mut self, node: &Node) -> Result<(), ReadError> {
-        match node
-            .one("visibility")
-            .map(|visibility| (visibility, visibility.text()))
-        {
-            None | Some((_, Some("1" | "true"))) => Ok(()),
-            Some((visibility, Some("0" | "false"))) => {
-                let text = format!(
-                    "`visibility` of a `{}` is 0: its author has hidden it",
-                    node.name
-                );
-                self.shapes
-                    .remarks
-                    .add(visibility.line, text, OtherKind::Flight);
-                Ok(())
-            }
-            Some((visibility, _)) => Err(visibility.wrong("`visibility` is neither 0 nor 1")),
-        }
-    }
-
-    fn read_placemark(&mut self, node: &Node) -> Result<(), ReadError> {
-        self.count += 1;
-        let part = format!("placemark {}", self.count);
-        let name = node
-            .one("name")
-            .and_then(Node::text)
-            .unwrap_or_default()
-            .to_owned();
-        self.read_visibility(node)?;
-        let mut properties = Properties::default();
-        for data in node.one("ExtendedData").iter().flat_map(|data| &data.nodes) {
-            match data.name.as_str() {
-                "Data" => {
-                    let value = data
-                        .take()
-                        .one("value")
-                        .ok_or_else(|| data.wrong("a `Data` without a `value`"))?;
-                    read_property(&mut properties, data, value, &mut self.shapes)?;
-                }
-                "SchemaData" => data.take().all("SimpleData").try_for_each(|value| {
-                    read_property(&mut properties, value, value, &mut self.shapes)
-                })?,
-                _ => {}
-            }
-        }
-        self.shapes.feature = Feature {
-            part,
-            line: node.line,
-            name,
-            properties,
-        };
-        match node.nodes.iter().find(|child| is_geometry(child)) {
-            Some(geometry) => self.read_geometry(geometry),
-            None => self.shapes.left_out("placemark without a geometry"),
-        }
-    }
-
-    fn read_geometry(&mut self, node: &Node) -> Result<(), ReadError> {
-        node.take();
-        let shapes = &mut self.shapes;
+/// Folders lie in each other at most as deep as the parser allows.
+fn read_features(shapes: &mut Shapes, container: &Node, count: &mut u32) -> Result<(), ReadError> {
+    read_visibility(shapes, container)?;
+    for node in &container.nodes {
         match node.name.as_str() {
-            "Point" => match vertices(node, node, shapes)?.as_slice() {
-                [vertex] => shapes.point(vertex),
-                points => Err(shapes.wrong(format!("a `Point` with {} points", points.len()))),
-            },
-            "LineString" => match vertices(node, node, shapes)?.as_slice() {
-                points @ [_, _, ..] => shapes.line(points),
-                points => Err(shapes.wrong(format!("a `LineString` with {} points", points.len()))),
-            },
-            "Polygon" => {
-                let ring = node
-                    .one("outerBoundaryIs")
-                    .and_then(|outer| outer.one("LinearRing"));
-                let ring = ring.ok_or_else(|| shapes.wrong("a `Polygon` without an outline"))?;
-                let outline = vertices(node, ring, shapes)?;
-                let has_holes = node.all("innerBoundaryIs").map(Node::take_whole).count() > 0;
-                shapes.polygon(&outline, has_holes)
+            "Document" | "Folder" => read_features(shapes, node.take(), count)?,
+            "Placemark" => {
+                *count += 1;
+                shapes.begin(format!("placemark {count}"), node);
+                read_placemark(shapes, node.take())?;
             }
-            _ => node
-                .nodes
-                .iter()
-                .filter(|child| is_geometry(child))
-                .try_for_each(|child| self.read_geometry(child)),
+            // The kinds of the data.
+            "Schema" => node.skip(),
+            _ => {}
         }
     }
+    Ok(())
 }
 
-fn is_geometry(node: &Node) -> bool {
-    ["Point", "LineString", "Polygon", "MultiGeometry"].contains(&node.name.as_str())
+/// What its author has hidden is not flown, and not left out either.
+fn read_visibility(shapes: &mut Shapes, node: &Node) -> Result<(), ReadError> {
+    let Some(visibility) = node.one("visibility") else {
+        return Ok(());
+    };
+    match visibility.text() {
+        Some("1" | "true") => {}
+        Some("0" | "false") => {
+            let text = format!(
+                "`visibility` of a `{}` is 0: its author has hidden it",
+                node.name
+            );
+            shapes.remarks.add(visibility.line, text, true);
+        }
+        _ => return Err(visibility.wrong("`visibility` is neither 0 nor 1")),
+    }
+    Ok(())
+}
+
+fn read_placemark(shapes: &mut Shapes, node: &Node) -> Result<(), ReadError> {
+    shapes.name = node
+        .one("name")
+        .and_then(Node::text)
+        .unwrap_or_default()
+        .to_owned();
+    read_visibility(shapes, node)?;
+    for data in node.one("ExtendedData").iter().flat_map(|data| &data.nodes) {
+        match data.name.as_str() {
+            "Data" => {
+                let value = data.take().one("value");
+                let value = value.ok_or_else(|| data.wrong("a `Data` without a `value`"))?;
+                read_property(shapes, data, value)?;
+            }
+            "SchemaData" => {
+                let mut values = data.take().all("SimpleData");
+                values.try_for_each(|value| read_property(shapes, value, value))?;
+            }
+            _ => {}
+        }
+    }
+    match node.nodes.iter().find(|child| is_geometry(child)) {
+        Some(geometry) => read_geometry(shapes, geometry.take())?,
+        None => shapes.left_out("placemark without a geometry"),
+    }
+    Ok(())
 }
 
 /// The property that the attribute `name` of `node` names.
-fn read_property(
-    properties: &mut Properties,
-    node: &Node,
-    value: &Node,
-    shapes: &mut Shapes,
-) -> Result<(), ReadError> {
-    let name = node
-        .one("@name")
-        .and_then(Node::text)
-        .ok_or_else(|| node.wrong("a value without a name"))?;
+fn read_property(shapes: &mut Shapes, node: &Node, value: &Node) -> Result<(), ReadError> {
+    let name = node.one("@name").and_then(Node::text);
     value.text();
-    properties.take(name, value, &mut shapes.remarks)
+    shapes.property(
+        name.ok_or_else(|| node.wrong("a value without a name"))?,
+        value,
+    )
+}
+
+fn is_geometry(node: &Node) -> bool {
+    has_word("Point LineString Polygon MultiGeometry", &node.name)
+}
+
+fn read_geometry(shapes: &mut Shapes, node: &Node) -> Result<(), ReadError> {
+    match node.name.as_str() {
+        "Point" => match vertices(shapes, node, node)?.as_slice() {
+            [vertex] => shapes.point(vertex),
+            points => Err(shapes.wrong(format!("a `Point` with {} points", points.len()))),
+        },
+        "LineString" => match vertices(shapes, node, node)?.as_slice() {
+            points @ [_, _, ..] => shapes.line(points),
+            points => Err(shapes.wrong(format!("a `LineString` with {} points", points.len()))),
+        },
+        "Polygon" => {
+            let outer = node.one("outerBoundaryIs");
+            let ring = outer.and_then(|outer| outer.one("LinearRing"));
+            let ring = ring.ok_or_else(|| shapes.wrong("a `Polygon` without an outline"))?;
+            let outline = vertices(shapes, node, ring)?;
+            let has_holes = node.all("innerBoundaryIs").map(Node::skip).count() > 0;
+            shapes.polygon(&outline, has_holes)
+        }
+        _ => {
+            let mut parts = node.nodes.iter().filter(|child| is_geometry(child));
+            parts.try_for_each(|part| read_geometry(shapes, part.take()))
+        }
+    }
 }
 
 /// The points of `coordinates` in `ring`, with the altitude mode of `node`.
-fn vertices(node: &Node, ring: &Node, shapes: &mut Shapes) -> Result<Vec<Vertex>, ReadError> {
+fn vertices(shapes: &Shapes, node: &Node, ring: &Node) -> Result<Vec<Vertex>, ReadError> {
     let mode = node
         .one("altitudeMode")
-        .or_else(|| node.one("gx:altitudeMode"))
-        .map(|mode| (mode, mode.text().unwrap_or_default()));
-    let reference = match mode {
-        None | Some((_, "clampToGround" | "")) => None,
+        .or_else(|| node.one("gx:altitudeMode"));
+    let reference = match mode.map(|mode| (mode, mode.text().unwrap_or_default())) {
+        None | Some((_, "clampToGround")) => None,
         Some((_, "absolute")) => Some(Reference::Sea),
         Some((_, "relativeToGround")) => Some(Reference::Terrain),
         Some((mode, other)) => {
             return Err(mode.wrong(format!("the altitude mode `{}` is not known", clean(other))));
         }
     };
-    let coordinates = ring
-        .one("coordinates")
-        .ok_or_else(|| ring.wrong(format!("`{}` without `coordinates`", ring.name)))?;
-    let tuples = coordinates
-        .text()
-        .unwrap_or_default()
-        .split_whitespace()
-        .enumerate();
-    let vertices = tuples.map(|(index, tuple)| {
+    let missing = || ring.wrong(format!("`{}` without `coordinates`", ring.name));
+    let coordinates = ring.one("coordinates").ok_or_else(missing)?;
+    let tuples = coordinates.text().unwrap_or_default().split_whitespace();
+    let vertices = tuples.enumerate().map(|(index, tuple)| {
         let numbers: Option<Vec<f64>> = tuple.split(',').map(whole_number).collect();
         match numbers.as_deref() {
-            Some([longitude_deg, latitude_deg, altitude @ ..]) if altitude.len() <= 1 => Ok(Vertex {
-                latitude_deg: *latitude_deg,
-                longitude_deg: *longitude_deg,
-                altitude: match (reference, altitude.first()) {
-                    (Some(reference), Some(metres)) => reference.at(*metres),
-                    _ => Altitude::Unstated(None),
-                },
-            }),
-            _ => Err(coordinates.wrong(format!(
-                "point {} of {} is `{}`; it needs longitude,latitude or longitude,latitude,altitude, and a blank behind it",
-                index + 1,
-                shapes.feature.part,
-                clean(tuple)
-            ))),
+            Some([longitude_deg, latitude_deg, altitude @ ..]) if altitude.len() <= 1 => {
+                let altitude = reference.zip(altitude.first());
+                let altitude = altitude.map(|(reference, metres)| reference.at(*metres));
+                let position = shapes.position(*latitude_deg, *longitude_deg)?;
+                Ok(Vertex(position, altitude.unwrap_or(Altitude::Unstated(None))))
+            }
+            _ => {
+                let (number, found) = (index + 1, clean(tuple));
+                let reason = format!("point {number} is `{found}`, not longitude,latitude or longitude,latitude,altitude");
+                Err(coordinates.wrong(format!("{}: {reason}", shapes.part)))
+            }
         }
     });
     vertices.collect()

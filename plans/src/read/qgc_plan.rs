@@ -59,13 +59,12 @@ pub const TABLE: Table = Table {
 
 pub fn read(text: &str) -> Result<Plan, ReadError> {
     let root = json::parse(text)?;
+    let plan = Plan::empty(PlanFormat::QgcPlan);
     let mut reader = PlanReader {
-        plan: Plan::empty(PlanFormat::QgcPlan),
+        plan,
         remarks: Remarks::default(),
     };
-    if !matches!(root.value, Value::Object) {
-        return Err(ReadError::file("it is no JSON object"));
-    }
+    object(&root).map_err(|error| error.about(root.line, "the file"))?;
     match root.one("mission") {
         Some(mission) => {
             check_version(&root, "the file", &[1])?;
@@ -76,15 +75,15 @@ pub fn read(text: &str) -> Result<Plan, ReadError> {
         None => return Err(ReadError::file("there is no `mission`")),
     }
     if let Some(fence) = root.one("geoFence") {
-        let read = object(fence, "geoFence").and_then(|fence| reader.read_fence(fence));
-        read.map_err(|error| error.at(fence.line))?;
+        let read = reader.read_fence(fence);
+        read.map_err(|error| error.about(fence.line, "geoFence"))?;
     }
     if let Some(rally) = root.one("rallyPoints") {
-        let points = list(rally, "points", "rallyPoints")?;
+        let points = rally.list("points")?;
         points.iter().for_each(Node::skip);
         if !points.is_empty() {
             let text = format!("{} rally points are not used", points.len());
-            reader.remarks.add(0, text, OtherKind::Payload);
+            reader.remarks.add(0, text, false);
         }
     }
     let PlanReader {
@@ -97,16 +96,16 @@ pub fn read(text: &str) -> Result<Plan, ReadError> {
 }
 
 fn check_version(node: &Node, place: &str, known: &[u8]) -> Result<(), ReadError> {
-    match node.one("version").map(|version| &version.value) {
-        Some(Value::Number(version)) if known.iter().any(|one| f64::from(*one) == *version) => {
-            Ok(())
+    let reason = match node.one("version").map(|version| &version.value) {
+        Some(Value::Number(version)) => {
+            if known.iter().any(|known| f64::from(*known) == *version) {
+                return Ok(());
+            }
+            format!("its version is {version}; read are {known:?}")
         }
-        Some(Value::Number(version)) => Err(ReadError::part(
-            place,
-            format!("its version is {version}; read are {known:?}"),
-        )),
-        _ => Err(ReadError::part(place, "there is no number `version`")),
-    }
+        _ => "there is no number `version`".to_owned(),
+    };
+    Err(ReadError::part(place, reason))
 }
 
 struct PlanReader {
@@ -116,106 +115,82 @@ struct PlanReader {
 
 impl PlanReader {
     fn read_mission(&mut self, mission: &Node) -> Result<(), ReadError> {
-        self.plan.planned_home = match mission.one("plannedHomePosition") {
-            None => None,
-            Some(item) if matches!(item.value, Value::Object) => item
-                .take_whole()
-                .one("coordinate")
-                .map_or(Ok(None), planned_home)?,
-            Some(home) => planned_home(home)?,
-        };
-        let speed = mission
-            .one("hoverSpeed")
-            .map(|speed| number_or_null(speed, "hoverSpeed", "mission"));
-        self.plan.planned_speed_mps = speed.transpose()?.filter(|speed| *speed > 0.0);
-        for (index, item) in list(mission, "items", "mission")?.iter().enumerate() {
+        if let Some(home) = mission.one("plannedHomePosition") {
+            let read = planned_home(home);
+            self.plan.planned_home = read.map_err(|error| error.about(home.line, &home.name))?;
+        }
+        let speed_mps = mission.one("hoverSpeed").map(number_or_null).transpose()?;
+        self.plan.planned_speed_mps = speed_mps.filter(|speed_mps| *speed_mps > 0.0);
+        for (index, item) in mission.list("items")?.iter().enumerate() {
             let origin = format!("item {}", index + 1);
-            let read = object(item, &origin).and_then(|item| self.read_item(item, &origin));
-            read.map_err(|error| error.at(item.line))?;
+            let read = self.read_item(item, &origin);
+            read.map_err(|error| error.about(item.line, &origin))?;
         }
         // Of version 1. They stand apart from the items.
-        for item in optional_list(mission, "complexItems", "mission")? {
+        for item in optional_list(mission, "complexItems")? {
             item.skip();
-            let text = "a complex item stands apart from the items: where it belongs among them is not known";
-            self.remarks.add(item.line, text, OtherKind::Flight);
+            let text =
+                "a complex item stands apart from the items: its place among them is not known";
+            self.remarks.add(item.line, text, true);
         }
         Ok(())
     }
 
     fn read_item(&mut self, item: &Node, origin: &str) -> Result<(), ReadError> {
-        match item.one("type").and_then(Node::text) {
-            Some("SimpleItem" | "MissionItem" | "missionItem") => {
-                let mavlink = self.simple(item, origin)?;
-                push_mavlink(&mut self.plan, origin, mavlink)
-            }
+        match object(item)?.one("type").and_then(Node::text) {
+            Some("SimpleItem" | "MissionItem" | "missionItem") => self.read_simple(item, origin),
             Some("ComplexItem") => self.read_complex(item, origin),
-            Some(other) => {
-                item.take_whole();
-                self.other(origin, format!("an item of the type `{}`", clean(other)))
-            }
-            None => Err(ReadError::part(origin, "there is no `type`")),
+            Some(other) => self.other(
+                item,
+                origin,
+                format!("an item of the type `{}`", clean(other)),
+            ),
+            None => Err(ReadError::new("there is no `type`")),
         }
     }
 
-    fn other(&mut self, origin: &str, name: String) -> Result<(), ReadError> {
-        push(
-            &mut self.plan,
-            origin,
-            "",
-            Action::Other {
-                name,
-                kind: OtherKind::Flight,
-            },
-        )
+    fn other(&mut self, item: &Node, origin: &str, name: String) -> Result<(), ReadError> {
+        item.skip();
+        let kind = OtherKind::Flight;
+        push(&mut self.plan, origin, "", Action::Other { name, kind })
     }
 
     /// A survey or a corridor holds the simple items that it stands for.
     fn read_complex(&mut self, item: &Node, origin: &str) -> Result<(), ReadError> {
         let name = item.one("complexItemType").and_then(Node::text).map(clean);
-        let name = name.ok_or_else(|| ReadError::part(origin, "there is no `complexItemType`"))?;
-        let transects = match item.one("TransectStyleComplexItem") {
-            None => item,
-            Some(inner) => object(inner, origin)?,
-        };
-        let parts = optional_list(transects, "Items", origin)?;
+        let name = name.ok_or_else(|| ReadError::new("there is no `complexItemType`"))?;
+        let transects = item.one("TransectStyleComplexItem").unwrap_or(item);
+        let parts = optional_list(transects, "Items")?;
         if parts.is_empty() {
-            item.take_whole();
-            return self.other(
-                origin,
-                format!("a complex item `{name}` without simple items"),
-            );
+            let name = format!("a complex item `{name}` without simple items");
+            return self.other(item, origin, name);
         }
         for (index, part) in parts.iter().enumerate() {
             let origin = format!("{origin} ({name}), part {}", index + 1);
-            object(part, &origin)?.one("type").map(Node::text);
-            let mavlink = self.simple(part, &origin)?;
-            push_mavlink(&mut self.plan, &origin, mavlink)?;
+            object(part)?.one("type").map(Node::text);
+            let read = self.read_simple(part, &origin);
+            read.map_err(|error| error.about(part.line, &origin))?;
         }
         Ok(())
     }
 
-    fn simple(&mut self, item: &Node, origin: &str) -> Result<MissionItem, ReadError> {
-        let mut params = params(item, origin)?;
-        let mut frame = whole(item, "frame", origin)?;
-        self.check_altitude(item, origin, &mut frame, &mut params[6])?;
-        Ok(MissionItem {
-            frame,
+    fn read_simple(&mut self, item: &Node, origin: &str) -> Result<(), ReadError> {
+        let params = params(item)?;
+        let mut mavlink = MissionItem {
+            frame: whole(item, "frame")?,
             command: match item.has("command") {
-                true => whole(item, "command", origin)?,
-                false => whole(item, "id", origin)?,
+                true => whole(item, "command")?,
+                false => whole(item, "id")?,
             },
             params,
             auto_continue: match item.one("autoContinue").map(|value| &value.value) {
                 None => true,
                 Some(Value::Flag(value)) => *value,
-                Some(_) => {
-                    return Err(ReadError::part(
-                        origin,
-                        "`autoContinue` is not true or false",
-                    ));
-                }
+                Some(_) => return Err(ReadError::new("`autoContinue` is not true or false")),
             },
-        })
+        };
+        self.check_altitude(item, origin, &mut mavlink)?;
+        push_mavlink(&mut self.plan, origin, mavlink)
     }
 
     /// An item says its altitude twice, for QGroundControl and for the vehicle: both must mean the same.
@@ -223,145 +198,125 @@ impl PlanReader {
         &mut self,
         item: &Node,
         origin: &str,
-        frame: &mut u16,
-        altitude_m: &mut f64,
+        mavlink: &mut MissionItem,
     ) -> Result<(), ReadError> {
-        let optional = |name: &str| {
-            item.one(name)
-                .map(|node| number_or_null(node, name, origin))
-                .transpose()
-        };
+        let optional = |name: &str| item.one(name).map(number_or_null).transpose();
         let (altitude, above_sea) = (optional("Altitude")?, optional("AMSLAltAboveTerrain")?);
         let mode = match item.one("AltitudeMode") {
-            Some(_) => {
-                Some(whole(item, "AltitudeMode", origin)?).filter(|mode| !NO_MODE.contains(mode))
-            }
-            None => None,
+            Some(_) => whole(item, "AltitudeMode")?,
+            None => NO_MODE[0],
         };
-        let (shown, shown_m) = match (mode, above_sea) {
-            (Some(CALCULATED_ABOVE_TERRAIN), None) => {
-                // QGroundControl did not know the terrain, so the altitude is still above it.
-                *frame = FRAMES_TERRAIN[0];
-                *altitude_m = altitude.unwrap_or(*altitude_m);
-                return Ok(());
-            }
-            (Some(CALCULATED_ABOVE_TERRAIN), above_sea) => ("AMSLAltAboveTerrain", above_sea),
+        let MissionItem {
+            frame,
+            params: [.., altitude_m],
+            ..
+        } = mavlink;
+        if mode == CALCULATED_ABOVE_TERRAIN && above_sea.is_none() {
+            // QGroundControl did not know the terrain, so the altitude is still above it.
+            *frame = FRAMES_TERRAIN[0];
+            *altitude_m = altitude.unwrap_or(*altitude_m);
+            return Ok(());
+        }
+        let (name, shown_m) = match mode {
+            CALCULATED_ABOVE_TERRAIN => ("AMSLAltAboveTerrain", above_sea),
             _ => ("Altitude", altitude),
         };
-        let mut contradicts = |text: String| self.remarks.add(item.line, text, OtherKind::Flight);
-        if let Some(metres) = shown_m
-            && !((metres - *altitude_m).abs() <= SAME_ALTITUDE_M)
-        {
-            contradicts(format!(
-                "{origin}: `{shown}` is {metres} m and the altitude in `params` {altitude_m} m: which is meant?"
-            ));
+        let is_same = |shown_m: f64| (shown_m - *altitude_m).abs() <= SAME_ALTITUDE_M;
+        if let Some(shown_m) = shown_m.filter(|shown_m| !is_same(*shown_m)) {
+            let text =
+                format!("`{name}` is {shown_m} m and the altitude in `params` {altitude_m} m");
+            self.contradiction(item, origin, &text);
         }
         let frames = match mode {
-            None => return Ok(()),
-            Some(RELATIVE) => FRAMES_HOME,
-            Some(ABSOLUTE | CALCULATED_ABOVE_TERRAIN) => FRAMES_SEA,
-            Some(TERRAIN_FRAME) => FRAMES_TERRAIN,
-            Some(other) => {
-                contradicts(format!("{origin}: the `AltitudeMode` {other} is not known"));
-                return Ok(());
-            }
+            RELATIVE => &FRAMES_HOME[..],
+            ABSOLUTE | CALCULATED_ABOVE_TERRAIN => &FRAMES_SEA,
+            TERRAIN_FRAME => &FRAMES_TERRAIN,
+            _ => &[],
         };
         let has_altitude = [FRAMES_HOME, FRAMES_SEA, FRAMES_TERRAIN]
             .concat()
             .contains(frame);
-        if has_altitude && !frames.contains(frame) {
-            let mode = mode.unwrap_or_default();
-            contradicts(format!(
-                "{origin}: `AltitudeMode` {mode} and `frame` {frame} say different things: which is meant?"
-            ));
+        if has_altitude && !NO_MODE.contains(&mode) && !frames.contains(frame) {
+            let text = format!("`AltitudeMode` {mode} and `frame` {frame} say different things");
+            self.contradiction(item, origin, &text);
         }
         Ok(())
+    }
+
+    fn contradiction(&mut self, item: &Node, origin: &str, text: &str) {
+        let text = format!("{origin}: {text}: which is meant?");
+        self.remarks.add(item.line, text, true);
     }
 
     fn read_fence(&mut self, fence: &Node) -> Result<(), ReadError> {
-        const PLACE: &str = "geoFence";
-        if fence.has("version") {
-            check_version(fence, PLACE, &[1, 2])?;
+        if object(fence)?.has("version") {
+            check_version(fence, "geoFence", &[1, 2])?;
         }
-        for (index, polygon) in optional_list(fence, "polygons", PLACE)?.iter().enumerate() {
-            let place = format!("fence polygon {}", index + 1);
-            let vertices = list(object(polygon, &place)?, "polygon", &place)?;
-            let vertices = vertices.iter().map(|vertex| position(vertex, &place));
-            let shape = FenceShape::Polygon(vertices.collect::<Result<_, _>>()?);
-            self.area(polygon, shape, &place)?;
+        for (index, item) in optional_list(fence, "polygons")?.iter().enumerate() {
+            let read = polygon(item).and_then(|shape| self.area(item, shape));
+            read.map_err(|error| error.about(item.line, &format!("fence polygon {}", index + 1)))?;
         }
-        for (index, item) in optional_list(fence, "circles", PLACE)?.iter().enumerate() {
-            let place = format!("fence circle {}", index + 1);
-            let missing = |name: &str| ReadError::part(&place, format!("there is no `{name}`"));
-            let circle = object(item, &place)?
-                .one("circle")
-                .ok_or_else(|| missing("circle"))?;
-            let radius = circle
-                .one("radius")
-                .map(|radius| number_or_null(radius, "radius", &place));
-            let shape = FenceShape::Circle {
-                centre: position(
-                    circle.one("center").ok_or_else(|| missing("center"))?,
-                    &place,
-                )?,
-                radius_m: radius.transpose()?.ok_or_else(|| missing("radius"))?,
-            };
-            self.area(item, shape, &place)?;
+        for (index, item) in optional_list(fence, "circles")?.iter().enumerate() {
+            let read = circle(item).and_then(|shape| self.area(item, shape));
+            read.map_err(|error| error.about(item.line, &format!("fence circle {}", index + 1)))?;
         }
-        if fence
-            .one("breachReturn")
-            .is_some_and(|point| point.take_whole().line > 0)
-        {
+        if let Some(point) = fence.one("breachReturn") {
+            point.skip();
             let text = "the return point after a breach of the fence is not used";
-            self.remarks.add(0, text, OtherKind::Payload);
+            self.remarks.add(0, text, false);
         }
         // Version 1 had one polygon, and did not say what it is for.
-        if !optional_list(fence, "polygon", PLACE)?.is_empty() {
-            let text = "the fence of version 1 does not say whether it is to be left or entered";
+        if !optional_list(fence, "polygon")?.is_empty() {
             fence.nodes.iter().for_each(Node::skip);
-            self.remarks.add(0, text, OtherKind::Flight);
+            let text = "the fence of version 1 does not say whether it is to be left or entered";
+            self.remarks.add(0, text, true);
         }
         Ok(())
     }
 
-    fn area(&mut self, item: &Node, shape: FenceShape, place: &str) -> Result<(), ReadError> {
+    fn area(&mut self, item: &Node, shape: FenceShape) -> Result<(), ReadError> {
         if item.has("version") {
-            check_version(item, place, &[1])?;
+            check_version(item, "the area", &[1])?;
         }
-        let Some(Value::Flag(is_inclusion)) =
-            item.one("inclusion").map(|inclusion| &inclusion.value)
-        else {
-            return Err(ReadError::part(place, "`inclusion` is not true or false"));
+        let inclusion = item.one("inclusion").map(|inclusion| &inclusion.value);
+        let Some(Value::Flag(is_inclusion)) = inclusion else {
+            return Err(ReadError::new("`inclusion` is not true or false"));
         };
+        let (name, is_inclusion) = (String::new(), *is_inclusion);
         push_area(
             &mut self.plan,
             FenceArea {
-                name: String::new(),
-                is_inclusion: *is_inclusion,
+                name,
+                is_inclusion,
                 shape,
             },
         )
     }
 }
 
-/// The altitude is above sea; a home of 0, 0 was never set.
+/// The altitude is above sea; a home of 0, 0 was never set. In version 1 it is an item.
 fn planned_home(node: &Node) -> Result<Option<PlannedHome>, ReadError> {
-    let place = "plannedHomePosition";
-    let numbers = numbers(node, place)?;
+    let node = match node.value {
+        Value::Object => {
+            node.skip();
+            node.one("coordinate").unwrap_or(node)
+        }
+        _ => node,
+    };
+    let numbers = numbers(node)?;
     let [latitude_deg, longitude_deg, above_sea_m @ ..] = numbers.as_slice() else {
-        return Err(ReadError::part(place, "it needs latitude and longitude"));
+        return Err(ReadError::new("it needs latitude and longitude"));
     };
     if above_sea_m.len() > 1 {
-        return Err(ReadError::part(
-            place,
-            format!("{} numbers; a home has 3", numbers.len()),
-        ));
+        return Err(ReadError::new(format!(
+            "{} numbers; a home has 3",
+            numbers.len()
+        )));
     }
     if *latitude_deg == 0.0 && *longitude_deg == 0.0 || latitude_deg.is_nan() {
         return Ok(None);
     }
-    let position = Position::new(*latitude_deg, *longitude_deg)
-        .map_err(|reason| ReadError::part(place, reason))?;
+    let position = Position::new(*latitude_deg, *longitude_deg).map_err(ReadError::new)?;
     let above_sea_m = above_sea_m
         .first()
         .copied()
@@ -373,94 +328,100 @@ fn planned_home(node: &Node) -> Result<Option<PlannedHome>, ReadError> {
 }
 
 /// Seven parameters; or four and a `coordinate`; or `param1` to `param4` and a `coordinate`.
-fn params(item: &Node, origin: &str) -> Result<[f64; 7], ReadError> {
+fn params(item: &Node) -> Result<[f64; 7], ReadError> {
     let mut all = match item.one("params") {
-        Some(params) => numbers(params, origin)?,
+        Some(params) => numbers(params)?,
         None => {
-            let param = |number: u8| {
-                let name = format!("param{number}");
+            let param = |name: &str| {
                 let node = item.nodes.iter().find(|node| node.name == name);
-                let missing =
-                    || ReadError::part(origin, format!("there is no `params` and no `{name}`"));
-                number_or_null(node.ok_or_else(missing)?.take(), &name, origin)
+                let missing = || ReadError::new(format!("there is no `params` and no `{name}`"));
+                number_or_null(node.ok_or_else(missing)?.take())
             };
-            (1..=4).map(param).collect::<Result<_, _>>()?
+            let names = ["param1", "param2", "param3", "param4"];
+            names.into_iter().map(param).collect::<Result<_, _>>()?
         }
     };
     if all.len() == 4 {
-        let coordinate = item.one("coordinate");
-        let coordinate = coordinate
-            .ok_or_else(|| ReadError::part(origin, "4 parameters and no `coordinate`"))?;
-        all.extend(numbers(coordinate, origin)?);
+        let missing = || ReadError::new("4 parameters and no `coordinate`");
+        all.extend(numbers(item.one("coordinate").ok_or_else(missing)?)?);
     }
     let count = all.len();
     all.try_into()
-        .map_err(|_| ReadError::part(origin, format!("{count} parameters; an item has 7")))
+        .map_err(|_| ReadError::new(format!("{count} parameters; an item has 7")))
 }
 
-fn position(node: &Node, place: &str) -> Result<Position, ReadError> {
-    match numbers(node, place)?.as_slice() {
-        [latitude_deg, longitude_deg] => Position::new(*latitude_deg, *longitude_deg)
-            .map_err(|reason| ReadError::part(place, reason)),
-        _ => Err(ReadError::part(
-            place,
+fn polygon(item: &Node) -> Result<FenceShape, ReadError> {
+    let vertices = object(item)?.list("polygon")?.iter().map(position);
+    Ok(FenceShape::Polygon(vertices.collect::<Result<_, _>>()?))
+}
+
+fn circle(item: &Node) -> Result<FenceShape, ReadError> {
+    let missing = |name: &str| ReadError::new(format!("there is no `{name}`"));
+    let circle = object(item)?
+        .one("circle")
+        .ok_or_else(|| missing("circle"))?;
+    let centre = position(circle.one("center").ok_or_else(|| missing("center"))?)?;
+    let radius_m = number_or_null(circle.one("radius").ok_or_else(|| missing("radius"))?)?;
+    Ok(FenceShape::Circle { centre, radius_m })
+}
+
+fn position(node: &Node) -> Result<Position, ReadError> {
+    match numbers(node)?.as_slice() {
+        [latitude_deg, longitude_deg] => {
+            Position::new(*latitude_deg, *longitude_deg).map_err(ReadError::new)
+        }
+        _ => Err(ReadError::new(
             "a point needs latitude and longitude, and nothing else",
         )),
     }
 }
 
 /// Takes an object.
-fn object<'a>(node: &'a Node, place: &str) -> Result<&'a Node, ReadError> {
+fn object(node: &Node) -> Result<&Node, ReadError> {
     match node.take().value {
         Value::Object => Ok(node),
-        _ => Err(ReadError::part(place, "it is no JSON object")),
-    }
-}
-
-fn list<'a>(node: &'a Node, name: &str, place: &str) -> Result<&'a [Node], ReadError> {
-    match node.one(name) {
-        Some(list) if matches!(list.value, Value::List) => Ok(&list.nodes),
-        _ => Err(ReadError::part(place, format!("there is no list `{name}`"))),
+        _ => Err(ReadError::new("it is no JSON object")),
     }
 }
 
 /// Nothing in it when there is no such member.
-fn optional_list<'a>(node: &'a Node, name: &str, place: &str) -> Result<&'a [Node], ReadError> {
+fn optional_list<'a>(node: &'a Node, name: &str) -> Result<&'a [Node], ReadError> {
     match node.one(name) {
         None => Ok(&[]),
-        Some(_) => list(node, name, place),
+        Some(_) => node.list(name),
     }
 }
 
 /// A list of numbers, of which `null` is none.
-fn numbers(node: &Node, place: &str) -> Result<Vec<f64>, ReadError> {
-    let Value::List = node.take_whole().value else {
-        return Err(ReadError::part(place, "a list of numbers is expected"));
-    };
-    let numbers = node.nodes.iter().enumerate();
-    numbers
-        .map(|(index, value)| number_or_null(value, &format!("number {}", index + 1), place))
-        .collect()
-}
-
-fn number_or_null(node: &Node, name: &str, place: &str) -> Result<f64, ReadError> {
+fn numbers(node: &Node) -> Result<Vec<f64>, ReadError> {
+    node.skip();
     match node.value {
-        Value::Null => Ok(f64::NAN),
-        Value::Number(number) => Ok(number),
-        _ => Err(ReadError::part(place, format!("{name} is not a number"))),
+        Value::List => node.nodes.iter().map(number_or_null).collect(),
+        _ => Err(ReadError::new("a list of numbers is expected")),
     }
 }
 
-fn whole(item: &Node, name: &str, place: &str) -> Result<u16, ReadError> {
+fn number_or_null(node: &Node) -> Result<f64, ReadError> {
+    match node.value {
+        Value::Null => Ok(f64::NAN),
+        Value::Number(number) => Ok(number),
+        _ if node.name.is_empty() => Err(ReadError::new("an entry of a list is not a number")),
+        _ => Err(ReadError::new(format!(
+            "`{}` is not a number",
+            clean(&node.name)
+        ))),
+    }
+}
+
+fn whole(item: &Node, name: &str) -> Result<u16, ReadError> {
     match item.one(name).map(|node| &node.value) {
         Some(Value::Number(number))
             if number.fract() == 0.0 && (0.0..=65535.0).contains(number) =>
         {
             Ok(*number as u16)
         }
-        _ => Err(ReadError::part(
-            place,
-            format!("`{name}` is no whole number up to 65535"),
-        )),
+        _ => Err(ReadError::new(format!(
+            "`{name}` is no whole number up to 65535"
+        ))),
     }
 }

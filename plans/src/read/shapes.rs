@@ -11,58 +11,51 @@
 use super::items::{clean, push, push_area};
 use super::tree::{Node, Remarks, Value, has_word, speaks_of_flying, whole_number};
 use crate::error::ReadError;
-use crate::model::{Action, Altitude, FenceArea, FenceShape, OtherKind, Plan, Position, Reference};
+use crate::format::PlanFormat;
+use crate::model::{Action, Altitude, FenceArea, FenceShape, Plan, Position, Reference};
+
+const KNOWN: &str = "action hold_s speed_mps altitude_reference kind radius_m";
 
 /// Properties that other programs write, and from which nothing follows for a flight: names, times, and how a shape is drawn.
 pub const HARMLESS_PROPERTIES: &str = "name title description desc cmt id fid time timestamp styleUrl stroke stroke-width \
     stroke-opacity fill fill-opacity marker-color marker-size marker-symbol icon visibility";
 
-/// One feature or placemark.
-#[derive(Default)]
-pub struct Feature {
-    /// Which it is, such as `feature 3`.
+/// A point of a shape, with the altitude that the file's own rules give it.
+pub struct Vertex(pub Position, pub Altitude);
+
+/// Where the shapes of a file go, one feature or placemark after the other.
+pub struct Shapes {
+    pub plan: Plan,
+    pub remarks: Remarks,
+    /// Which feature, such as `feature 3`, its line, and its name, or nothing.
     pub part: String,
-    pub line: usize,
-    /// Its name, or nothing.
+    line: usize,
     pub name: String,
-    /// What is said about it.
-    pub properties: Properties,
+    /// Name, value and line of its properties.
+    stated: Vec<(String, String, usize)>,
 }
 
-/// The properties of the table above.
-#[derive(Default)]
-pub struct Properties {
-    action: Option<String>,
-    hold_s: Option<f64>,
-    speed_mps: Option<f64>,
-    altitude_reference: Option<Reference>,
-    is_inclusion: Option<bool>,
-    radius_m: Option<f64>,
-    /// Their names and lines.
-    stated: Vec<(&'static str, usize)>,
-}
+impl Shapes {
+    pub fn new(format: PlanFormat) -> Shapes {
+        Shapes {
+            plan: Plan::empty(format),
+            remarks: Remarks::default(),
+            part: String::new(),
+            line: 0,
+            name: String::new(),
+            stated: Vec::new(),
+        }
+    }
 
-const KNOWN: [&str; 6] = [
-    "action",
-    "hold_s",
-    "speed_mps",
-    "altitude_reference",
-    "kind",
-    "radius_m",
-];
+    /// Begins with the feature of `node`.
+    pub fn begin(&mut self, part: String, node: &Node) {
+        (self.part, self.line) = (part, node.line);
+        self.name.clear();
+        self.stated.clear();
+    }
 
-impl Properties {
     /// Takes the property `name` with the value of `node`. `null` and an empty text say nothing. What is not known is a remark.
-    ///
-    /// # Errors
-    ///
-    /// A value that the property does not have, or a second one.
-    pub fn take(
-        &mut self,
-        name: &str,
-        node: &Node,
-        remarks: &mut Remarks,
-    ) -> Result<(), ReadError> {
+    pub fn property(&mut self, name: &str, node: &Node) -> Result<(), ReadError> {
         let text = match &node.value {
             Value::Text(text) => text.trim().to_owned(),
             Value::Number(number) => number.to_string(),
@@ -70,147 +63,137 @@ impl Properties {
             Value::Null => String::new(),
             Value::List | Value::Object => "a list or an object".to_owned(),
         };
-        let Some(known) = KNOWN.iter().find(|known| **known == name) else {
-            if !has_word(HARMLESS_PROPERTIES, name) {
-                let kind = match speaks_of_flying(name) {
-                    true => OtherKind::Flight,
-                    false => OtherKind::Payload,
-                };
-                remarks.add(
-                    node.line,
-                    format!("the property `{}` is not read", clean(name)),
-                    kind,
-                );
+        if has_word(KNOWN, name) && !text.is_empty() {
+            if self.stated(name).is_some() {
+                return Err(node.wrong(format!("`{name}` is said twice of the same shape")));
             }
-            return Ok(());
-        };
-        if text.is_empty() {
-            return Ok(());
-        }
-        if self.stated.iter().any(|(stated, _)| stated == known) {
-            return Err(node.wrong(format!("`{name}` is said twice of the same shape")));
-        }
-        self.stated.push((known, node.line));
-        let number = || match whole_number(&text) {
-            Some(number) if number >= 0.0 => Ok(Some(number)),
-            _ => Err(node.wrong(format!(
-                "`{name}` is `{}`, which is no number from 0 up",
-                clean(&text)
-            ))),
-        };
-        let one_of =
-            |names: &str| node.wrong(format!("`{name}` is `{}`; it can be {names}", clean(&text)));
-        match name {
-            "hold_s" => self.hold_s = number()?,
-            "speed_mps" => self.speed_mps = number()?,
-            "radius_m" => self.radius_m = number()?,
-            "altitude_reference" => {
-                let reference = Reference::from_name(&text);
-                self.altitude_reference =
-                    Some(reference.ok_or_else(|| one_of("take-off, sea or terrain"))?);
-            }
-            "kind" => {
-                self.is_inclusion = match &*text {
-                    "inclusion" => Some(true),
-                    "exclusion" => Some(false),
-                    _ => return Err(one_of("inclusion or exclusion")),
-                }
-            }
-            _ => self.action = Some(text),
+            self.stated.push((name.to_owned(), text, node.line));
+        } else if !has_word(KNOWN, name) && !has_word(HARMLESS_PROPERTIES, name) {
+            let text = format!("the property `{}` is not read", clean(name));
+            self.remarks.add(node.line, text, speaks_of_flying(name));
         }
         Ok(())
     }
-}
 
-/// A point of a shape.
-#[derive(Clone, Copy)]
-pub struct Vertex {
-    /// Degrees.
-    pub latitude_deg: f64,
-    /// Degrees.
-    pub longitude_deg: f64,
-    /// As the file's own rules say.
-    pub altitude: Altitude,
-}
+    fn stated(&self, name: &str) -> Option<(&str, usize)> {
+        let mut stated = self.stated.iter().filter(|(stated, ..)| stated == name);
+        stated.next().map(|(_, text, line)| (&**text, *line))
+    }
 
-/// Where points of a feature go.
-pub struct Shapes {
-    pub plan: Plan,
-    pub remarks: Remarks,
-    pub feature: Feature,
-}
+    fn number(&self, name: &str) -> Result<Option<f64>, ReadError> {
+        let Some((text, line)) = self.stated(name) else {
+            return Ok(None);
+        };
+        let number = whole_number(text).filter(|number| *number >= 0.0);
+        let found = clean(text);
+        let reason = format!("`{name}` is `{found}`, which is no number from 0 up");
+        number
+            .map(Some)
+            .ok_or_else(|| ReadError::line(line, reason))
+    }
 
-impl Shapes {
-    pub fn new(plan: Plan) -> Shapes {
-        Shapes {
-            plan,
-            remarks: Remarks::default(),
-            feature: Feature::default(),
-        }
+    fn one_of<T>(
+        &self,
+        name: &str,
+        values: &str,
+        read: impl Fn(&str) -> Option<T>,
+    ) -> Result<Option<T>, ReadError> {
+        let Some((text, line)) = self.stated(name) else {
+            return Ok(None);
+        };
+        let reason = format!("`{name}` is `{}`; it can be {values}", clean(text));
+        read(text)
+            .map(Some)
+            .ok_or_else(|| ReadError::line(line, reason))
+    }
+
+    fn is_inclusion(&self) -> Result<Option<bool>, ReadError> {
+        self.one_of("kind", "inclusion or exclusion", |kind| match kind {
+            "inclusion" => Some(true),
+            "exclusion" => Some(false),
+            _ => None,
+        })
     }
 
     /// A single point: an item, or the middle of a circle of the fence.
     pub fn point(&mut self, vertex: &Vertex) -> Result<(), ReadError> {
-        let properties = &self.feature.properties;
-        if let Some(is_inclusion) = properties.is_inclusion {
-            let radius_m = properties.radius_m;
+        if let Some(is_inclusion) = self.is_inclusion()? {
+            self.only("a circle of the fence", "kind radius_m");
+            let radius_m = self.number("radius_m")?;
             let radius_m =
                 radius_m.ok_or_else(|| self.wrong("a point with a `kind` needs a `radius_m`"))?;
-            let centre = self.position(vertex)?;
-            self.only("a circle of the fence", &["kind", "radius_m"]);
+            let centre = vertex.0;
             return self.area(
                 is_inclusion,
                 FenceShape::Circle { centre, radius_m },
-                &[*vertex],
+                std::slice::from_ref(vertex),
             );
         }
-        let hold_s = properties.hold_s;
-        self.speed()?;
-        let action = self.action(vertex)?;
-        let mut allowed = vec!["action", "speed_mps", "altitude_reference", "hold_s"];
-        match action {
-            Action::ReturnToLaunch => allowed.truncate(3),
-            // There is no word for a hover after a climb, or before a landing, but a hover of its own.
-            Action::TakeOff { .. } => {
-                self.item(action.clone())?;
-                return self.hover(None, None, hold_s);
-            }
-            Action::Land { position } => {
-                let altitude = self.altitude(vertex);
-                self.hover(position, Some(altitude), hold_s)?;
-            }
-            _ => {}
-        }
-        self.only("such a point", &allowed);
-        self.item(action)
-    }
-
-    fn hover(
-        &mut self,
-        position: Option<Position>,
-        altitude: Option<Altitude>,
-        hold_s: Option<f64>,
-    ) -> Result<(), ReadError> {
-        match hold_s.filter(|seconds| *seconds > 0.0) {
-            Some(_) => self.item(Action::Hold {
+        let (position, altitude, hold_s) =
+            (vertex.0, self.altitude(vertex)?, self.number("hold_s")?);
+        let place = Some(position);
+        let hold = |position, altitude| {
+            let duration_s = hold_s;
+            Action::Hold {
                 position,
                 altitude,
-                duration_s: hold_s,
-            }),
-            None => Ok(()),
+                duration_s,
+            }
+        };
+        let names = "waypoint, take-off, hold, land or return";
+        let actions = self.one_of("action", names, |action| match action {
+            "waypoint" => Some(vec![]),
+            "take-off" | "takeoff" => Some(vec![
+                Action::TakeOff {
+                    position: place,
+                    altitude,
+                },
+                hold(None, None),
+            ]),
+            "hold" => Some(vec![hold(place, Some(altitude))]),
+            "land" => Some(vec![
+                hold(place, Some(altitude)),
+                Action::Land { position: place },
+            ]),
+            "return" => Some(vec![Action::ReturnToLaunch]),
+            _ => None,
+        })?;
+        let hold_s = hold_s.unwrap_or(0.0);
+        let mut actions = actions.unwrap_or_default();
+        if actions.is_empty() {
+            actions.push(Action::Waypoint {
+                position,
+                altitude,
+                hold_s,
+            });
         }
+        // A hover after a climb or before a landing is an item of its own.
+        if actions.len() > 1 && hold_s == 0.0 {
+            actions.retain(|action| !matches!(action, Action::Hold { .. }));
+        }
+        let mut allowed = "action speed_mps altitude_reference hold_s";
+        if let [Action::Land { .. } | Action::ReturnToLaunch] = actions[..] {
+            if altitude.metres().is_some_and(|metres| metres != 0.0) {
+                let text = "the altitude of a landing is not used: it is flown to as high as the item before";
+                self.remarks.add(self.line, text, false);
+            }
+            allowed = "action speed_mps altitude_reference";
+        }
+        self.only("such a point", allowed);
+        self.speed()?;
+        actions.into_iter().try_for_each(|action| self.item(action))
     }
 
     /// A line: a waypoint for each of its points.
     pub fn line(&mut self, vertices: &[Vertex]) -> Result<(), ReadError> {
-        self.only("a line", &["speed_mps", "altitude_reference"]);
+        self.only("a line", "speed_mps altitude_reference");
         self.speed()?;
         for vertex in vertices {
-            let (position, altitude) = (self.position(vertex)?, self.altitude(vertex));
+            let (position, altitude, hold_s) = (vertex.0, self.altitude(vertex)?, 0.0);
             self.item(Action::Waypoint {
                 position,
                 altitude,
-                hold_s: 0.0,
+                hold_s,
             })?;
         }
         Ok(())
@@ -218,16 +201,16 @@ impl Shapes {
 
     /// A polygon: an area of the fence, if the file says so.
     pub fn polygon(&mut self, outline: &[Vertex], has_holes: bool) -> Result<(), ReadError> {
-        self.only("a polygon", &["kind"]);
-        let Some(is_inclusion) = self.feature.properties.is_inclusion else {
-            return self
-                .left_out("polygon without the property `kind`, `inclusion` or `exclusion`");
+        self.only("a polygon", "kind");
+        let Some(is_inclusion) = self.is_inclusion()? else {
+            self.left_out("polygon without the property `kind`, `inclusion` or `exclusion`");
+            return Ok(());
         };
         if has_holes {
-            return self.left_out("polygon with holes");
+            self.left_out("polygon with holes");
+            return Ok(());
         }
-        let positions = outline.iter().map(|vertex| self.position(vertex));
-        let mut vertices = positions.collect::<Result<Vec<_>, _>>()?;
+        let mut vertices: Vec<Position> = outline.iter().map(|vertex| vertex.0).collect();
         // Both formats repeat the first point at the end.
         if vertices.len() > 1 && vertices.first() == vertices.last() {
             vertices.pop();
@@ -236,82 +219,37 @@ impl Shapes {
     }
 
     /// A shape that is no item and no area.
-    pub fn left_out(&mut self, what: &str) -> Result<(), ReadError> {
-        let Feature {
-            part, name, line, ..
-        } = &self.feature;
-        let of = match clean(name) {
+    pub fn left_out(&mut self, what: &str) {
+        let of = match clean(&self.name) {
             name if name.is_empty() => name,
             name => format!(" `{name}`"),
         };
-        self.remarks
-            .add(*line, format!("{part}{of}: {what}"), OtherKind::Flight);
-        Ok(())
+        let text = format!("{}{of}: {what}", self.part);
+        self.remarks.add(self.line, text, true);
     }
 
     /// Names the properties that a shape cannot have.
-    fn only(&mut self, shape: &str, allowed: &[&str]) {
-        for (name, line) in &self.feature.properties.stated {
-            if !allowed.contains(name) {
-                self.remarks.add(
-                    *line,
-                    format!("`{name}` cannot belong to {shape}"),
-                    OtherKind::Flight,
-                );
+    fn only(&mut self, shape: &str, allowed: &str) {
+        for (name, _, line) in &self.stated {
+            if !has_word(allowed, name) {
+                let text = format!("`{name}` cannot belong to {shape}");
+                self.remarks.add(*line, text, true);
             }
         }
-    }
-
-    fn action(&self, vertex: &Vertex) -> Result<Action, ReadError> {
-        let properties = &self.feature.properties;
-        let position = self.position(vertex)?;
-        let altitude = self.altitude(vertex);
-        let hold_s = properties.hold_s;
-        if properties.radius_m.is_some() {
-            return Err(self.wrong("a point with a `radius_m` needs a `kind`"));
-        }
-        Ok(match properties.action.as_deref() {
-            None | Some("waypoint") => Action::Waypoint {
-                position,
-                altitude,
-                hold_s: hold_s.unwrap_or(0.0),
-            },
-            Some("take-off" | "takeoff") => Action::TakeOff {
-                position: Some(position),
-                altitude,
-            },
-            Some("hold") => Action::Hold {
-                position: Some(position),
-                altitude: Some(altitude),
-                duration_s: hold_s,
-            },
-            Some("land") => Action::Land {
-                position: Some(position),
-            },
-            Some("return") => Action::ReturnToLaunch,
-            Some(other) => {
-                let found = clean(other);
-                let reason = format!(
-                    "`action` is `{found}`; it can be waypoint, take-off, hold, land or return"
-                );
-                return Err(self.wrong(reason));
-            }
-        })
     }
 
     /// The property takes precedence over the format.
-    fn altitude(&self, vertex: &Vertex) -> Altitude {
-        match (
-            vertex.altitude.metres(),
-            self.feature.properties.altitude_reference,
-        ) {
+    fn altitude(&self, vertex: &Vertex) -> Result<Altitude, ReadError> {
+        let values = "take-off, sea or terrain";
+        let reference = self.one_of("altitude_reference", values, Reference::from_name)?;
+        Ok(match (vertex.1.metres(), reference) {
             (Some(metres), Some(reference)) => reference.at(metres),
-            _ => vertex.altitude,
-        }
+            _ => vertex.1,
+        })
     }
 
     fn speed(&mut self) -> Result<(), ReadError> {
-        match self.feature.properties.speed_mps {
+        match self.number("speed_mps")? {
             Some(speed_mps) => self.item(Action::Speed { speed_mps }),
             None => Ok(()),
         }
@@ -319,7 +257,7 @@ impl Shapes {
 
     fn item(&mut self, action: Action) -> Result<(), ReadError> {
         let origin = self.origin();
-        push(&mut self.plan, &origin, &self.feature.name, action)
+        push(&mut self.plan, &origin, &self.name, action)
     }
 
     /// The bridge's areas have no altitudes of vertices: those of an exclusion are not needed, those of an inclusion could limit it.
@@ -329,18 +267,12 @@ impl Shapes {
         shape: FenceShape,
         vertices: &[Vertex],
     ) -> Result<(), ReadError> {
-        if vertices
-            .iter()
-            .any(|vertex| vertex.altitude.metres().is_some_and(|metres| metres != 0.0))
-        {
-            let kind = match is_inclusion {
-                true => OtherKind::Flight,
-                false => OtherKind::Payload,
-            };
+        let mut altitudes = vertices.iter().filter_map(|vertex| vertex.1.metres());
+        if altitudes.any(|metres| metres != 0.0) {
             let text = "the altitudes of a fence area are not read: it reaches from below the ground to the sky";
-            self.remarks.add(self.feature.line, text, kind);
+            self.remarks.add(self.line, text, is_inclusion);
         }
-        let name = self.feature.name.clone();
+        let name = self.name.clone();
         push_area(
             &mut self.plan,
             FenceArea {
@@ -351,16 +283,22 @@ impl Shapes {
         )
     }
 
-    fn origin(&self) -> String {
-        format!("{}, line {}", self.feature.part, self.feature.line)
+    pub fn position(&self, latitude_deg: f64, longitude_deg: f64) -> Result<Position, ReadError> {
+        Position::new(latitude_deg, longitude_deg).map_err(|reason| self.wrong(reason))
     }
 
-    fn position(&self, vertex: &Vertex) -> Result<Position, ReadError> {
-        Position::new(vertex.latitude_deg, vertex.longitude_deg)
-            .map_err(|reason| self.wrong(reason))
+    fn origin(&self) -> String {
+        format!("{}, line {}", self.part, self.line)
     }
 
     pub fn wrong(&self, reason: impl std::fmt::Display) -> ReadError {
         ReadError::part(self.origin(), reason)
+    }
+
+    /// The plan, with a remark about each node of the file that was not taken.
+    pub fn finish(mut self, root: &Node, table: &super::tree::Table) -> Plan {
+        self.remarks.add_left(root, table);
+        self.remarks.finish(&mut self.plan);
+        self.plan
     }
 }

@@ -79,14 +79,16 @@ impl Node {
     }
 
     /// Takes the node with everything that is in it.
-    pub fn take_whole(&self) -> &Node {
+    pub fn skip(&self) {
         self.used.set(Used::Whole);
-        self
     }
 
-    /// Takes the node with everything that is in it, as something that is said of another one.
-    pub fn skip(&self) {
-        self.take_whole();
+    /// Takes the list `name`.
+    pub fn list(&self, name: &str) -> Result<&[Node], ReadError> {
+        match self.one(name) {
+            Some(list) if matches!(list.value, Value::List) => Ok(&list.nodes),
+            _ => Err(self.wrong(format!("there is no list `{name}`"))),
+        }
     }
 
     /// Takes the text, without blanks around it.
@@ -165,23 +167,20 @@ pub fn has_word(words: &str, word: &str) -> bool {
 
 /// What is said of a file's parts beside its items: like parts are one entry, with the lines of the first.
 #[derive(Default)]
-pub struct Remarks(Vec<(String, OtherKind, Vec<usize>)>);
+pub struct Remarks(Vec<(String, bool, Vec<usize>)>);
 
 impl Remarks {
-    pub fn add(&mut self, line: usize, text: impl Into<String>, kind: OtherKind) {
+    /// `forbids` the flight, or is only to be known. What has no line of its own is at line 0.
+    pub fn add(&mut self, line: usize, text: impl Into<String>, forbids: bool) {
         let mut text = text.into();
-        let is_known = self.0.iter().any(|(other, ..)| *other == text);
-        if !is_known && self.0.len() >= MAX_FINDINGS {
+        if self.0.len() >= MAX_FINDINGS && self.0.iter().all(|(other, ..)| *other != text) {
             text = "more is there that is not read".to_owned();
         }
-        match self
-            .0
-            .iter_mut()
-            .find(|(other, known, _)| *other == text && *known == kind)
-        {
+        let is_like = |(other, known, _): &&mut _| (other, known) == (&text, &forbids);
+        match self.0.iter_mut().find(is_like) {
             Some((.., lines)) if lines.last() == Some(&line) => {}
             Some((.., lines)) => lines.push(line),
-            None => self.0.push((text, kind, vec![line])),
+            None => self.0.push((text, forbids, vec![line])),
         }
     }
 
@@ -190,72 +189,65 @@ impl Remarks {
         let is_read = parent.used.get() == Used::Read;
         if !is_read && matches!(&parent.value, Value::Text(text) if !text.trim().is_empty()) {
             let text = format!("the text in `{}` is not read", clean(&parent.name));
-            self.add(parent.line, text, OtherKind::Flight);
+            self.add(parent.line, text, true);
         }
         for node in &parent.nodes {
+            let is_open = !node.name.is_empty() && has_word(table.open, node.local_name());
             match node.used.get() {
                 Used::Whole => {}
-                Used::Nothing
-                    if node.name.is_empty() || !has_word(table.open, node.local_name()) =>
-                {
-                    self.judge(parent, node, table)
-                }
+                Used::Nothing if !is_open => self.judge(parent, node, table),
                 _ => self.add_left(node, table),
             }
         }
     }
 
     fn judge(&mut self, parent: &Node, node: &Node, table: &Table) {
-        let is_flight = |node: &Node| has_word(table.flight, node.local_name());
-        let is_harmless = table
-            .harmless
-            .iter()
-            .any(|(names, _)| is_one_of(names, parent, node));
-        let (kind, culprit) = match node.find(&is_flight) {
-            Some(inner) => (OtherKind::Flight, inner),
-            None if is_harmless => return,
-            None if is_one_of(table.named.0, parent, node) => (OtherKind::Payload, node),
-            None if (parent.name.is_empty() || has_word(table.open, parent.local_name())) => {
-                match node.find(&|node| speaks_of_flying(&node.name)) {
-                    Some(inner) => (OtherKind::Flight, inner),
-                    None => (OtherKind::Payload, node),
-                }
+        let is_open = parent.name.is_empty() || has_word(table.open, parent.local_name());
+        let inner = node.find(&|node| has_word(table.flight, node.local_name()));
+        let mut harmless = table.harmless.iter();
+        let (forbids, culprit) = match inner {
+            Some(inner) => (true, inner),
+            None if harmless.any(|(names, _)| is_one_of(names, parent, node)) => return,
+            None if is_one_of(table.named.0, parent, node) => (false, node),
+            None if is_open => {
+                let inner = node.find(&|node| speaks_of_flying(&node.name));
+                (inner.is_some(), inner.unwrap_or(node))
             }
-            None => (OtherKind::Flight, node),
+            None => (true, node),
         };
-        let place = match parent.name.as_str() {
-            "" => "a list",
-            name => &format!("`{}`", clean(name)),
+        let text = match (node.name.as_str(), parent.name.as_str()) {
+            (name, _) if culprit.name != name => {
+                format!(
+                    "`{}` in `{}` is not read",
+                    clean(&culprit.name),
+                    clean(name)
+                )
+            }
+            ("", above) => format!("an entry of `{}` is not read", clean(above)),
+            (name, "") => format!("`{}` is not read", clean(name)),
+            (name, above) => format!("`{}` in `{}` is not read", clean(name), clean(above)),
         };
-        let text = match (node.name.as_str(), culprit.name == node.name) {
-            ("", true) => format!("an entry of {place} is not read"),
-            (name, true) => format!("`{}` in {place} is not read", clean(name)),
-            (name, false) => format!(
-                "`{}` in `{}` is not read",
-                clean(&culprit.name),
-                clean(name)
-            ),
-        };
-        self.add(culprit.line, text, kind);
+        self.add(culprit.line, text, forbids);
     }
 
     /// Moves all of it to the plan.
     pub fn finish(self, plan: &mut Plan) {
         plan.left_out
-            .extend(self.0.into_iter().map(|(text, kind, lines)| {
+            .extend(self.0.into_iter().map(|(text, forbids, lines)| {
                 let places = match lines.as_slice() {
-                    [0, ..] => String::new(),
+                    [] | [0, ..] => String::new(),
                     [line] => format!("line {line}: "),
                     [first, second] => format!("lines {first} and {second}: "),
                     [first, second, rest @ ..] => {
                         format!("lines {first}, {second} and {} more: ", rest.len())
                     }
-                    [] => String::new(),
                 };
-                LeftOut {
-                    what: places + &text,
-                    kind,
-                }
+                let kind = match forbids {
+                    true => OtherKind::Flight,
+                    false => OtherKind::Payload,
+                };
+                let what = places + &text;
+                LeftOut { what, kind }
             }));
     }
 }

@@ -214,9 +214,9 @@ fn what_is_not_read_as_it_says_forbids_the_flight_or_is_no_plan() {
     #[rustfmt::skip]
     let cases: Vec<(&str, String, &str)> = vec![
         // Numbers are read whole or not at all.
-        ("x.kml", kml_point("", "<coordinates>-6.0,37.4,60,-6.1,37.4,60</coordinates>"), "line 2: point 1 of placemark 1"),
-        ("x.kml", kml_point("", "<coordinates>-6.0,37.4,6O</coordinates>"), "line 2: point 1 of placemark 1"),
-        ("x.kml", kml_point("", "<coordinates>-6.0, 37.4, 60</coordinates>"), "line 2: point 1 of placemark 1"),
+        ("x.kml", kml_point("", "<coordinates>-6.0,37.4,60,-6.1,37.4,60</coordinates>"), "line 2: placemark 1: point 1 is"),
+        ("x.kml", kml_point("", "<coordinates>-6.0,37.4,6O</coordinates>"), "line 2: placemark 1: point 1 is"),
+        ("x.kml", kml_point("", "<coordinates>-6.0, 37.4, 60</coordinates>"), "line 2: placemark 1: point 1 is"),
         ("x.kml", kml_point("", "<coordinates/>"), "placemark 1, line 2: a `Point` with 0 points"),
         ("x.kml", kml_point("", ""), "line 2: `Point` without `coordinates`"),
         ("x.kml", kml_point(&schema("hold_s", "30 s"), AT), "line 2: `hold_s` is `30 s`"),
@@ -235,7 +235,7 @@ fn what_is_not_read_as_it_says_forbids_the_flight_or_is_no_plan() {
         ("x.plan", alt("\"AltitudeMode\":2,", "3", "30"), "forbids not-possible: line 3: item 1: `AltitudeMode` 2 and `frame` 3"),
         ("x.plan", alt("\"AltitudeMode\":1,", "0", "30"), "forbids not-possible: line 3: item 1: `AltitudeMode` 1 and `frame` 0"),
         ("x.plan", alt("\"AltitudeMode\":3,\"AMSLAltAboveTerrain\":90,", "0", "30"), "forbids not-possible: line 3: item 1: `AMSLAltAboveTerrain` is 90 m"),
-        ("x.plan", alt("\"AltitudeMode\":9,", "3", "30"), "forbids not-possible: line 3: item 1: the `AltitudeMode` 9"),
+        ("x.plan", alt("\"AltitudeMode\":9,", "3", "30"), "forbids not-possible: line 3: item 1: `AltitudeMode` 9"),
         // A property that its geometry cannot have.
         ("x.geojson", feature(r#""kind":"exclusion","radius_m":50"#, MANY, ""), "forbids not-possible: line 2: `kind` cannot belong to a line"),
         ("x.geojson", feature(r#""kind":"exclusion""#, LINE, ""), "forbids not-possible: line 2: `kind` cannot belong to a line"),
@@ -244,7 +244,7 @@ fn what_is_not_read_as_it_says_forbids_the_flight_or_is_no_plan() {
         ("x.geojson", feature(r#""kind":"exclusion","action":"land""#, AREA, ""), "forbids not-possible: line 2: `action` cannot belong to a polygon"),
         ("x.geojson", feature(r#""kind":"exclusion","ceiling_m":50"#, AREA, ""), "forbids not-possible: line 2: the property `ceiling_m`"),
         ("x.geojson", feature(r#""action":"return","hold_s":5"#, POINT, ""), "forbids not-possible: line 2: `hold_s` cannot belong to such a point"),
-        ("x.geojson", feature(r#""radius_m":5"#, POINT, ""), "feature 1, line 2: a point with a `radius_m` needs a `kind`"),
+        ("x.geojson", feature(r#""radius_m":5"#, POINT, ""), "forbids not-possible: line 2: `radius_m` cannot belong to such a point"),
         ("x.kml", kml_point(&schema("kind", "exclusion"), AT), "placemark 1, line 2: a point with a `kind` needs a `radius_m`"),
         // Another system of coordinates.
         ("x.geojson", feature(SEA, POINT, r#""crs":{"type":"name","properties":{"name":"urn:ogc:def:crs:EPSG::4230"}},"#), "forbids not-possible: line 1: the coordinate reference system `urn:ogc:def:crs:EPSG::4230`"),
@@ -266,7 +266,7 @@ fn what_is_not_read_as_it_says_forbids_the_flight_or_is_no_plan() {
         ("x.gpx", rte("<ele>60</ele><extensions><gpxx:minAltitude>90</gpxx:minAltitude></extensions>"), "forbids not-possible: line 2: `gpxx:minAltitude` in `extensions`"),
         ("x.gpx", gpx("1.1", "<trk><trkseg><trkpt lat='37.4112' lon='-6'/></trkseg>\n<trkseg><trkpt lat='37.4113' lon='-6'/></trkseg></trk>"), "forbids not-possible: line 3: track 1 has a gap"),
         ("x.gpx", gpx("1.2", ""), "line 1: version `1.2` of GPX"),
-        ("x.plan", qgc(&item("\"Height\":3,", "3", "30"), ""), "forbids not-possible: line 3: `Height` in a list is not read"),
+        ("x.plan", qgc(&item("\"Height\":3,", "3", "30"), ""), "forbids not-possible: line 3: `Height` is not read"),
         ("x.plan", qgc(&item("", "3", "30"), ",\"geofence\":{\"polygons\":[]}"), "forbids not-possible: line 4: `polygons` in `geofence`"),
         ("x.plan", qgc(&item("", "3", "30"), ",\"geoFence\":{\"squares\":[]}"), "forbids not-possible: line 4: `squares` in `geoFence`"),
         ("x.plan", qgc(&item("", "3", "30").replace("[0,0", "[1e300,0"), ""), "forbids hold: hovers for longer than 86400 s"),

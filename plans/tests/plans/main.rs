@@ -7,4 +7,5 @@ mod kinds;
 mod mistakes;
 mod mutations;
 mod pymavlink;
+mod reading;
 mod structure;

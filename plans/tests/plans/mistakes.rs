@@ -40,7 +40,7 @@ fn of_qgroundcontrol_plans() {
         (item(&RIGHT.replace("-6", "-186")), "line 1: item 2: the longitude -186 is not from -180 to 180 degrees"),
         (item(&RIGHT.replace("-6", "null")), "line 1: item 2: the longitude NaN"),
         (item(&RIGHT.replace(",9]", "]")), "line 1: item 2: 6 parameters; an item has 7"),
-        (item(&RIGHT.replace(",9]", ",\"9\"]")), "line 1: item 2: number 7 is not a number"),
+        (item(&RIGHT.replace(",9]", ",\"9\"]")), "line 1: item 2: an entry of a list is not a number"),
         (item(&RIGHT.replace(":16", ":-16")), "line 1: item 2: `command` is no whole number up to 65535"),
         (item(&RIGHT.replace("\"frame\":3,", "")), "line 1: item 2: `frame` is no whole number"),
         (item(&RIGHT.replace("true", "1")), "line 1: item 2: `autoContinue` is not true or false"),
@@ -101,7 +101,7 @@ fn of_geojson() {
     let cases = [
         ("\n".to_owned(), "line 2: the file is empty"),
         ("{\"type\":\"Feature\",\n".to_owned(), "line 2: the file ends in the middle of a list or object: it is cut off"),
-        (feature(r#"{"action":"jump"}"#, POINT), "feature 1, line 1: `action` is `jump`; it can be waypoint"),
+        (feature(r#"{"action":"jump"}"#, POINT), "line 1: `action` is `jump`; it can be waypoint"),
         (feature(r#"{"kind":"forest"}"#, POINT), "line 1: `kind` is `forest`; it can be inclusion or exclusion"),
         (feature(r#"{"kind":"exclusion"}"#, POINT), "feature 1, line 1: a point with a `kind` needs a `radius_m`"),
         (feature(r#"{"hold_s":-1}"#, POINT), "line 1: `hold_s` is `-1`, which is no number from 0 up"),
@@ -129,7 +129,7 @@ fn of_xml() {
             "<kml><Placemark><Point><coordinates>-6,97,1</coordinates></Point></Placemark></kml>",
             "placemark 1, line 1: the latitude 97",
         ),
-        ("a.kml", "<kml><Placemark><Point><coordinates>x,37,1</coordinates></Point></Placemark></kml>", "line 1: point 1 of placemark 1 is `x,37,1`; it needs longitude"),
+        ("a.kml", "<kml><Placemark><Point><coordinates>x,37,1</coordinates></Point></Placemark></kml>", "line 1: placemark 1: point 1 is `x,37,1`, not longitude"),
         ("a.gpx", "<!DOCTYPE gpx>\n<gpx/>", "line 1: a document type is not read"),
         ("a.gpx", "<gpx version='1.1' creator='x'><rte><rtept lat='37' lon='-186'/></rte></gpx>", "route 1, point 1, line 1: the longitude -186"),
     ];

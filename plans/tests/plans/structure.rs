@@ -144,13 +144,19 @@ impl Tree {
             true => {
                 text += "QGC WPL 110\n";
                 for line in &self.nodes {
-                    let columns = line.nodes.iter().map(|column| column.text.as_str());
-                    text += &(columns.collect::<Vec<_>>().join(" ") + "\n");
+                    let mut columns = String::new();
+                    line.columns(&mut columns);
+                    text += &(columns + "\n");
                 }
             }
             false => self.write(&mut text),
         }
         text.into_bytes()
+    }
+
+    fn columns(&self, line: &mut String) {
+        *line += &format!("{} ", self.text);
+        self.nodes.iter().for_each(|column| column.columns(line));
     }
 
     fn at(&self, path: &[usize]) -> &Tree {
@@ -272,6 +278,13 @@ const NAMES: [&str; 14] = [
 /// From these names nothing follows: a property that becomes one of them is a property that is left out.
 const QUIET: &str = "name description id time bbox stroke styleUrl camera visibility";
 
+fn is_quiet(name: &str) -> bool {
+    QUIET
+        .split(' ')
+        .any(|quiet| quiet == name.trim_end_matches("[]"))
+        || name == "polygon[]"
+}
+
 /// What may be said in `parent`, or be left out there: a part of the plan of its own, or a property.
 fn is_statement(parent: &Tree, node: &Tree) -> bool {
     const PAIRS: &str = "items/items[] Items/Items[] polygons/polygons[] circles/circles[] polygon/polygon[] points/points[] \
@@ -351,8 +364,9 @@ fn mutate(tree: &mut Tree, dice: &mut fastrand::Rng) -> (String, bool) {
             let Some(put) = put.cloned() else {
                 return ("nothing".to_owned(), true);
             };
-            let is_new_said =
-                is_statement(&target, &put) || QUIET.split(' ').any(|quiet| quiet == put.name);
+            let is_quiet = is_quiet(&put.name)
+                || (matches!(put.form, Form::Scalar | Form::List) && is_quiet(&target.name));
+            let is_new_said = is_quiet || is_statement(&target, &put);
             if kind == 3 {
                 return (text, is_new_said);
             }
