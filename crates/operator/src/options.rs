@@ -454,6 +454,8 @@ fn not_in_threes(count: usize) -> String {
 /// The first line that is wrong, with its number and the reason; also when there is no waypoint at all.
 pub fn waypoints(text: &str) -> Result<Vec<Target>, String> {
     let mut waypoints = Vec::new();
+    // Editors on Windows begin a file with a byte order mark.
+    let text = text.trim_start_matches('\u{feff}');
     for (index, line) in text.lines().enumerate() {
         let line = line.split('#').next().unwrap_or_default().trim();
         if !line.is_empty() {
@@ -524,6 +526,15 @@ mod tests {
         assert_eq!(Height::AboveTakeOff(20.0).from(12.5), 32.5);
         assert_eq!(Height::Telemetry(20.0).from(12.5), 20.0);
         assert!(take_off_height("0ft").is_err());
+    }
+
+    #[test]
+    fn a_file_of_waypoints_that_an_editor_on_windows_saved_is_the_same_file() {
+        let plain = waypoints("# home\n37.4112,-6.0010,25\n37.4113 -6.0010 26\n").unwrap();
+        let windows = "\u{feff}# home\r\n37.4112,-6.0010,25\r\n37.4113 -6.0010 26\r\n";
+        assert_eq!(waypoints(windows), Ok(plain));
+        let first = waypoints("\u{feff}37.4112,-6.0010,25\r\n").unwrap();
+        assert_eq!(first[0].latitude_deg, 37.4112);
     }
 
     #[test]

@@ -12,8 +12,9 @@ pub const MAX_ITEMS: usize = 8 * 1024;
 /// Most fence areas of a plan: as many as the bridge takes.
 pub const MAX_AREAS: usize = bridge::safety::fence::MAX_AREAS;
 
-/// Most elements of an XML file: 12 for each of [`MAX_ITEMS`] track points.
-pub const MAX_ELEMENTS: usize = 12 * MAX_ITEMS;
+/// Most nodes of a file, elements, texts, members and list entries counted each: 48 for each of [`MAX_ITEMS`]. An item of a survey
+/// takes about 20, a track point with what was measured there about 15.
+pub const MAX_NODES: usize = 48 * MAX_ITEMS;
 
 /// How deep XML elements may lie in each other. Folders of KML lie a few deep; the readers of XML call themselves for each
 /// level, so a bound keeps the stack small.
@@ -39,6 +40,15 @@ impl ReadError {
     /// Something is wrong at a line, from 1.
     pub(crate) fn line(number: usize, reason: impl fmt::Display) -> ReadError {
         ReadError(format!("line {number}: {reason}"))
+    }
+
+    /// With the part of the file that it is about and the part's line, if it does not name a line itself.
+    pub(crate) fn about(self, line: usize, part: &str) -> ReadError {
+        match self.0.as_str() {
+            reason if reason.starts_with("line ") => self,
+            reason if reason.starts_with(part) => ReadError::line(line, reason),
+            reason => ReadError::line(line, format_args!("{part}: {reason}")),
+        }
     }
 
     /// Something is wrong in an item, or in another part of the file that has a name.

@@ -21,7 +21,7 @@ fn is_like(one: &Finding, other: &Finding) -> bool {
         items: Vec::new(),
         ..finding.clone()
     };
-    one.amount_m.is_none() && alike(one) == alike(other)
+    one.amount_m.is_none() && one.text == other.text && alike(one) == alike(other)
 }
 
 /// Findings, of which those that say the same of several items are joined.

@@ -20,6 +20,9 @@ const SAME_PLACE_M: f64 = 1.1;
 /// The least height of a take-off that is made up where the plan has none, m: what the DSP takes.
 const LEAST_TAKE_OFF_M: f64 = 0.5;
 
+/// The longest hover between two movements, s: a day. No battery or tank lasts as long, so a longer one is a mistake.
+const LONGEST_HOVER_S: f64 = 86_400.0;
+
 impl Flight {
     /// What `plan` becomes at `site`.
     pub fn new(plan: &Plan, site: &Site) -> Flight {
@@ -306,6 +309,12 @@ impl FlightBuilder<'_> {
 
     /// A hover between two paths; for ever is only the end of the path.
     fn wait(&mut self, item: &Item, duration_s: Option<f64>) {
+        if duration_s.is_some_and(|duration_s| duration_s > LONGEST_HOVER_S) {
+            let text = format!("hovers for longer than {LONGEST_HOVER_S} s");
+            let finding = Finding::new(Severity::Error, "hold", text)
+                .with_next_step("correct its time, in s");
+            self.find(finding.about(item.number));
+        }
         match duration_s {
             Some(duration_s) if duration_s > 0.0 => {
                 self.finish_path();

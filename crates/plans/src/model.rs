@@ -144,6 +144,18 @@ pub enum Altitude {
     Unstated(Option<f64>),
 }
 
+impl Altitude {
+    /// The number, whatever it is above.
+    pub fn metres(self) -> Option<f64> {
+        match self {
+            Altitude::AboveTakeOff(metres)
+            | Altitude::AboveSea(metres)
+            | Altitude::AboveTerrain(metres) => Some(metres),
+            Altitude::Unstated(metres) => metres,
+        }
+    }
+}
+
 impl fmt::Display for Altitude {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -267,8 +267,19 @@ impl<R: BufRead> LogReader<R> {
             self.input.consume(used);
             if end.is_some() {
                 self.lines += 1;
+                self.strip_line();
                 return Ok(true);
             }
+        }
+    }
+
+    /// Removes what an editor on Windows adds to a line: a byte order mark of the first, a carriage return at the end.
+    fn strip_line(&mut self) {
+        if self.line.ends_with(b"\r") {
+            self.line.pop();
+        }
+        if self.lines == 1 && self.line.starts_with(b"\xef\xbb\xbf") {
+            self.line.drain(..3);
         }
     }
 

@@ -8,7 +8,7 @@ use dsp_protocol::Waypoint;
 
 use crate::finding::Findings;
 use crate::flight::{Flight, Step};
-use crate::model::{FenceArea, FenceShape, Plan, Position};
+use crate::model::{Action, FenceArea, FenceShape, Plan, Position};
 use crate::site::{Site, Start};
 use runtime::finding::{Finding, Severity};
 
@@ -24,24 +24,46 @@ pub fn check_robot(rules: &BridgeConfig, flight: &Flight, site: &Site, findings:
     fence.check(flight, site, findings);
 }
 
-/// Checks that no waypoint lies below the ground of the take-off.
-pub fn check_ground(flight: &Flight, site: &Site, findings: &mut Findings) {
+/// Checks that no waypoint but that of a landing lies within the fence's margin of the ground of the take-off: a good GPS strays so far.
+pub fn check_ground(
+    rules: &BridgeConfig,
+    plan: &Plan,
+    flight: &Flight,
+    site: &Site,
+    findings: &mut Findings,
+) {
+    if rules.safety.below_take_off {
+        return;
+    }
+    let margin_m = FenceConfig::from(rules.fence.clone()).margin_m;
     for leg in &flight.legs {
-        if let Some(breach) = Breach::of_ground(&leg.to, site.home.altitude_m) {
-            let finding = Finding::new(
-                Severity::Error,
-                "fence-floor",
-                "is reached below the ground of the take-off",
-            );
-            let remedy = "change its altitude; where the field falls away, set `below_take_off` in `[safety]` of bridge.toml";
-            findings.push(
-                finding
-                    .by_m(breach.amount_m)
-                    .with_next_step(remedy)
-                    .about(leg.item)
-                    .on_leg(leg.number),
-            );
-        }
+        let action = plan
+            .items
+            .get(leg.item as usize - 1)
+            .map(|item| &item.action);
+        let is_landing = matches!(action, Some(Action::Land { .. } | Action::ReturnToLaunch));
+        let ground_m = site.home.altitude_m;
+        let near = || Breach::of_ground(&leg.to, ground_m + margin_m).filter(|_| !is_landing);
+        let (breach, text) = match (Breach::of_ground(&leg.to, ground_m), near()) {
+            (Some(breach), _) => (
+                breach,
+                "is reached below the ground of the take-off".to_owned(),
+            ),
+            (None, Some(breach)) => {
+                let text =
+                    "is reached less than the fence's margin above the ground of the take-off";
+                (breach, format!("{text}, {margin_m} m"))
+            }
+            (None, None) => continue,
+        };
+        let finding = Finding::new(Severity::Error, "fence-floor", text).by_m(breach.amount_m);
+        let remedy = "change its altitude; where the field falls away, set `below_take_off` in `[safety]` of bridge.toml";
+        findings.push(
+            finding
+                .with_next_step(remedy)
+                .about(leg.item)
+                .on_leg(leg.number),
+        );
     }
 }
 

@@ -14,6 +14,7 @@ pub use limits::ANOTHER_SITE_M;
 
 use crate::finding::Findings;
 use crate::flight::{Flight, ground_m};
+use crate::format::PlanFormat;
 use crate::model::Plan;
 use crate::site::{Endurance, HomeSource, Site};
 use crate::timeline::{Mark, timeline};
@@ -45,13 +46,17 @@ pub fn check(
         ));
     }
     limits::check(rules.unwrap_or(&defaults), flight, endurance, &mut findings);
+    if site.is_home_altitude_known {
+        fences::check_ground(
+            rules.unwrap_or(&defaults),
+            plan,
+            flight,
+            site,
+            &mut findings,
+        );
+    }
     match rules {
-        Some(rules) => {
-            fences::check_robot(rules, flight, site, &mut findings);
-            if !rules.safety.below_take_off && site.is_home_altitude_known {
-                fences::check_ground(flight, site, &mut findings);
-            }
-        }
+        Some(rules) => fences::check_robot(rules, flight, site, &mut findings),
         None => findings.push(
             Finding::unchecked(
                 "robot-rules",
@@ -62,7 +67,23 @@ pub fn check(
     }
     fences::check_plan(plan, flight, site, &mut findings);
     check_endurance(flight, endurance, &mut findings);
-    findings.sorted()
+    let mut findings = findings.sorted();
+    // The items of these formats have no numbers that a person sees.
+    if matches!(
+        plan.format,
+        PlanFormat::GeoJson | PlanFormat::Kml | PlanFormat::Gpx
+    ) {
+        for finding in &mut findings {
+            let first = finding
+                .items
+                .first()
+                .and_then(|number| plan.items.get(*number as usize - 1));
+            finding.text += &first.map_or(String::new(), |item| {
+                format!(" (item {}: {})", item.number, item.origin)
+            });
+        }
+    }
+    findings
 }
 
 fn check_home(plan: &Plan, site: &Site, findings: &mut Findings) {

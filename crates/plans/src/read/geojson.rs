@@ -1,123 +1,164 @@
-//! GeoJSON, RFC 7946: coordinates are longitude, latitude and perhaps altitude.
+//! GeoJSON, RFC 7946: coordinates are longitude, latitude and perhaps altitude, of WGS 84.
 //!
 //! The RFC's altitude is above the ellipsoid, which no program keeps to: what it is above must be said, by the property
 //! `altitude_reference` or by the operator.
 
-use ::geojson::{Feature as Source, GeoJson, Geometry, GeometryValue, Position as Coordinates};
-use serde_json::Value;
-
-use super::shapes::{Feature, Properties, Shapes, Vertex};
-use super::syntax::json;
+use super::items::clean;
+use super::json;
+use super::shapes::{Shapes, Vertex};
+use super::tree::{Node, Table, Value, has_word};
 use crate::error::ReadError;
 use crate::format::PlanFormat;
 use crate::model::{Altitude, Plan};
 
+/// What members of GeoJSON mean that are not read.
+pub const TABLE: Table = Table {
+    harmless: &[
+        ("bbox", "the box round all coordinates"),
+        (
+            "id title description /name /generator /copyright /timestamp",
+            "names and origin",
+        ),
+    ],
+    named: ("", ""),
+    open: "geometry",
+    flight: "geometry geometries coordinates features properties action hold_s speed_mps altitude_reference kind radius_m crs",
+};
+
+/// The names of WGS 84 with longitude first, without altitude, in upper case.
+const WGS_84: &str = "URN:OGC:DEF:CRS:OGC:1.3:CRS84 URN:OGC:DEF:CRS:OGC::CRS84 OGC:CRS84 CRS84 EPSG:4326 \
+    URN:OGC:DEF:CRS:EPSG::4326 HTTP://WWW.OPENGIS.NET/DEF/CRS/OGC/1.3/CRS84";
+
 pub fn read(text: &str) -> Result<Plan, ReadError> {
-    let geojson: GeoJson = json(text)?;
-    let mut plan = Plan::empty(PlanFormat::GeoJson);
-    match geojson {
-        GeoJson::FeatureCollection(collection) => {
-            for (index, feature) in collection.features.iter().enumerate() {
-                read_feature(&mut plan, feature, index + 1)?;
+    let root = json::parse(text)?;
+    let mut shapes = Shapes::new(PlanFormat::GeoJson);
+    match kind(&root)? {
+        "FeatureCollection" => {
+            read_crs(&mut shapes, &root);
+            for (index, feature) in root.list("features")?.iter().enumerate() {
+                read_feature(&mut shapes, feature.take(), index + 1)?;
             }
         }
-        GeoJson::Feature(feature) => read_feature(&mut plan, &feature, 1)?,
-        GeoJson::Geometry(geometry) => {
-            let feature = Feature {
-                origin: "geometry".to_owned(),
-                name: "",
-                properties: Properties::default(),
-            };
-            let mut shapes = Shapes {
-                plan: &mut plan,
-                feature,
-            };
-            read_geometry(&mut shapes, &geometry)?;
+        "Feature" => read_feature(&mut shapes, &root, 1)?,
+        _ => {
+            shapes.begin("geometry".to_owned(), &root);
+            read_geometry(&mut shapes, &root)?;
         }
     }
-    Ok(plan)
+    Ok(shapes.finish(&root, &TABLE))
 }
 
-fn read_feature(plan: &mut Plan, feature: &Source, number: usize) -> Result<(), ReadError> {
-    let origin = format!("feature {number}");
-    let mut properties = Properties::default();
-    let mut name = "";
-    for (key, value) in feature.properties.iter().flatten() {
-        let text = match value {
-            Value::String(text) => text.clone(),
-            value => value.to_string(),
-        };
-        if key == "name" {
-            name = value.as_str().unwrap_or_default();
+fn kind(node: &Node) -> Result<&str, ReadError> {
+    let kind = node.one("type").and_then(Node::text);
+    kind.ok_or_else(|| node.wrong("there is no `type` of GeoJSON"))
+}
+
+/// Only the older form of the format has one; RFC 7946 is WGS 84.
+fn read_crs(shapes: &mut Shapes, node: &Node) {
+    for crs in node.all("crs") {
+        let properties = crs.one("properties");
+        let name = properties.and_then(|properties| properties.one("name")?.text());
+        let name = name.unwrap_or("unknown");
+        crs.skip();
+        if !has_word(WGS_84, &name.to_ascii_uppercase()) {
+            let name = clean(name);
+            let text = format!("the coordinate reference system `{name}`; WGS 84 is read");
+            shapes.remarks.add(crs.line, text, true);
         }
-        properties
-            .take(key, &text)
-            .map_err(|reason| ReadError::part(&origin, reason))?;
     }
-    let feature_of_shape = Feature {
-        origin,
-        name,
-        properties,
-    };
-    let mut shapes = Shapes {
-        plan,
-        feature: feature_of_shape,
-    };
-    match &feature.geometry {
-        Some(geometry) => read_geometry(&mut shapes, geometry),
+}
+
+fn read_feature(shapes: &mut Shapes, node: &Node, number: usize) -> Result<(), ReadError> {
+    shapes.begin(format!("feature {number}"), node);
+    if kind(node)? != "Feature" {
+        return Err(shapes.wrong("its `type` is not `Feature`"));
+    }
+    read_crs(shapes, node);
+    for property in node
+        .one("properties")
+        .iter()
+        .flat_map(|object| &object.nodes)
+    {
+        property.skip();
+        shapes.property(&property.name, property)?;
+        if let (Value::Text(name), "name") = (&property.value, &*property.name) {
+            shapes.name.clone_from(name);
+        }
+    }
+    match node.one("geometry") {
+        Some(geometry) => read_geometry(shapes, geometry)?,
         None => shapes.left_out("feature without a geometry"),
     }
+    Ok(())
 }
 
 /// Collections lie in each other at most as deep as the reader of JSON allows, 128.
-fn read_geometry(shapes: &mut Shapes<'_>, geometry: &Geometry) -> Result<(), ReadError> {
-    match &geometry.value {
-        GeometryValue::Point { coordinates } => {
+fn read_geometry(shapes: &mut Shapes, node: &Node) -> Result<(), ReadError> {
+    read_crs(shapes, node);
+    let kind = kind(node)?;
+    let name = match kind {
+        "GeometryCollection" => "geometries",
+        _ => "coordinates",
+    };
+    let parts = node.list(name)?;
+    match kind {
+        "Point" => {
+            let coordinates = node.one(name).unwrap_or(node);
             let vertex = vertex(shapes, coordinates)?;
             shapes.point(&vertex)
         }
-        GeometryValue::MultiPoint { coordinates } | GeometryValue::LineString { coordinates } => {
-            let vertices = vertices(shapes, coordinates)?;
+        "MultiPoint" | "LineString" => {
+            let vertices = vertices(shapes, parts)?;
             shapes.line(&vertices)
         }
-        GeometryValue::MultiLineString { coordinates } => coordinates.iter().try_for_each(|line| {
-            let vertices = vertices(shapes, line)?;
+        "MultiLineString" => parts.iter().try_for_each(|line| {
+            let vertices = vertices(shapes, &line.take().nodes)?;
             shapes.line(&vertices)
         }),
-        GeometryValue::Polygon { coordinates } => read_polygon(shapes, coordinates),
-        GeometryValue::MultiPolygon { coordinates } => coordinates
-            .iter()
-            .try_for_each(|polygon| read_polygon(shapes, polygon)),
-        GeometryValue::GeometryCollection { geometries } => geometries
-            .iter()
-            .try_for_each(|geometry| read_geometry(shapes, geometry)),
+        "Polygon" => read_polygon(shapes, parts),
+        "MultiPolygon" => {
+            let mut polygons = parts.iter();
+            polygons.try_for_each(|polygon| read_polygon(shapes, &polygon.take().nodes))
+        }
+        "GeometryCollection" => {
+            let mut geometries = parts.iter();
+            geometries.try_for_each(|geometry| read_geometry(shapes, geometry.take()))
+        }
+        kind => Err(node.wrong(format!("`{}` is no geometry of GeoJSON", clean(kind)))),
     }
 }
 
-fn read_polygon(shapes: &mut Shapes<'_>, rings: &[Vec<Coordinates>]) -> Result<(), ReadError> {
-    match rings {
-        [] => shapes.left_out("polygon without an outline"),
-        [outline, holes @ ..] => {
-            let outline = vertices(shapes, outline)?;
-            shapes.polygon(&outline, holes.len())
+fn read_polygon(shapes: &mut Shapes, rings: &[Node]) -> Result<(), ReadError> {
+    let [outline, holes @ ..] = rings else {
+        shapes.left_out("polygon without an outline");
+        return Ok(());
+    };
+    holes.iter().for_each(Node::skip);
+    let outline = vertices(shapes, &outline.take().nodes)?;
+    shapes.polygon(&outline, !holes.is_empty())
+}
+
+fn vertices(shapes: &Shapes, points: &[Node]) -> Result<Vec<Vertex>, ReadError> {
+    points.iter().map(|point| vertex(shapes, point)).collect()
+}
+
+fn vertex(shapes: &Shapes, point: &Node) -> Result<Vertex, ReadError> {
+    point.skip();
+    let numbers = point.nodes.iter().map(|number| match number.value {
+        Value::Number(number) => Some(number),
+        _ => None,
+    });
+    match numbers.collect::<Option<Vec<f64>>>().as_deref() {
+        Some([longitude_deg, latitude_deg, altitude @ ..]) if altitude.len() <= 1 => {
+            let position = shapes.position(*latitude_deg, *longitude_deg)?;
+            Ok(Vertex(
+                position,
+                Altitude::Unstated(altitude.first().copied()),
+            ))
         }
-    }
-}
-
-fn vertices(shapes: &Shapes<'_>, line: &[Coordinates]) -> Result<Vec<Vertex>, ReadError> {
-    line.iter().map(|point| vertex(shapes, point)).collect()
-}
-
-fn vertex(shapes: &Shapes<'_>, coordinates: &Coordinates) -> Result<Vertex, ReadError> {
-    match coordinates.as_slice() {
-        [longitude_deg, latitude_deg, rest @ ..] => Ok(Vertex {
-            latitude_deg: *latitude_deg,
-            longitude_deg: *longitude_deg,
-            altitude: Altitude::Unstated(rest.first().copied()),
-        }),
-        _ => Err(ReadError::part(
-            &shapes.feature.origin,
-            "a point needs longitude and latitude",
-        )),
+        _ => {
+            let reason = "a point needs longitude and latitude, and at most an altitude";
+            Err(shapes.wrong(format!("line {}: {reason}", point.line)))
+        }
     }
 }

@@ -3,131 +3,191 @@
 //! `absolute` altitudes are above sea, `relativeToGround` ones above terrain. `clampToGround`, which is also what holds when
 //! nothing is said, means that the number is not used: the operator must say how high.
 
-use ::kml::types::{AltitudeMode, Coord, Element, Geometry, LineString, Placemark, Polygon};
-use ::kml::{Kml, KmlReader};
-
-use super::items::clean_reason;
-use super::shapes::{Feature, Properties, Shapes, Vertex};
-use super::syntax::check_xml;
+use super::items::clean;
+use super::shapes::{Shapes, Vertex};
+use super::tree::{Node, Table, has_word, whole_number};
+use super::xml;
 use crate::error::ReadError;
 use crate::format::PlanFormat;
-use crate::model::{Altitude, Plan};
+use crate::model::{Altitude, Plan, Reference};
+
+/// What elements of KML mean that are not read.
+pub const TABLE: Table = Table {
+    harmless: &[
+        (
+            "name description Snippet snippet address phoneNumber :author :link :AddressDetails",
+            "texts for people",
+        ),
+        (
+            "Style StyleMap styleUrl ListStyle open tessellate extrude gx:drawOrder gx:balloonVisibility LookAt Camera Region \
+          LinearRing/altitudeMode",
+            "how it is drawn, or looked at",
+        ),
+        (
+            "TimeStamp TimeSpan gx:TimeStamp gx:TimeSpan",
+            "when something was there",
+        ),
+        (
+            "Schema Data/displayName @schemaUrl",
+            "the kinds of the data",
+        ),
+        (
+            "@id @targetId @hint @version :schemaLocation :lang",
+            "marks of the file itself",
+        ),
+    ],
+    named: (
+        "GroundOverlay ScreenOverlay PhotoOverlay Metadata",
+        "pictures and data beside the placemarks",
+    ),
+    open: "ExtendedData",
+    flight: "Document Folder Placemark Point LineString LinearRing Polygon MultiGeometry outerBoundaryIs innerBoundaryIs coordinates \
+        ExtendedData Data SchemaData SimpleData Track MultiTrack Model Tour NetworkLink altitudeOffset @name",
+};
 
 pub fn read(text: &str) -> Result<Plan, ReadError> {
-    check_xml(text)?;
-    let root: Kml = KmlReader::<_, f64>::from_string(text)
-        .read()
-        .map_err(|error| ReadError::file(clean_reason(&format!("not valid KML: {error}"))))?;
-    let mut reader = Placemarks {
-        plan: Plan::empty(PlanFormat::Kml),
-        count: 0,
+    let root = xml::parse(text, "kml")?;
+    let mut shapes = Shapes::new(PlanFormat::Kml);
+    read_features(&mut shapes, &root, &mut 0)?;
+    Ok(shapes.finish(&root, &TABLE))
+}
+
+/// Folders lie in each other at most as deep as the parser allows.
+fn read_features(shapes: &mut Shapes, container: &Node, count: &mut u32) -> Result<(), ReadError> {
+    read_visibility(shapes, container)?;
+    for node in &container.nodes {
+        match node.name.as_str() {
+            "Document" | "Folder" => read_features(shapes, node.take(), count)?,
+            "Placemark" => {
+                *count += 1;
+                shapes.begin(format!("placemark {count}"), node);
+                read_placemark(shapes, node.take())?;
+            }
+            // The kinds of the data.
+            "Schema" => node.skip(),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// What its author has hidden is not flown, and not left out either.
+fn read_visibility(shapes: &mut Shapes, node: &Node) -> Result<(), ReadError> {
+    let Some(visibility) = node.one("visibility") else {
+        return Ok(());
     };
-    reader.read(&root)?;
-    Ok(reader.plan)
+    match visibility.text() {
+        Some("1" | "true") => {}
+        Some("0" | "false") => {
+            let text = format!(
+                "`visibility` of a `{}` is 0: its author has hidden it",
+                node.name
+            );
+            shapes.remarks.add(visibility.line, text, true);
+        }
+        _ => return Err(visibility.wrong("`visibility` is neither 0 nor 1")),
+    }
+    Ok(())
 }
 
-struct Placemarks {
-    plan: Plan,
-    count: usize,
-}
-
-impl Placemarks {
-    /// Folders lie in each other at most as deep as [`check_xml`] allows.
-    fn read(&mut self, element: &Kml) -> Result<(), ReadError> {
-        match element {
-            Kml::KmlDocument(document) => self.read_all(&document.elements),
-            Kml::Document { elements, .. } => self.read_all(elements),
-            Kml::Folder(folder) => self.read_all(&folder.elements),
-            Kml::Placemark(placemark) => self.placemark(placemark),
-            // Geometries without a placemark, styles and the like show nothing on a map.
-            _ => Ok(()),
+fn read_placemark(shapes: &mut Shapes, node: &Node) -> Result<(), ReadError> {
+    shapes.name = node
+        .one("name")
+        .and_then(Node::text)
+        .unwrap_or_default()
+        .to_owned();
+    read_visibility(shapes, node)?;
+    for data in node.one("ExtendedData").iter().flat_map(|data| &data.nodes) {
+        match data.name.as_str() {
+            "Data" => {
+                let value = data.take().one("value");
+                let value = value.ok_or_else(|| data.wrong("a `Data` without a `value`"))?;
+                read_property(shapes, data, value)?;
+            }
+            "SchemaData" => {
+                let mut values = data.take().all("SimpleData");
+                values.try_for_each(|value| read_property(shapes, value, value))?;
+            }
+            _ => {}
         }
     }
-
-    fn read_all(&mut self, elements: &[Kml]) -> Result<(), ReadError> {
-        elements.iter().try_for_each(|element| self.read(element))
+    match node.nodes.iter().find(|child| is_geometry(child)) {
+        Some(geometry) => read_geometry(shapes, geometry.take())?,
+        None => shapes.left_out("placemark without a geometry"),
     }
-
-    fn placemark(&mut self, placemark: &Placemark) -> Result<(), ReadError> {
-        self.count += 1;
-        let origin = format!("placemark {}", self.count);
-        let mut properties = Properties::default();
-        for (name, value) in placemark.children.iter().flat_map(extended_data) {
-            properties
-                .take(name, value)
-                .map_err(|reason| ReadError::part(&origin, reason))?;
-        }
-        let mut shapes = Shapes {
-            plan: &mut self.plan,
-            feature: Feature {
-                origin,
-                name: placemark.name.as_deref().unwrap_or_default(),
-                properties,
-            },
-        };
-        match &placemark.geometry {
-            Some(geometry) => read_geometry(&mut shapes, geometry),
-            None => match placemark.children.iter().find(|child| is_geometry(child)) {
-                Some(child) => shapes.left_out(&format!("`{}`, which is not read", child.name)),
-                None => shapes.left_out("placemark without a geometry"),
-            },
-        }
-    }
+    Ok(())
 }
 
-/// Extensions such as `gx:Track`.
-fn is_geometry(element: &Element) -> bool {
-    element.name.starts_with("gx:") || element.name == "Model"
+/// The property that the attribute `name` of `node` names.
+fn read_property(shapes: &mut Shapes, node: &Node, value: &Node) -> Result<(), ReadError> {
+    let name = node.one("@name").and_then(Node::text);
+    value.text();
+    shapes.property(
+        name.ok_or_else(|| node.wrong("a value without a name"))?,
+        value,
+    )
 }
 
-/// `<Data name="…"><value>…</value></Data>` of `<ExtendedData>`.
-fn extended_data(element: &Element) -> impl Iterator<Item = (&str, &str)> {
-    let is_data = element.name == "ExtendedData";
-    let data = element.children.iter().filter(move |_| is_data);
-    data.filter_map(|data| {
-        let name = data.attrs.get("name")?;
-        let value = data.children.iter().find(|child| child.name == "value")?;
-        Some((name.as_str(), value.content.as_deref().unwrap_or_default()))
-    })
+fn is_geometry(node: &Node) -> bool {
+    has_word("Point LineString Polygon MultiGeometry", &node.name)
 }
 
-fn read_geometry(shapes: &mut Shapes<'_>, geometry: &Geometry) -> Result<(), ReadError> {
-    match geometry {
-        Geometry::Point(point) => shapes.point(&vertex(&point.coord, point.altitude_mode)),
-        Geometry::LineString(line) => shapes.line(&vertices(line)),
-        Geometry::Polygon(polygon) => read_polygon(shapes, polygon),
-        Geometry::MultiGeometry(several) => several
-            .geometries
-            .iter()
-            .try_for_each(|geometry| read_geometry(shapes, geometry)),
-        Geometry::LinearRing(_) => shapes.left_out("ring outside of a polygon"),
-        _ => shapes.left_out("geometry of another kind"),
-    }
-}
-
-fn read_polygon(shapes: &mut Shapes<'_>, polygon: &Polygon) -> Result<(), ReadError> {
-    let outline: Vec<Vertex> = polygon
-        .outer
-        .coords
-        .iter()
-        .map(|coord| vertex(coord, polygon.altitude_mode))
-        .collect();
-    shapes.polygon(&outline, polygon.inner.len())
-}
-
-fn vertices(line: &LineString) -> Vec<Vertex> {
-    let vertex = |coord| vertex(coord, line.altitude_mode);
-    line.coords.iter().map(vertex).collect()
-}
-
-fn vertex(coord: &Coord, mode: AltitudeMode) -> Vertex {
-    Vertex {
-        latitude_deg: coord.y,
-        longitude_deg: coord.x,
-        altitude: match (mode, coord.z) {
-            (AltitudeMode::Absolute, Some(metres)) => Altitude::AboveSea(metres),
-            (AltitudeMode::RelativeToGround, Some(metres)) => Altitude::AboveTerrain(metres),
-            (AltitudeMode::ClampToGround, _) | (_, None) => Altitude::Unstated(None),
+fn read_geometry(shapes: &mut Shapes, node: &Node) -> Result<(), ReadError> {
+    match node.name.as_str() {
+        "Point" => match vertices(shapes, node, node)?.as_slice() {
+            [vertex] => shapes.point(vertex),
+            points => Err(shapes.wrong(format!("a `Point` with {} points", points.len()))),
         },
+        "LineString" => match vertices(shapes, node, node)?.as_slice() {
+            points @ [_, _, ..] => shapes.line(points),
+            points => Err(shapes.wrong(format!("a `LineString` with {} points", points.len()))),
+        },
+        "Polygon" => {
+            let outer = node.one("outerBoundaryIs");
+            let ring = outer.and_then(|outer| outer.one("LinearRing"));
+            let ring = ring.ok_or_else(|| shapes.wrong("a `Polygon` without an outline"))?;
+            let outline = vertices(shapes, node, ring)?;
+            let has_holes = node.all("innerBoundaryIs").map(Node::skip).count() > 0;
+            shapes.polygon(&outline, has_holes)
+        }
+        _ => {
+            let mut parts = node.nodes.iter().filter(|child| is_geometry(child));
+            parts.try_for_each(|part| read_geometry(shapes, part.take()))
+        }
     }
+}
+
+/// The points of `coordinates` in `ring`, with the altitude mode of `node`.
+fn vertices(shapes: &Shapes, node: &Node, ring: &Node) -> Result<Vec<Vertex>, ReadError> {
+    let mode = node
+        .one("altitudeMode")
+        .or_else(|| node.one("gx:altitudeMode"));
+    let reference = match mode.map(|mode| (mode, mode.text().unwrap_or_default())) {
+        None | Some((_, "clampToGround")) => None,
+        Some((_, "absolute")) => Some(Reference::Sea),
+        Some((_, "relativeToGround")) => Some(Reference::Terrain),
+        Some((mode, other)) => {
+            return Err(mode.wrong(format!("the altitude mode `{}` is not known", clean(other))));
+        }
+    };
+    let missing = || ring.wrong(format!("`{}` without `coordinates`", ring.name));
+    let coordinates = ring.one("coordinates").ok_or_else(missing)?;
+    let tuples = coordinates.text().unwrap_or_default().split_whitespace();
+    let vertices = tuples.enumerate().map(|(index, tuple)| {
+        let numbers: Option<Vec<f64>> = tuple.split(',').map(whole_number).collect();
+        match numbers.as_deref() {
+            Some([longitude_deg, latitude_deg, altitude @ ..]) if altitude.len() <= 1 => {
+                let altitude = reference.zip(altitude.first());
+                let altitude = altitude.map(|(reference, metres)| reference.at(*metres));
+                let position = shapes.position(*latitude_deg, *longitude_deg)?;
+                Ok(Vertex(position, altitude.unwrap_or(Altitude::Unstated(None))))
+            }
+            _ => {
+                let (number, found) = (index + 1, clean(tuple));
+                let reason = format!("point {number} is `{found}`, not longitude,latitude or longitude,latitude,altitude");
+                Err(coordinates.wrong(format!("{}: {reason}", shapes.part)))
+            }
+        }
+    });
+    vertices.collect()
 }

@@ -1,13 +1,16 @@
 //! Reading: bytes become a [`Plan`], or a mistake with its place.
 
+mod encoding;
 mod geojson;
 mod gpx;
 mod items;
+mod json;
 mod kml;
 mod qgc_plan;
 mod shapes;
-mod syntax;
+mod tree;
 mod waypoint_list;
+mod xml;
 
 use std::path::Path;
 
@@ -34,14 +37,7 @@ pub fn read(name: &Path, bytes: &[u8]) -> Result<Plan, ReadError> {
             "a packed file (kmz or zip); unpack it and read the .kml inside",
         ));
     }
-    let text = std::str::from_utf8(bytes).map_err(|error| {
-        let line = bytes[..error.valid_up_to()]
-            .iter()
-            .filter(|byte| **byte == b'\n')
-            .count();
-        ReadError::line(line + 1, "the bytes are not UTF-8 text")
-    })?;
-    let text = text.trim_start_matches('\u{feff}');
+    let text = &encoding::decode(bytes)?;
     match PlanFormat::of(text, name).ok_or_else(|| ReadError::new(UNKNOWN_FORMAT))? {
         PlanFormat::QgcPlan => qgc_plan::read(text),
         PlanFormat::WaypointList => waypoint_list::read(text),

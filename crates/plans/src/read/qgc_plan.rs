@@ -3,337 +3,425 @@
 //! <https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html> describes the format. Items of older
 //! versions have their coordinates apart from the parameters; all three forms are read.
 
-use serde_json::{Map, Value};
-
 use super::items::{clean, push, push_area, push_mavlink};
-use super::syntax::json;
+use super::json;
+use super::tree::{Node, Remarks, Table, Value};
 use crate::error::ReadError;
 use crate::format::PlanFormat;
-use crate::mavlink::{FRAMES_TERRAIN, MissionItem};
-use crate::model::{
-    Action, FenceArea, FenceShape, LeftOut, OtherKind, Plan, PlannedHome, Position,
+use crate::mavlink::{FRAMES_HOME, FRAMES_SEA, FRAMES_TERRAIN, MissionItem};
+use crate::model::{Action, FenceArea, FenceShape, OtherKind, Plan, PlannedHome, Position};
+
+/// Altitude modes of an item: what its altitude is above, and the frames that say so, too.
+const RELATIVE: u16 = 1;
+const ABSOLUTE: u16 = 2;
+/// QGroundControl computes an altitude above sea from terrain data.
+const CALCULATED_ABOVE_TERRAIN: u16 = 3;
+const TERRAIN_FRAME: u16 = 4;
+/// They say nothing.
+const NO_MODE: [u16; 2] = [0, 5];
+
+/// Two statements of an altitude that are closer than this are the same, m.
+const SAME_ALTITUDE_M: f64 = 0.01;
+
+/// What members of plans mean that are not read.
+pub const TABLE: Table = Table {
+    harmless: &[
+        (
+            "fileType groundStation MAV_AUTOPILOT firmwareType vehicleType version",
+            "which program wrote it, in which form",
+        ),
+        (
+            "cruiseSpeed globalPlanAltitudeMode",
+            "what QGroundControl gives to new items, and reckons with",
+        ),
+        (
+            "doJumpId id",
+            "numbers that only jumps need, which are not flown",
+        ),
+        (
+            "angle polygon polyline entryLocation flyAlternateTransects splitConcavePolygons CorridorWidth CameraCalc CameraShots \
+          CameraTriggerInTurnAround FollowTerrain HoverAndCapture Refly90Degrees TurnAroundDistance VisualTransectPoints EntryPoint \
+          TerrainFlightSpeed TerrainAdjustMaxClimbRate TerrainAdjustMaxDescentRate TerrainAdjustTolerance camera grid manualGrid \
+          fixedValueIsAltitude cameraOrientationLandscape refly90Degrees hoverAndCapture cameraTriggerDistance",
+            "what the simple items of a survey or corridor were made from",
+        ),
+    ],
+    named: (
+        "breachReturn",
+        "the return point after a breach of the fence",
+    ),
+    // Members of the file and of the mission that QGroundControl does not write are those of other programs.
+    open: "mission",
+    flight: "mission items Items params param1 param2 param3 param4 coordinate frame command Altitude AltitudeMode AMSLAltAboveTerrain \
+        autoContinue complexItems TransectStyleComplexItem complexItemType geoFence polygons circles circle inclusion center radius \
+        plannedHomePosition",
 };
 
-/// Altitude mode of an item whose altitude above sea QGroundControl computes from terrain data.
-const CALCULATED_ABOVE_TERRAIN: u64 = 3;
-
-/// Members of the file that are read, or mean nothing for a flight.
-const KNOWN: [&str; 6] = [
-    "fileType",
-    "version",
-    "groundStation",
-    "mission",
-    "geoFence",
-    "rallyPoints",
-];
-
-type Object = Map<String, Value>;
-
 pub fn read(text: &str) -> Result<Plan, ReadError> {
-    let value = json(text)?;
-    let file = object(&value, "the file")?;
-    let mut plan = Plan::empty(PlanFormat::QgcPlan);
-    match file.get("mission") {
+    let root = json::parse(text)?;
+    let plan = Plan::empty(PlanFormat::QgcPlan);
+    let mut reader = PlanReader {
+        plan,
+        remarks: Remarks::default(),
+    };
+    object(&root).map_err(|error| error.about(root.line, "the file"))?;
+    match root.one("mission") {
         Some(mission) => {
-            check_version(file, "the file", &[1])?;
-            let mission = object(mission, "mission")?;
+            check_version(&root, "the file", &[1])?;
             check_version(mission, "mission", &[1, 2])?;
-            read_mission(&mut plan, mission)?;
+            reader.read_mission(mission)?;
         }
-        None if file.contains_key("items") => read_mission(&mut plan, file)?,
+        None if root.has("items") => reader.read_mission(&root)?,
         None => return Err(ReadError::file("there is no `mission`")),
     }
-    if let Some(fence) = file.get("geoFence") {
-        read_fence(&mut plan, object(fence, "geoFence")?)?;
+    if let Some(fence) = root.one("geoFence") {
+        let read = reader.read_fence(fence);
+        read.map_err(|error| error.about(fence.line, "geoFence"))?;
     }
-    if let Some(rally) = file.get("rallyPoints") {
-        let points = array(object(rally, "rallyPoints")?, "points", "rallyPoints")?;
+    if let Some(rally) = root.one("rallyPoints") {
+        let points = rally.list("points")?;
+        points.iter().for_each(Node::skip);
         if !points.is_empty() {
-            plan.left_out.push(LeftOut {
-                what: format!("{} rally points are not used", points.len()),
-                kind: OtherKind::Payload,
-            });
+            let text = format!("{} rally points are not used", points.len());
+            reader.remarks.add(0, text, false);
         }
     }
-    if file.contains_key("mission") {
-        for name in file.keys().filter(|name| !KNOWN.contains(&name.as_str())) {
-            plan.left_out.push(LeftOut {
-                what: format!("the member `{}` is not known", clean(name)),
-                kind: OtherKind::Payload,
-            });
-        }
-    }
+    let PlanReader {
+        mut plan,
+        mut remarks,
+    } = reader;
+    remarks.add_left(&root, &TABLE);
+    remarks.finish(&mut plan);
     Ok(plan)
 }
 
-fn check_version(object: &Object, place: &str, known: &[u64]) -> Result<(), ReadError> {
-    match object.get("version").map(Value::as_u64) {
-        Some(Some(version)) if known.contains(&version) => Ok(()),
-        Some(_) => Err(ReadError::part(
-            place,
-            format!(
-                "its version is {}; read are {known:?}",
-                object.get("version").unwrap_or(&Value::Null)
+fn check_version(node: &Node, place: &str, known: &[u8]) -> Result<(), ReadError> {
+    let reason = match node.one("version").map(|version| &version.value) {
+        Some(Value::Number(version)) => {
+            if known.iter().any(|known| f64::from(*known) == *version) {
+                return Ok(());
+            }
+            format!("its version is {version}; read are {known:?}")
+        }
+        _ => "there is no number `version`".to_owned(),
+    };
+    Err(ReadError::part(place, reason))
+}
+
+struct PlanReader {
+    plan: Plan,
+    remarks: Remarks,
+}
+
+impl PlanReader {
+    fn read_mission(&mut self, mission: &Node) -> Result<(), ReadError> {
+        if let Some(home) = mission.one("plannedHomePosition") {
+            let read = planned_home(home);
+            self.plan.planned_home = read.map_err(|error| error.about(home.line, &home.name))?;
+        }
+        let speed_mps = mission.one("hoverSpeed").map(number_or_null).transpose()?;
+        self.plan.planned_speed_mps = speed_mps.filter(|speed_mps| *speed_mps > 0.0);
+        for (index, item) in mission.list("items")?.iter().enumerate() {
+            let origin = format!("item {}", index + 1);
+            let read = self.read_item(item, &origin);
+            read.map_err(|error| error.about(item.line, &origin))?;
+        }
+        // Of version 1. They stand apart from the items.
+        for item in optional_list(mission, "complexItems")? {
+            item.skip();
+            let text =
+                "a complex item stands apart from the items: its place among them is not known";
+            self.remarks.add(item.line, text, true);
+        }
+        Ok(())
+    }
+
+    fn read_item(&mut self, item: &Node, origin: &str) -> Result<(), ReadError> {
+        match object(item)?.one("type").and_then(Node::text) {
+            Some("SimpleItem" | "MissionItem" | "missionItem") => self.read_simple(item, origin),
+            Some("ComplexItem") => self.read_complex(item, origin),
+            Some(other) => self.other(
+                item,
+                origin,
+                format!("an item of the type `{}`", clean(other)),
             ),
-        )),
-        None => Err(ReadError::part(place, "there is no `version`")),
+            None => Err(ReadError::new("there is no `type`")),
+        }
+    }
+
+    fn other(&mut self, item: &Node, origin: &str, name: String) -> Result<(), ReadError> {
+        item.skip();
+        let kind = OtherKind::Flight;
+        push(&mut self.plan, origin, "", Action::Other { name, kind })
+    }
+
+    /// A survey or a corridor holds the simple items that it stands for.
+    fn read_complex(&mut self, item: &Node, origin: &str) -> Result<(), ReadError> {
+        let name = item.one("complexItemType").and_then(Node::text).map(clean);
+        let name = name.ok_or_else(|| ReadError::new("there is no `complexItemType`"))?;
+        let transects = item.one("TransectStyleComplexItem").unwrap_or(item);
+        let parts = optional_list(transects, "Items")?;
+        if parts.is_empty() {
+            let name = format!("a complex item `{name}` without simple items");
+            return self.other(item, origin, name);
+        }
+        for (index, part) in parts.iter().enumerate() {
+            let origin = format!("{origin} ({name}), part {}", index + 1);
+            object(part)?.one("type").map(Node::text);
+            let read = self.read_simple(part, &origin);
+            read.map_err(|error| error.about(part.line, &origin))?;
+        }
+        Ok(())
+    }
+
+    fn read_simple(&mut self, item: &Node, origin: &str) -> Result<(), ReadError> {
+        let params = params(item)?;
+        let mut mavlink = MissionItem {
+            frame: whole(item, "frame")?,
+            command: match item.has("command") {
+                true => whole(item, "command")?,
+                false => whole(item, "id")?,
+            },
+            params,
+            auto_continue: match item.one("autoContinue").map(|value| &value.value) {
+                None => true,
+                Some(Value::Flag(value)) => *value,
+                Some(_) => return Err(ReadError::new("`autoContinue` is not true or false")),
+            },
+        };
+        self.check_altitude(item, origin, &mut mavlink)?;
+        push_mavlink(&mut self.plan, origin, mavlink)
+    }
+
+    /// An item says its altitude twice, for QGroundControl and for the vehicle: both must mean the same.
+    fn check_altitude(
+        &mut self,
+        item: &Node,
+        origin: &str,
+        mavlink: &mut MissionItem,
+    ) -> Result<(), ReadError> {
+        let optional = |name: &str| item.one(name).map(number_or_null).transpose();
+        let (altitude, above_sea) = (optional("Altitude")?, optional("AMSLAltAboveTerrain")?);
+        let mode = match item.one("AltitudeMode") {
+            Some(_) => whole(item, "AltitudeMode")?,
+            None => NO_MODE[0],
+        };
+        let MissionItem {
+            frame,
+            params: [.., altitude_m],
+            ..
+        } = mavlink;
+        if mode == CALCULATED_ABOVE_TERRAIN && above_sea.is_none() {
+            // QGroundControl did not know the terrain, so the altitude is still above it.
+            *frame = FRAMES_TERRAIN[0];
+            *altitude_m = altitude.unwrap_or(*altitude_m);
+            return Ok(());
+        }
+        let (name, shown_m) = match mode {
+            CALCULATED_ABOVE_TERRAIN => ("AMSLAltAboveTerrain", above_sea),
+            _ => ("Altitude", altitude),
+        };
+        let is_same = |shown_m: f64| (shown_m - *altitude_m).abs() <= SAME_ALTITUDE_M;
+        if let Some(shown_m) = shown_m.filter(|shown_m| !is_same(*shown_m)) {
+            let text =
+                format!("`{name}` is {shown_m} m and the altitude in `params` {altitude_m} m");
+            self.contradiction(item, origin, &text);
+        }
+        let frames = match mode {
+            RELATIVE => &FRAMES_HOME[..],
+            ABSOLUTE | CALCULATED_ABOVE_TERRAIN => &FRAMES_SEA,
+            TERRAIN_FRAME => &FRAMES_TERRAIN,
+            _ => &[],
+        };
+        let has_altitude = [FRAMES_HOME, FRAMES_SEA, FRAMES_TERRAIN]
+            .concat()
+            .contains(frame);
+        if has_altitude && !NO_MODE.contains(&mode) && !frames.contains(frame) {
+            let text = format!("`AltitudeMode` {mode} and `frame` {frame} say different things");
+            self.contradiction(item, origin, &text);
+        }
+        Ok(())
+    }
+
+    fn contradiction(&mut self, item: &Node, origin: &str, text: &str) {
+        let text = format!("{origin}: {text}: which is meant?");
+        self.remarks.add(item.line, text, true);
+    }
+
+    fn read_fence(&mut self, fence: &Node) -> Result<(), ReadError> {
+        if object(fence)?.has("version") {
+            check_version(fence, "geoFence", &[1, 2])?;
+        }
+        for (index, item) in optional_list(fence, "polygons")?.iter().enumerate() {
+            let read = polygon(item).and_then(|shape| self.area(item, shape));
+            read.map_err(|error| error.about(item.line, &format!("fence polygon {}", index + 1)))?;
+        }
+        for (index, item) in optional_list(fence, "circles")?.iter().enumerate() {
+            let read = circle(item).and_then(|shape| self.area(item, shape));
+            read.map_err(|error| error.about(item.line, &format!("fence circle {}", index + 1)))?;
+        }
+        if let Some(point) = fence.one("breachReturn") {
+            point.skip();
+            let text = "the return point after a breach of the fence is not used";
+            self.remarks.add(0, text, false);
+        }
+        // Version 1 had one polygon, and did not say what it is for.
+        if !optional_list(fence, "polygon")?.is_empty() {
+            fence.nodes.iter().for_each(Node::skip);
+            let text = "the fence of version 1 does not say whether it is to be left or entered";
+            self.remarks.add(0, text, true);
+        }
+        Ok(())
+    }
+
+    fn area(&mut self, item: &Node, shape: FenceShape) -> Result<(), ReadError> {
+        if item.has("version") {
+            check_version(item, "the area", &[1])?;
+        }
+        let inclusion = item.one("inclusion").map(|inclusion| &inclusion.value);
+        let Some(Value::Flag(is_inclusion)) = inclusion else {
+            return Err(ReadError::new("`inclusion` is not true or false"));
+        };
+        let (name, is_inclusion) = (String::new(), *is_inclusion);
+        push_area(
+            &mut self.plan,
+            FenceArea {
+                name,
+                is_inclusion,
+                shape,
+            },
+        )
     }
 }
 
-fn read_mission(plan: &mut Plan, mission: &Object) -> Result<(), ReadError> {
-    plan.planned_home = match mission.get("plannedHomePosition") {
-        None | Some(Value::Null) => None,
-        Some(Value::Object(item)) => planned_home(item.get("coordinate").unwrap_or(&Value::Null))?,
-        Some(home) => planned_home(home)?,
+/// The altitude is above sea; a home of 0, 0 was never set. In version 1 it is an item.
+fn planned_home(node: &Node) -> Result<Option<PlannedHome>, ReadError> {
+    let node = match node.value {
+        Value::Object => {
+            node.skip();
+            node.one("coordinate").unwrap_or(node)
+        }
+        _ => node,
     };
-    plan.planned_speed_mps = mission
-        .get("hoverSpeed")
-        .and_then(Value::as_f64)
-        .filter(|speed| *speed > 0.0);
-    for (index, item) in array(mission, "items", "mission")?.iter().enumerate() {
-        let origin = format!("item {}", index + 1);
-        read_item(plan, object(item, &origin)?, &origin)?;
-    }
-    // Of version 1. They stand apart from the items, so their place among them is not known.
-    for (index, item) in optional_array(mission, "complexItems", "mission")?
-        .iter()
-        .enumerate()
-    {
-        let origin = format!("complex item {}", index + 1);
-        read_complex(plan, object(item, &origin)?, &origin)?;
-    }
-    Ok(())
-}
-
-/// The altitude is above sea; a home of 0, 0 was never set.
-fn planned_home(value: &Value) -> Result<Option<PlannedHome>, ReadError> {
-    const PLACE: &str = "plannedHomePosition";
-    let numbers = numbers(value, PLACE)?;
-    let [latitude_deg, longitude_deg, rest @ ..] = numbers.as_slice() else {
-        return Err(ReadError::part(PLACE, "it needs latitude and longitude"));
+    let numbers = numbers(node)?;
+    let [latitude_deg, longitude_deg, above_sea_m @ ..] = numbers.as_slice() else {
+        return Err(ReadError::new("it needs latitude and longitude"));
     };
+    if above_sea_m.len() > 1 {
+        return Err(ReadError::new(format!(
+            "{} numbers; a home has 3",
+            numbers.len()
+        )));
+    }
     if *latitude_deg == 0.0 && *longitude_deg == 0.0 || latitude_deg.is_nan() {
         return Ok(None);
     }
-    let position = Position::new(*latitude_deg, *longitude_deg)
-        .map_err(|reason| ReadError::part(PLACE, reason))?;
+    let position = Position::new(*latitude_deg, *longitude_deg).map_err(ReadError::new)?;
+    let above_sea_m = above_sea_m
+        .first()
+        .copied()
+        .filter(|metres| metres.is_finite());
     Ok(Some(PlannedHome {
         position,
-        above_sea_m: rest.first().copied().filter(|metres| metres.is_finite()),
+        above_sea_m,
     }))
 }
 
-fn read_item(plan: &mut Plan, item: &Object, origin: &str) -> Result<(), ReadError> {
-    match item.get("type").and_then(Value::as_str) {
-        Some("SimpleItem" | "MissionItem" | "missionItem") => {
-            push_mavlink(plan, origin, simple(item, origin)?)
-        }
-        Some("ComplexItem") => read_complex(plan, item, origin),
-        Some(other) => {
-            let name = format!("an item of the type `{}`", clean(other));
-            let kind = OtherKind::Flight;
-            push(plan, origin, "", Action::Other { name, kind })
-        }
-        None => Err(ReadError::part(origin, "there is no `type`")),
-    }
-}
-
-/// A survey or a corridor holds the simple items that it stands for.
-fn read_complex(plan: &mut Plan, item: &Object, origin: &str) -> Result<(), ReadError> {
-    let name = match item.get("complexItemType").and_then(Value::as_str) {
-        Some(name) => clean(name),
-        None => return Err(ReadError::part(origin, "there is no `complexItemType`")),
-    };
-    let transects = match item.get("TransectStyleComplexItem") {
-        None => item,
-        Some(inner) => object(inner, origin)?,
-    };
-    let parts = optional_array(transects, "Items", origin)?;
-    if parts.is_empty() {
-        let name = format!("a complex item `{name}` without simple items");
-        let kind = OtherKind::Flight;
-        return push(plan, origin, "", Action::Other { name, kind });
-    }
-    for (index, part) in parts.iter().enumerate() {
-        let origin = format!("{origin} ({name}), part {}", index + 1);
-        push_mavlink(plan, &origin, simple(object(part, &origin)?, &origin)?)?;
-    }
-    Ok(())
-}
-
-fn simple(item: &Object, origin: &str) -> Result<MissionItem, ReadError> {
-    let mut params = params(item, origin)?;
-    let mut frame = whole(item, "frame", origin)?;
-    let is_calculated =
-        item.get("AltitudeMode").and_then(Value::as_u64) == Some(CALCULATED_ABOVE_TERRAIN);
-    let has_calculated = item
-        .get("AMSLAltAboveTerrain")
-        .is_some_and(Value::is_number);
-    if is_calculated && !has_calculated {
-        // QGroundControl did not know the terrain, so the altitude is still above it.
-        frame = FRAMES_TERRAIN[0];
-        if let Some(above_terrain_m) = item.get("Altitude").and_then(Value::as_f64) {
-            params[6] = above_terrain_m;
-        }
-    }
-    Ok(MissionItem {
-        frame,
-        command: match item.contains_key("command") {
-            true => whole(item, "command", origin)?,
-            false => whole(item, "id", origin)?,
-        },
-        params,
-        auto_continue: match item.get("autoContinue") {
-            None => true,
-            Some(Value::Bool(value)) => *value,
-            Some(_) => {
-                return Err(ReadError::part(
-                    origin,
-                    "`autoContinue` is not true or false",
-                ));
-            }
-        },
-    })
-}
-
 /// Seven parameters; or four and a `coordinate`; or `param1` to `param4` and a `coordinate`.
-fn params(item: &Object, origin: &str) -> Result<[f64; 7], ReadError> {
-    let mut all = match item.get("params") {
-        Some(params) => numbers(params, origin)?,
-        None => (1..=4)
-            .map(|number| {
-                let name = format!("param{number}");
-                match item.get(&name) {
-                    Some(value) => number_or_null(value, &name, origin),
-                    None => Err(ReadError::part(
-                        origin,
-                        format!("there is no `params` and no `{name}`"),
-                    )),
-                }
-            })
-            .collect::<Result<_, _>>()?,
+fn params(item: &Node) -> Result<[f64; 7], ReadError> {
+    let mut all = match item.one("params") {
+        Some(params) => numbers(params)?,
+        None => {
+            let param = |name: &str| {
+                let node = item.nodes.iter().find(|node| node.name == name);
+                let missing = || ReadError::new(format!("there is no `params` and no `{name}`"));
+                number_or_null(node.ok_or_else(missing)?.take())
+            };
+            let names = ["param1", "param2", "param3", "param4"];
+            names.into_iter().map(param).collect::<Result<_, _>>()?
+        }
     };
     if all.len() == 4 {
-        let coordinate = item
-            .get("coordinate")
-            .ok_or_else(|| ReadError::part(origin, "4 parameters and no `coordinate`"))?;
-        all.extend(numbers(coordinate, origin)?);
+        let missing = || ReadError::new("4 parameters and no `coordinate`");
+        all.extend(numbers(item.one("coordinate").ok_or_else(missing)?)?);
     }
     let count = all.len();
     all.try_into()
-        .map_err(|_| ReadError::part(origin, format!("{count} parameters; an item has 7")))
+        .map_err(|_| ReadError::new(format!("{count} parameters; an item has 7")))
 }
 
-fn read_fence(plan: &mut Plan, fence: &Object) -> Result<(), ReadError> {
-    const PLACE: &str = "geoFence";
-    for (index, polygon) in optional_array(fence, "polygons", PLACE)?.iter().enumerate() {
-        let place = format!("fence polygon {}", index + 1);
-        let polygon = object(polygon, &place)?;
-        let vertices = array(polygon, "polygon", &place)?;
-        let vertices = vertices.iter().map(|vertex| position(vertex, &place));
-        let shape = FenceShape::Polygon(vertices.collect::<Result<_, _>>()?);
-        push_area(plan, area(polygon, shape, &place)?)?;
-    }
-    for (index, circle) in optional_array(fence, "circles", PLACE)?.iter().enumerate() {
-        let place = format!("fence circle {}", index + 1);
-        let item = object(circle, &place)?;
-        let circle = object(item.get("circle").unwrap_or(&Value::Null), &place)?;
-        let radius_m = circle.get("radius").and_then(Value::as_f64);
-        let shape = FenceShape::Circle {
-            centre: position(circle.get("center").unwrap_or(&Value::Null), &place)?,
-            radius_m: radius_m.ok_or_else(|| ReadError::part(&place, "there is no `radius`"))?,
-        };
-        push_area(plan, area(item, shape, &place)?)?;
-    }
-    // Version 1 had one polygon, and did not say what it is for.
-    if !optional_array(fence, "polygon", PLACE)?.is_empty() {
-        plan.left_out.push(LeftOut {
-            what: "the fence of version 1 does not say whether it is to be left or entered"
-                .to_owned(),
-            kind: OtherKind::Flight,
-        });
-    }
-    if fence
-        .get("breachReturn")
-        .is_some_and(|value| !value.is_null())
-    {
-        plan.left_out.push(LeftOut {
-            what: "the return point after a breach of the fence is not used".to_owned(),
-            kind: OtherKind::Payload,
-        });
-    }
-    Ok(())
+fn polygon(item: &Node) -> Result<FenceShape, ReadError> {
+    let vertices = object(item)?.list("polygon")?.iter().map(position);
+    Ok(FenceShape::Polygon(vertices.collect::<Result<_, _>>()?))
 }
 
-fn area(item: &Object, shape: FenceShape, place: &str) -> Result<FenceArea, ReadError> {
-    let is_inclusion = item.get("inclusion").and_then(Value::as_bool);
-    Ok(FenceArea {
-        name: String::new(),
-        is_inclusion: is_inclusion
-            .ok_or_else(|| ReadError::part(place, "`inclusion` is not true or false"))?,
-        shape,
-    })
+fn circle(item: &Node) -> Result<FenceShape, ReadError> {
+    let missing = |name: &str| ReadError::new(format!("there is no `{name}`"));
+    let circle = object(item)?
+        .one("circle")
+        .ok_or_else(|| missing("circle"))?;
+    let centre = position(circle.one("center").ok_or_else(|| missing("center"))?)?;
+    let radius_m = number_or_null(circle.one("radius").ok_or_else(|| missing("radius"))?)?;
+    Ok(FenceShape::Circle { centre, radius_m })
 }
 
-fn position(value: &Value, place: &str) -> Result<Position, ReadError> {
-    match numbers(value, place)?.as_slice() {
-        [latitude_deg, longitude_deg, ..] => Position::new(*latitude_deg, *longitude_deg)
-            .map_err(|reason| ReadError::part(place, reason)),
-        _ => Err(ReadError::part(
-            place,
-            "a point needs latitude and longitude",
+fn position(node: &Node) -> Result<Position, ReadError> {
+    match numbers(node)?.as_slice() {
+        [latitude_deg, longitude_deg] => {
+            Position::new(*latitude_deg, *longitude_deg).map_err(ReadError::new)
+        }
+        _ => Err(ReadError::new(
+            "a point needs latitude and longitude, and nothing else",
         )),
     }
 }
 
-fn object<'a>(value: &'a Value, place: &str) -> Result<&'a Object, ReadError> {
-    value
-        .as_object()
-        .ok_or_else(|| ReadError::part(place, "it is no JSON object"))
-}
-
-fn array<'a>(object: &'a Object, name: &str, place: &str) -> Result<&'a [Value], ReadError> {
-    match object.get(name) {
-        Some(Value::Array(array)) => Ok(array),
-        _ => Err(ReadError::part(place, format!("there is no list `{name}`"))),
+/// Takes an object.
+fn object(node: &Node) -> Result<&Node, ReadError> {
+    match node.take().value {
+        Value::Object => Ok(node),
+        _ => Err(ReadError::new("it is no JSON object")),
     }
 }
 
 /// Nothing in it when there is no such member.
-fn optional_array<'a>(
-    object: &'a Object,
-    name: &str,
-    place: &str,
-) -> Result<&'a [Value], ReadError> {
-    match object.get(name) {
-        None | Some(Value::Null) => Ok(&[]),
-        Some(_) => array(object, name, place),
+fn optional_list<'a>(node: &'a Node, name: &str) -> Result<&'a [Node], ReadError> {
+    match node.one(name) {
+        None => Ok(&[]),
+        Some(_) => node.list(name),
     }
 }
 
 /// A list of numbers, of which `null` is none.
-fn numbers(value: &Value, place: &str) -> Result<Vec<f64>, ReadError> {
-    let list = value
-        .as_array()
-        .ok_or_else(|| ReadError::part(place, "a list of numbers is expected"))?;
-    list.iter()
-        .enumerate()
-        .map(|(index, value)| number_or_null(value, &format!("number {}", index + 1), place))
-        .collect()
-}
-
-fn number_or_null(value: &Value, name: &str, place: &str) -> Result<f64, ReadError> {
-    match value {
-        Value::Null => Ok(f64::NAN),
-        value => value
-            .as_f64()
-            .ok_or_else(|| ReadError::part(place, format!("{name} is not a number"))),
+fn numbers(node: &Node) -> Result<Vec<f64>, ReadError> {
+    node.skip();
+    match node.value {
+        Value::List => node.nodes.iter().map(number_or_null).collect(),
+        _ => Err(ReadError::new("a list of numbers is expected")),
     }
 }
 
-fn whole(item: &Object, name: &str, place: &str) -> Result<u16, ReadError> {
-    item.get(name)
-        .and_then(Value::as_u64)
-        .and_then(|number| u16::try_from(number).ok())
-        .ok_or_else(|| ReadError::part(place, format!("`{name}` is no whole number up to 65535")))
+fn number_or_null(node: &Node) -> Result<f64, ReadError> {
+    match node.value {
+        Value::Null => Ok(f64::NAN),
+        Value::Number(number) => Ok(number),
+        _ if node.name.is_empty() => Err(ReadError::new("an entry of a list is not a number")),
+        _ => Err(ReadError::new(format!(
+            "`{}` is not a number",
+            clean(&node.name)
+        ))),
+    }
+}
+
+fn whole(item: &Node, name: &str) -> Result<u16, ReadError> {
+    match item.one(name).map(|node| &node.value) {
+        Some(Value::Number(number))
+            if number.fract() == 0.0 && (0.0..=65535.0).contains(number) =>
+        {
+            Ok(*number as u16)
+        }
+        _ => Err(ReadError::new(format!(
+            "`{name}` is no whole number up to 65535"
+        ))),
+    }
 }

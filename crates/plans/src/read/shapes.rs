@@ -9,230 +9,296 @@
 //! | `kind` | polygon; point with `radius_m` | `inclusion` or `exclusion`: an area of the fence |
 
 use super::items::{clean, push, push_area};
+use super::tree::{Node, Remarks, Value, has_word, speaks_of_flying, whole_number};
 use crate::error::ReadError;
-use crate::model::{
-    Action, Altitude, FenceArea, FenceShape, LeftOut, OtherKind, Plan, Position, Reference,
-};
+use crate::format::PlanFormat;
+use crate::model::{Action, Altitude, FenceArea, FenceShape, Plan, Position, Reference};
 
-/// One feature or placemark.
-pub struct Feature<'a> {
-    /// Where it stands, such as `feature 3`.
-    pub origin: String,
-    /// Its name, or nothing.
-    pub name: &'a str,
-    /// What is said about it.
-    pub properties: Properties,
+const KNOWN: &str = "action hold_s speed_mps altitude_reference kind radius_m";
+
+/// Properties that other programs write, and from which nothing follows for a flight: names, times, and how a shape is drawn.
+pub const HARMLESS_PROPERTIES: &str = "name title description desc cmt id fid time timestamp styleUrl stroke stroke-width \
+    stroke-opacity fill fill-opacity marker-color marker-size marker-symbol icon visibility";
+
+/// A point of a shape, with the altitude that the file's own rules give it.
+pub struct Vertex(pub Position, pub Altitude);
+
+/// Where the shapes of a file go, one feature or placemark after the other.
+pub struct Shapes {
+    pub plan: Plan,
+    pub remarks: Remarks,
+    /// Which feature, such as `feature 3`, its line, and its name, or nothing.
+    pub part: String,
+    line: usize,
+    pub name: String,
+    /// Name, value and line of its properties.
+    stated: Vec<(String, String, usize)>,
 }
 
-/// The properties of the table above.
-#[derive(Default)]
-pub struct Properties {
-    pub action: Option<String>,
-    pub hold_s: Option<f64>,
-    pub speed_mps: Option<f64>,
-    pub altitude_reference: Option<Reference>,
-    pub is_inclusion: Option<bool>,
-    pub radius_m: Option<f64>,
-}
+impl Shapes {
+    pub fn new(format: PlanFormat) -> Shapes {
+        Shapes {
+            plan: Plan::empty(format),
+            remarks: Remarks::default(),
+            part: String::new(),
+            line: 0,
+            name: String::new(),
+            stated: Vec::new(),
+        }
+    }
 
-impl Properties {
-    /// Takes a property; others mean nothing for a flight.
-    ///
-    /// # Errors
-    ///
-    /// A value that the property does not have, as a clause.
-    pub fn take(&mut self, name: &str, value: &str) -> Result<(), String> {
-        let number = || match value.trim().parse::<f64>() {
-            Ok(number) if number.is_finite() && number >= 0.0 => Ok(Some(number)),
-            _ => Err(format!(
-                "`{name}` is `{}`, which is no number from 0 up",
-                clean(value)
-            )),
+    /// Begins with the feature of `node`.
+    pub fn begin(&mut self, part: String, node: &Node) {
+        (self.part, self.line) = (part, node.line);
+        self.name.clear();
+        self.stated.clear();
+    }
+
+    /// Takes the property `name` with the value of `node`. `null` and an empty text say nothing. What is not known is a remark.
+    pub fn property(&mut self, name: &str, node: &Node) -> Result<(), ReadError> {
+        let text = match &node.value {
+            Value::Text(text) => text.trim().to_owned(),
+            Value::Number(number) => number.to_string(),
+            Value::Flag(flag) => flag.to_string(),
+            Value::Null => String::new(),
+            Value::List | Value::Object => "a list or an object".to_owned(),
         };
-        let one_of = |names: &str| format!("`{name}` is `{}`; it can be {names}", clean(value));
-        match name {
-            "action" => self.action = Some(value.trim().to_owned()),
-            "hold_s" => self.hold_s = number()?,
-            "speed_mps" => self.speed_mps = number()?,
-            "radius_m" => self.radius_m = number()?,
-            "altitude_reference" => {
-                let reference = Reference::from_name(value.trim());
-                self.altitude_reference =
-                    Some(reference.ok_or_else(|| one_of("take-off, sea or terrain"))?);
+        if has_word(KNOWN, name) && !text.is_empty() {
+            if self.stated(name).is_some() {
+                return Err(node.wrong(format!("`{name}` is said twice of the same shape")));
             }
-            "kind" => {
-                self.is_inclusion = match value.trim() {
-                    "inclusion" => Some(true),
-                    "exclusion" => Some(false),
-                    _ => return Err(one_of("inclusion or exclusion")),
-                }
-            }
-            _ => {}
+            self.stated.push((name.to_owned(), text, node.line));
+        } else if !has_word(KNOWN, name) && !has_word(HARMLESS_PROPERTIES, name) {
+            let text = format!("the property `{}` is not read", clean(name));
+            self.remarks.add(node.line, text, speaks_of_flying(name));
         }
         Ok(())
     }
-}
 
-/// A point of a shape.
-#[derive(Clone, Copy)]
-pub struct Vertex {
-    /// Degrees.
-    pub latitude_deg: f64,
-    /// Degrees.
-    pub longitude_deg: f64,
-    /// As the file's own rules say.
-    pub altitude: Altitude,
-}
+    fn stated(&self, name: &str) -> Option<(&str, usize)> {
+        let mut stated = self.stated.iter().filter(|(stated, ..)| stated == name);
+        stated.next().map(|(_, text, line)| (&**text, *line))
+    }
 
-/// Where points of a feature go.
-pub struct Shapes<'a> {
-    pub plan: &'a mut Plan,
-    pub feature: Feature<'a>,
-}
+    fn number(&self, name: &str) -> Result<Option<f64>, ReadError> {
+        let Some((text, line)) = self.stated(name) else {
+            return Ok(None);
+        };
+        let number = whole_number(text).filter(|number| *number >= 0.0);
+        let found = clean(text);
+        let reason = format!("`{name}` is `{found}`, which is no number from 0 up");
+        number
+            .map(Some)
+            .ok_or_else(|| ReadError::line(line, reason))
+    }
 
-impl Shapes<'_> {
+    fn one_of<T>(
+        &self,
+        name: &str,
+        values: &str,
+        read: impl Fn(&str) -> Option<T>,
+    ) -> Result<Option<T>, ReadError> {
+        let Some((text, line)) = self.stated(name) else {
+            return Ok(None);
+        };
+        let reason = format!("`{name}` is `{}`; it can be {values}", clean(text));
+        read(text)
+            .map(Some)
+            .ok_or_else(|| ReadError::line(line, reason))
+    }
+
+    fn is_inclusion(&self) -> Result<Option<bool>, ReadError> {
+        self.one_of("kind", "inclusion or exclusion", |kind| match kind {
+            "inclusion" => Some(true),
+            "exclusion" => Some(false),
+            _ => None,
+        })
+    }
+
     /// A single point: an item, or the middle of a circle of the fence.
     pub fn point(&mut self, vertex: &Vertex) -> Result<(), ReadError> {
-        let properties = &self.feature.properties;
-        if let Some(is_inclusion) = properties.is_inclusion {
-            let radius_m = properties
-                .radius_m
-                .ok_or_else(|| self.wrong("a point with a `kind` needs a `radius_m`"))?;
-            let centre = self.position(vertex)?;
-            return self.area(is_inclusion, FenceShape::Circle { centre, radius_m });
+        if let Some(is_inclusion) = self.is_inclusion()? {
+            self.only("a circle of the fence", "kind radius_m");
+            let radius_m = self.number("radius_m")?;
+            let radius_m =
+                radius_m.ok_or_else(|| self.wrong("a point with a `kind` needs a `radius_m`"))?;
+            let centre = vertex.0;
+            return self.area(
+                is_inclusion,
+                FenceShape::Circle { centre, radius_m },
+                std::slice::from_ref(vertex),
+            );
         }
+        let (position, altitude, hold_s) =
+            (vertex.0, self.altitude(vertex)?, self.number("hold_s")?);
+        let place = Some(position);
+        let hold = |position, altitude| {
+            let duration_s = hold_s;
+            Action::Hold {
+                position,
+                altitude,
+                duration_s,
+            }
+        };
+        let names = "waypoint, take-off, hold, land or return";
+        let actions = self.one_of("action", names, |action| match action {
+            "waypoint" => Some(vec![]),
+            "take-off" | "takeoff" => Some(vec![
+                Action::TakeOff {
+                    position: place,
+                    altitude,
+                },
+                hold(None, None),
+            ]),
+            "hold" => Some(vec![hold(place, Some(altitude))]),
+            "land" => Some(vec![
+                hold(place, Some(altitude)),
+                Action::Land { position: place },
+            ]),
+            "return" => Some(vec![Action::ReturnToLaunch]),
+            _ => None,
+        })?;
+        let hold_s = hold_s.unwrap_or(0.0);
+        let mut actions = actions.unwrap_or_default();
+        if actions.is_empty() {
+            actions.push(Action::Waypoint {
+                position,
+                altitude,
+                hold_s,
+            });
+        }
+        // A hover after a climb or before a landing is an item of its own.
+        if actions.len() > 1 && hold_s == 0.0 {
+            actions.retain(|action| !matches!(action, Action::Hold { .. }));
+        }
+        let mut allowed = "action speed_mps altitude_reference hold_s";
+        if let [Action::Land { .. } | Action::ReturnToLaunch] = actions[..] {
+            if altitude.metres().is_some_and(|metres| metres != 0.0) {
+                let text = "the altitude of a landing is not used: it is flown to as high as the item before";
+                self.remarks.add(self.line, text, false);
+            }
+            allowed = "action speed_mps altitude_reference";
+        }
+        self.only("such a point", allowed);
         self.speed()?;
-        let action = self.action(vertex)?;
-        self.item(action)
+        actions.into_iter().try_for_each(|action| self.item(action))
     }
 
     /// A line: a waypoint for each of its points.
     pub fn line(&mut self, vertices: &[Vertex]) -> Result<(), ReadError> {
-        if self.feature.properties.action.is_some() {
-            return Err(self.wrong("an `action` belongs to a point, not to a line"));
-        }
+        self.only("a line", "speed_mps altitude_reference");
         self.speed()?;
         for vertex in vertices {
-            let action = self.action(vertex)?;
-            self.item(action)?;
+            let (position, altitude, hold_s) = (vertex.0, self.altitude(vertex)?, 0.0);
+            self.item(Action::Waypoint {
+                position,
+                altitude,
+                hold_s,
+            })?;
         }
         Ok(())
     }
 
     /// A polygon: an area of the fence, if the file says so.
-    pub fn polygon(&mut self, outline: &[Vertex], holes: usize) -> Result<(), ReadError> {
-        let Some(is_inclusion) = self.feature.properties.is_inclusion else {
-            return self
-                .left_out("polygon without the property `kind`, `inclusion` or `exclusion`");
+    pub fn polygon(&mut self, outline: &[Vertex], has_holes: bool) -> Result<(), ReadError> {
+        self.only("a polygon", "kind");
+        let Some(is_inclusion) = self.is_inclusion()? else {
+            self.left_out("polygon without the property `kind`, `inclusion` or `exclusion`");
+            return Ok(());
         };
-        if holes > 0 {
-            return self.left_out("polygon with holes");
+        if has_holes {
+            self.left_out("polygon with holes");
+            return Ok(());
         }
-        let mut vertices = outline
-            .iter()
-            .map(|vertex| self.position(vertex))
-            .collect::<Result<Vec<_>, _>>()?;
+        let mut vertices: Vec<Position> = outline.iter().map(|vertex| vertex.0).collect();
         // Both formats repeat the first point at the end.
         if vertices.len() > 1 && vertices.first() == vertices.last() {
             vertices.pop();
         }
-        self.area(is_inclusion, FenceShape::Polygon(vertices))
+        self.area(is_inclusion, FenceShape::Polygon(vertices), outline)
     }
 
     /// A shape that is no item and no area.
-    pub fn left_out(&mut self, what: &str) -> Result<(), ReadError> {
-        let Feature { origin, name, .. } = &self.feature;
-        let name = clean(name);
-        let of = match name.is_empty() {
-            true => String::new(),
-            false => format!(" `{name}`"),
+    pub fn left_out(&mut self, what: &str) {
+        let of = match clean(&self.name) {
+            name if name.is_empty() => name,
+            name => format!(" `{name}`"),
         };
-        if self.plan.left_out.len() == crate::error::MAX_ITEMS {
-            return Err(ReadError::too_many_items());
-        }
-        self.plan.left_out.push(LeftOut {
-            what: format!("{origin}{of}: {what}"),
-            kind: OtherKind::Flight,
-        });
-        Ok(())
+        let text = format!("{}{of}: {what}", self.part);
+        self.remarks.add(self.line, text, true);
     }
 
-    fn action(&self, vertex: &Vertex) -> Result<Action, ReadError> {
-        let properties = &self.feature.properties;
-        let position = self.position(vertex)?;
-        let altitude = self.altitude(vertex);
-        let hold_s = properties.hold_s;
-        Ok(match properties.action.as_deref() {
-            None | Some("waypoint") => Action::Waypoint {
-                position,
-                altitude,
-                hold_s: hold_s.unwrap_or(0.0),
-            },
-            Some("take-off" | "takeoff") => Action::TakeOff {
-                position: Some(position),
-                altitude,
-            },
-            Some("hold") => Action::Hold {
-                position: Some(position),
-                altitude: Some(altitude),
-                duration_s: hold_s,
-            },
-            Some("land") => Action::Land {
-                position: Some(position),
-            },
-            Some("return") => Action::ReturnToLaunch,
-            Some(other) => {
-                return Err(self.wrong(format!(
-                    "`action` is `{}`; it can be waypoint, take-off, hold, land or return",
-                    clean(other)
-                )));
+    /// Names the properties that a shape cannot have.
+    fn only(&mut self, shape: &str, allowed: &str) {
+        for (name, _, line) in &self.stated {
+            if !has_word(allowed, name) {
+                let text = format!("`{name}` cannot belong to {shape}");
+                self.remarks.add(*line, text, true);
             }
-        })
+        }
     }
 
     /// The property takes precedence over the format.
-    fn altitude(&self, vertex: &Vertex) -> Altitude {
-        let metres = match vertex.altitude {
-            Altitude::AboveTakeOff(metres)
-            | Altitude::AboveSea(metres)
-            | Altitude::AboveTerrain(metres)
-            | Altitude::Unstated(Some(metres)) => metres,
-            Altitude::Unstated(None) => return vertex.altitude,
-        };
-        match self.feature.properties.altitude_reference {
-            _ if !metres.is_finite() => Altitude::Unstated(None),
-            Some(reference) => reference.at(metres),
-            None => vertex.altitude,
-        }
+    fn altitude(&self, vertex: &Vertex) -> Result<Altitude, ReadError> {
+        let values = "take-off, sea or terrain";
+        let reference = self.one_of("altitude_reference", values, Reference::from_name)?;
+        Ok(match (vertex.1.metres(), reference) {
+            (Some(metres), Some(reference)) => reference.at(metres),
+            _ => vertex.1,
+        })
     }
 
     fn speed(&mut self) -> Result<(), ReadError> {
-        match self.feature.properties.speed_mps {
+        match self.number("speed_mps")? {
             Some(speed_mps) => self.item(Action::Speed { speed_mps }),
             None => Ok(()),
         }
     }
 
     fn item(&mut self, action: Action) -> Result<(), ReadError> {
-        push(self.plan, &self.feature.origin, self.feature.name, action)
+        let origin = self.origin();
+        push(&mut self.plan, &origin, &self.name, action)
     }
 
-    fn area(&mut self, is_inclusion: bool, shape: FenceShape) -> Result<(), ReadError> {
-        let name = self.feature.name.to_owned();
-        let area = FenceArea {
-            name,
-            is_inclusion,
-            shape,
-        };
-        push_area(self.plan, area)
+    /// The bridge's areas have no altitudes of vertices: those of an exclusion are not needed, those of an inclusion could limit it.
+    fn area(
+        &mut self,
+        is_inclusion: bool,
+        shape: FenceShape,
+        vertices: &[Vertex],
+    ) -> Result<(), ReadError> {
+        let mut altitudes = vertices.iter().filter_map(|vertex| vertex.1.metres());
+        if altitudes.any(|metres| metres != 0.0) {
+            let text = "the altitudes of a fence area are not read: it reaches from below the ground to the sky";
+            self.remarks.add(self.line, text, is_inclusion);
+        }
+        let name = self.name.clone();
+        push_area(
+            &mut self.plan,
+            FenceArea {
+                name,
+                is_inclusion,
+                shape,
+            },
+        )
     }
 
-    fn position(&self, vertex: &Vertex) -> Result<Position, ReadError> {
-        Position::new(vertex.latitude_deg, vertex.longitude_deg)
-            .map_err(|reason| self.wrong(reason))
+    pub fn position(&self, latitude_deg: f64, longitude_deg: f64) -> Result<Position, ReadError> {
+        Position::new(latitude_deg, longitude_deg).map_err(|reason| self.wrong(reason))
     }
 
-    fn wrong(&self, reason: impl std::fmt::Display) -> ReadError {
-        ReadError::part(&self.feature.origin, reason)
+    fn origin(&self) -> String {
+        format!("{}, line {}", self.part, self.line)
+    }
+
+    pub fn wrong(&self, reason: impl std::fmt::Display) -> ReadError {
+        ReadError::part(self.origin(), reason)
+    }
+
+    /// The plan, with a remark about each node of the file that was not taken.
+    pub fn finish(mut self, root: &Node, table: &super::tree::Table) -> Plan {
+        self.remarks.add_left(root, table);
+        self.remarks.finish(&mut self.plan);
+        self.plan
     }
 }

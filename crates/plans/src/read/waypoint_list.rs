@@ -90,15 +90,29 @@ fn parse(line: &str) -> Result<(u32, MissionItem), String> {
     if columns.len() != COLUMNS {
         return Err(format!("{} columns; an item has {COLUMNS}", columns.len()));
     }
-    let mut params = [0.0; 7];
+    let mut params = [0.0_f64; 7];
     for (param, text) in params.iter_mut().zip(&columns[4..11]) {
         *param = number("a parameter", text)?;
+        if param.is_infinite() {
+            return Err(format!("a parameter `{text}` has no end"));
+        }
     }
+    // Which item is current is a matter of the vehicle that the list was read from.
+    number::<u32>("current", columns[1])?;
     let item = MissionItem {
         frame: number("the frame", columns[2])?,
         command: number("the command", columns[3])?,
         params,
-        auto_continue: number::<u32>("autocontinue", columns[11])? != 0,
+        auto_continue: match columns[11] {
+            "0" => false,
+            "1" => true,
+            other => {
+                return Err(format!(
+                    "autocontinue `{}` is neither 0 nor 1",
+                    super::items::clean(other)
+                ));
+            }
+        },
     };
     let index: u32 = number("the index", columns[0])?;
     // So that the next index is a number, too.

@@ -136,17 +136,17 @@ fn a_list_of_waypoints() {
 fn geojson() {
     insta::assert_snapshot!(describe(&plan("field.geojson")), @r###"
     GeoJSON
-    1 (feature 1) take-off `pad` at 37.411 -6.001, 15.0 m above take-off
-    2 (feature 2) speed `strip` 3 m/s
-    3 (feature 2) waypoint `strip` at 37.4114 -6.001, 30.0 m above sea
-    4 (feature 2) waypoint `strip` at 37.4114 -6.0014, 31.5 m above sea
-    5 (feature 2) waypoint `strip` at 37.4116 -6.0014, no altitude
-    6 (feature 3) hold at 37.4116 -6.0016, 32.0 m above an unknown zero, for Some(8.0) s
-    7 (feature 8) land at 37.411 -6.0012
+    1 (feature 1, line 4) take-off `pad` at 37.411 -6.001, 15.0 m above take-off
+    2 (feature 2, line 9) speed `strip` 3 m/s
+    3 (feature 2, line 9) waypoint `strip` at 37.4114 -6.001, 30.0 m above sea
+    4 (feature 2, line 9) waypoint `strip` at 37.4114 -6.0014, 31.5 m above sea
+    5 (feature 2, line 9) waypoint `strip` at 37.4116 -6.0014, no altitude
+    6 (feature 3, line 14) hold at 37.4116 -6.0016, 32.0 m above an unknown zero, for Some(8.0) s
+    7 (feature 8, line 38) land at 37.411 -6.0012
     fence `mast`: exclusion, 25 m round 37.4125 -6.0005
     fence `field`: inclusion, 4 vertices
-    left out (Flight): feature 6 `pond`: polygon without the property `kind`, `inclusion` or `exclusion`
-    left out (Flight): feature 7: feature without a geometry
+    left out (Flight): line 32: feature 6 `pond`: polygon without the property `kind`, `inclusion` or `exclusion`
+    left out (Flight): line 37: feature 7: feature without a geometry
     "###);
 }
 
@@ -154,13 +154,14 @@ fn geojson() {
 fn kml() {
     insta::assert_snapshot!(describe(&plan("field.kml")), @r###"
     KML
-    1 (placemark 1) take-off `pad` at 37.411 -6.001, 15.0 m above take-off
-    2 (placemark 2) waypoint `strip` at 37.4114 -6.001, 30.0 m above sea
-    3 (placemark 2) waypoint `strip` at 37.4114 -6.0014, 31.5 m above sea
-    4 (placemark 3) waypoint `clamped` at 37.4116 -6.0015, no altitude
-    5 (placemark 4) waypoint `hill` at 37.4116 -6.0016, 12.0 m above terrain
+    1 (placemark 1, line 7) take-off `pad` at 37.411 -6.001, 15.0 m above take-off
+    2 (placemark 2, line 15) waypoint `strip` at 37.4114 -6.001, 30.0 m above sea
+    3 (placemark 2, line 15) waypoint `strip` at 37.4114 -6.0014, 31.5 m above sea
+    4 (placemark 3, line 25) waypoint `clamped` at 37.4116 -6.0015, no altitude
+    5 (placemark 4, line 29) waypoint `hill` at 37.4116 -6.0016, 12.0 m above terrain
     fence `field`: inclusion, 4 vertices
-    left out (Flight): placemark 6 `flown last year`: placemark without a geometry
+    left out (Flight): line 41: placemark 6 `flown last year`: placemark without a geometry
+    left out (Flight): line 43: `gx:Track` in `Placemark` is not read
     "###);
 }
 
@@ -168,11 +169,11 @@ fn kml() {
 fn gpx() {
     insta::assert_snapshot!(describe(&plan("route.gpx")), @r###"
     GPX
-    1 (route 1, point 1) waypoint `north` at 37.4114 -6.001, 30.0 m above sea
-    2 (route 1, point 2) waypoint at 37.4114 -6.0014, 31.2 m above sea
-    3 (route 1, point 3) waypoint at 37.4111 -6.0014, no altitude
-    left out (Payload): track 1 (2 points) stands beside route 1, which is flown
-    left out (Payload): waypoints (1 points) stands beside route 1, which is flown
+    1 (route 1, point 1, line 6) waypoint `north` at 37.4114 -6.001, 30.0 m above sea
+    2 (route 1, point 2, line 7) waypoint at 37.4114 -6.0014, 31.2 m above sea
+    3 (route 1, point 3, line 8) waypoint at 37.4111 -6.0014, no altitude
+    left out (Payload): line 10: track 1 (2 points) stands beside route 1, which is flown
+    left out (Payload): line 3: waypoints (1 points) stands beside route 1, which is flown
     "###);
 }
 

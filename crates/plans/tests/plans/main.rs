@@ -3,6 +3,9 @@
 mod altitudes;
 mod checks;
 mod files;
+mod kinds;
 mod mistakes;
 mod mutations;
 mod pymavlink;
+mod reading;
+mod structure;

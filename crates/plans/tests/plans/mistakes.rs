@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use plans::error::{MAX_ELEMENT_DEPTH, MAX_ELEMENTS, MAX_FILE_BYTES, MAX_ITEMS};
+use plans::error::{MAX_ELEMENT_DEPTH, MAX_FILE_BYTES, MAX_ITEMS, MAX_NODES};
 
 fn error(name: &str, text: &[u8]) -> String {
     match plans::read(Path::new(name), text) {
@@ -33,26 +33,26 @@ fn of_qgroundcontrol_plans() {
                 .to_owned(),
             "mission: its version is 3; read are [1, 2]",
         ),
-        (item("7"), "item 2: it is no JSON object"),
-        (item("{}"), "item 2: there is no `type`"),
-        (item(r#"{"type":"ComplexItem"}"#), "item 2: there is no `complexItemType`"),
-        (item(&RIGHT.replace("37", "97")), "item 2: the latitude 97 is not from -90 to 90 degrees"),
-        (item(&RIGHT.replace("-6", "-186")), "item 2: the longitude -186 is not from -180 to 180 degrees"),
-        (item(&RIGHT.replace("-6", "null")), "item 2: the longitude NaN"),
-        (item(&RIGHT.replace(",9]", "]")), "item 2: 6 parameters; an item has 7"),
-        (item(&RIGHT.replace(",9]", ",\"9\"]")), "item 2: number 7 is not a number"),
-        (item(&RIGHT.replace(":16", ":-16")), "item 2: `command` is no whole number up to 65535"),
-        (item(&RIGHT.replace("\"frame\":3,", "")), "item 2: `frame` is no whole number"),
-        (item(&RIGHT.replace("true", "1")), "item 2: `autoContinue` is not true or false"),
+        (item("7"), "line 1: item 2: it is no JSON object"),
+        (item("{}"), "line 1: item 2: there is no `type`"),
+        (item(r#"{"type":"ComplexItem"}"#), "line 1: item 2: there is no `complexItemType`"),
+        (item(&RIGHT.replace("37", "97")), "line 1: item 2: the latitude 97 is not from -90 to 90 degrees"),
+        (item(&RIGHT.replace("-6", "-186")), "line 1: item 2: the longitude -186 is not from -180 to 180 degrees"),
+        (item(&RIGHT.replace("-6", "null")), "line 1: item 2: the longitude NaN"),
+        (item(&RIGHT.replace(",9]", "]")), "line 1: item 2: 6 parameters; an item has 7"),
+        (item(&RIGHT.replace(",9]", ",\"9\"]")), "line 1: item 2: an entry of a list is not a number"),
+        (item(&RIGHT.replace(":16", ":-16")), "line 1: item 2: `command` is no whole number up to 65535"),
+        (item(&RIGHT.replace("\"frame\":3,", "")), "line 1: item 2: `frame` is no whole number"),
+        (item(&RIGHT.replace("true", "1")), "line 1: item 2: `autoContinue` is not true or false"),
         (
             item(&format!(
                 r#"{{"type":"ComplexItem","complexItemType":"survey","TransectStyleComplexItem":{{"Items":[{RIGHT},{{}}]}}}}"#
             )),
-            "item 2 (survey), part 2: there is no `params` and no `param1`",
+            "line 1: item 2 (survey), part 2: there is no `params` and no `param1`",
         ),
-        (qgc("", r#""polygons":[{"polygon":[[37,-6]]}]"#), "fence polygon 1: `inclusion` is not true or false"),
-        (qgc("", r#""polygons":[{"polygon":[[37]],"inclusion":true}]"#), "fence polygon 1: a point needs"),
-        (qgc("", r#""circles":[{"circle":{"center":[37,-6]},"inclusion":true}]"#), "fence circle 1: there is no `radius`"),
+        (qgc("", r#""polygons":[{"polygon":[[37,-6]]}]"#), "line 1: fence polygon 1: `inclusion` is not true or false"),
+        (qgc("", r#""polygons":[{"polygon":[[37]],"inclusion":true}]"#), "line 1: fence polygon 1: a point needs"),
+        (qgc("", r#""circles":[{"circle":{"center":[37,-6]},"inclusion":true}]"#), "line 1: fence circle 1: there is no `radius`"),
     ];
     for (text, expected) in cases {
         let found = error("a.plan", text.as_bytes());
@@ -77,7 +77,7 @@ fn of_waypoint_lists() {
         ("QGC WPL 110", "1\t0\t3\t16\tx\t0\t0\t0\t37\t-6\t10\t1", "line 4: a parameter `x` is no such number"),
         ("QGC WPL 110", "1\t0\t-3\t16\t0\t0\t0\t0\t37\t-6\t10\t1", "line 4: the frame `-3` is no such number"),
         ("QGC WPL 110", "1\t0\t3\t16\t0\t0\t0\t0\t370\t-6\t10\t1", "line 4: the latitude 370"),
-        ("QGC WPL 110", "1\t0\t3\t16\t0\t0\t0\t0\t37\t-6\t10\t\u{1b}[2J", "line 4: autocontinue `[2J` is no such number"),
+        ("QGC WPL 110", "1\t0\t3\t16\t0\t0\t0\t0\t37\t-6\t10\t\u{1b}[2J", "line 4: autocontinue `[2J` is neither 0 nor 1"),
     ];
     for (header, line, expected) in cases {
         let text = format!("{header}\n{HOME}\n\n{line}\n");
@@ -101,19 +101,12 @@ fn of_geojson() {
     let cases = [
         ("\n".to_owned(), "line 2: the file is empty"),
         ("{\"type\":\"Feature\",\n".to_owned(), "line 2: the file ends in the middle of a list or object: it is cut off"),
-        (feature(r#"{"action":"jump"}"#, POINT), "feature 1: `action` is `jump`; it can be waypoint"),
-        (feature(r#"{"kind":"forest"}"#, POINT), "feature 1: `kind` is `forest`; it can be inclusion or exclusion"),
-        (feature(r#"{"kind":"exclusion"}"#, POINT), "feature 1: a point with a `kind` needs a `radius_m`"),
-        (feature(r#"{"hold_s":-1}"#, POINT), "feature 1: `hold_s` is `-1`, which is no number from 0 up"),
-        (feature(r#"{"altitude_reference":"moon"}"#, POINT), "feature 1: `altitude_reference` is `moon`; it can be take-off"),
-        (feature("null", r#"{"type":"Point","coordinates":[-6,97,9]}"#), "feature 1: the latitude 97"),
-        (
-            feature(
-                r#"{"action":"land"}"#,
-                r#"{"type":"LineString","coordinates":[[-6,37],[-6,38]]}"#,
-            ),
-            "feature 1: an `action` belongs to a point",
-        ),
+        (feature(r#"{"action":"jump"}"#, POINT), "line 1: `action` is `jump`; it can be waypoint"),
+        (feature(r#"{"kind":"forest"}"#, POINT), "line 1: `kind` is `forest`; it can be inclusion or exclusion"),
+        (feature(r#"{"kind":"exclusion"}"#, POINT), "feature 1, line 1: a point with a `kind` needs a `radius_m`"),
+        (feature(r#"{"hold_s":-1}"#, POINT), "line 1: `hold_s` is `-1`, which is no number from 0 up"),
+        (feature(r#"{"altitude_reference":"moon"}"#, POINT), "line 1: `altitude_reference` is `moon`; it can be take-off"),
+        (feature("null", r#"{"type":"Point","coordinates":[-6,97,9]}"#), "feature 1, line 1: the latitude 97"),
     ];
     for (text, expected) in cases {
         let found = error("a.geojson", text.as_bytes());
@@ -129,16 +122,16 @@ fn of_xml() {
     #[rustfmt::skip]
     let cases = [
         ("a.kml", "<kml>\n<Document>\n</Folder></kml>", "line 3: not valid XML"),
-        ("a.kml", "<kml>\n<Document>", "the file: not valid XML: it ends within an element"),
+        ("a.kml", "<kml>\n<Document>", "line 2: not valid XML: it ends within an element"),
         ("a.kml", "", "the file: not valid XML: there is no element"),
         (
             "a.kml",
             "<kml><Placemark><Point><coordinates>-6,97,1</coordinates></Point></Placemark></kml>",
-            "placemark 1: the latitude 97",
+            "placemark 1, line 1: the latitude 97",
         ),
-        ("a.kml", "<kml><Placemark><Point><coordinates>x,37,1</coordinates></Point></Placemark></kml>", "the file: not valid KML"),
+        ("a.kml", "<kml><Placemark><Point><coordinates>x,37,1</coordinates></Point></Placemark></kml>", "line 1: placemark 1: point 1 is `x,37,1`, not longitude"),
         ("a.gpx", "<!DOCTYPE gpx>\n<gpx/>", "line 1: a document type is not read"),
-        ("a.gpx", "<gpx version='1.1' creator='x'><rte><rtept lat='37' lon='-186'/></rte></gpx>", "the file: not valid GPX"),
+        ("a.gpx", "<gpx version='1.1' creator='x'><rte><rtept lat='37' lon='-186'/></rte></gpx>", "route 1, point 1, line 1: the longitude -186"),
     ];
     for (name, text, expected) in cases {
         let found = error(name, text.as_bytes());
@@ -167,8 +160,8 @@ fn of_files_that_are_no_plans_or_too_large() {
     assert!(error("a.waypoints", list.as_bytes()).starts_with("more than 8192 items"));
     let deep = "<kml>".to_owned() + &"<Folder>".repeat(MAX_ELEMENT_DEPTH);
     assert!(error("a.kml", deep.as_bytes()).contains("deep in each other"));
-    let many = "<gpx>".to_owned() + &"<a/>".repeat(MAX_ELEMENTS) + "</gpx>";
-    assert!(error("a.gpx", many.as_bytes()).contains("XML elements"));
+    let many = "<gpx>".to_owned() + &"<a/>".repeat(MAX_NODES) + "</gpx>";
+    assert!(error("a.gpx", many.as_bytes()).contains("XML nodes"));
     let nested = "{\"type\":\"GeometryCollection\",\"geometries\":[".repeat(100_000);
     assert!(
         error("a.geojson", nested.as_bytes()).contains("recursion limit"),

@@ -2,15 +2,12 @@
 
 use std::path::Path;
 
-use dsp_protocol::Waypoint;
-use plans::check::check;
-use plans::flight::Flight;
-use plans::site::{Endurance, HomeSource, Site, Start};
-use plans::timeline::timeline;
-use plans::write::to_qgc_plan;
 use proptest::prelude::*;
 
 use super::files::bytes;
+use super::reading::use_plan;
+
+const CORPUS: &str = "../workbench/fuzz/corpus";
 
 const FILES: [&str; 6] = [
     "mission.plan",
@@ -86,52 +83,6 @@ fn mutate(text: &mut Vec<u8>, mutation: &Mutation) {
     }
 }
 
-const HOME: Waypoint = Waypoint {
-    latitude_deg: 37.411,
-    longitude_deg: -6.001,
-    altitude_m: 10.0,
-};
-
-/// Everything that is done with a plan.
-fn use_plan(name: &str, text: &[u8]) {
-    let Ok(plan) = plans::read(Path::new(name), text) else {
-        return;
-    };
-    let site = Site {
-        home: HOME,
-        is_home_altitude_known: true,
-        home_source: HomeSource::Operator,
-        start: Start::Ground(HOME),
-        zero_above_sea_m: None,
-        take_off_m: Some(10.0),
-        from: 1,
-        is_for_flight: true,
-    };
-    let endurance = Endurance {
-        cruise_speed_mps: Some(5.0),
-        climb_speed_mps: None,
-        endurance_s: Some(600.0),
-        reserve_s: 60.0,
-    };
-    let flight = Flight::new(&plan, &site);
-    let _ = timeline(&flight, &endurance);
-    let findings = check(&plan, &flight, &site, None, &endurance);
-    assert!(findings.iter().all(|finding| !finding.text.is_empty()));
-    // Each item is flown, or named by a finding.
-    for item in &plan.items {
-        let is_named = findings
-            .iter()
-            .any(|finding| finding.items.contains(&item.number));
-        assert!(
-            flight.is_flown(item.number) || is_named,
-            "{item:?}\n{findings:#?}"
-        );
-    }
-    if let Ok(text) = to_qgc_plan(&plan) {
-        plans::read(Path::new("x.plan"), text.as_bytes()).expect("what was written can be read");
-    }
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
 
@@ -155,5 +106,24 @@ fn every_beginning_of_a_file_is_read_or_refused() {
         for end in (0..text.len()).step_by(7) {
             use_plan(name, &text[..end]);
         }
+    }
+}
+
+/// The files of the fuzz targets are read by every test run, without the tool.
+#[test]
+fn the_corpus_of_each_reader_is_read_or_refused() {
+    let corpus = Path::new(env!("CARGO_MANIFEST_DIR")).join(CORPUS);
+    for (target, name) in [
+        ("plan_qgc", "x.plan"),
+        ("plan_list", "x.waypoints"),
+        ("plan_geojson", "x.geojson"),
+        ("plan_kml", "x.kml"),
+        ("plan_gpx", "x.gpx"),
+    ] {
+        let files = std::fs::read_dir(corpus.join(target)).expect("a corpus");
+        let count = files
+            .map(|file| use_plan(name, &std::fs::read(file.unwrap().path()).unwrap()))
+            .count();
+        assert!(count >= 3, "{target}: {count} files are no corpus");
     }
 }

@@ -84,6 +84,16 @@ fn each_line_that_is_no_row_is_named_and_the_others_are_read() {
 }
 
 #[test]
+fn a_log_that_an_editor_on_windows_saved_is_the_same_log() {
+    let plain = format!("{HEADER}1\t2\t3\n0\t3\t4\n");
+    let windows = format!("\u{feff}{}", plain.replace('\n', "\r\n"));
+    assert_eq!(
+        all(windows.as_bytes()).unwrap().0,
+        all(plain.as_bytes()).unwrap().0
+    );
+}
+
+#[test]
 fn what_is_no_log_is_refused_with_the_reason() {
     for (text, expected) in [
         (

@@ -1,0 +1,274 @@
+//! A document as a tree of nodes with lines. The reader of a format takes nodes; every node that it did not take is looked up in a
+//! table of harmless ones, and is a finding otherwise.
+
+use std::cell::Cell;
+
+use super::items::clean;
+use crate::error::ReadError;
+use crate::model::{LeftOut, OtherKind, Plan};
+
+/// Most different findings about nodes that were not taken; the rest is one more finding.
+const MAX_FINDINGS: usize = 64;
+
+/// What a node holds beside other nodes.
+pub enum Value {
+    Null,
+    Flag(bool),
+    Number(f64),
+    /// A text; of an XML element all of it that lies directly in the element.
+    Text(String),
+    List,
+    Object,
+}
+
+/// An element or attribute of XML, or a member or list entry of JSON.
+pub struct Node {
+    /// Attributes begin with `@`; entries of lists have none.
+    pub name: String,
+    /// From 1.
+    pub line: usize,
+    pub value: Value,
+    pub nodes: Vec<Node>,
+    used: Cell<Used>,
+}
+
+/// What a reader has done with a node.
+#[derive(Clone, Copy, PartialEq)]
+enum Used {
+    Nothing,
+    /// It was taken; a text in it and the nodes in it count by themselves.
+    Taken,
+    /// It was taken with its text.
+    Read,
+    /// All that is in it was dealt with.
+    Whole,
+}
+
+impl Node {
+    pub fn new(name: String, line: usize, value: Value, nodes: Vec<Node>) -> Node {
+        let used = Cell::new(Used::Nothing);
+        Node {
+            name,
+            line,
+            value,
+            nodes,
+            used,
+        }
+    }
+
+    pub fn has(&self, name: &str) -> bool {
+        self.nodes.iter().any(|node| node.name == name)
+    }
+
+    /// Takes the first node of this name; another one is left. A `null` says as much as no node.
+    pub fn one(&self, name: &str) -> Option<&Node> {
+        let node = self.nodes.iter().find(|node| node.name == name)?.take();
+        (!matches!(node.value, Value::Null)).then_some(node)
+    }
+
+    /// Takes all nodes of this name.
+    pub fn all(&self, name: &str) -> impl Iterator<Item = &Node> {
+        let nodes = self.nodes.iter().filter(move |node| node.name == name);
+        nodes.map(Node::take)
+    }
+
+    /// Takes the node for itself.
+    pub fn take(&self) -> &Node {
+        self.used.set(Used::Taken);
+        self
+    }
+
+    /// Takes the node with everything that is in it.
+    pub fn skip(&self) {
+        self.used.set(Used::Whole);
+    }
+
+    /// Takes the list `name`.
+    pub fn list(&self, name: &str) -> Result<&[Node], ReadError> {
+        match self.one(name) {
+            Some(list) if matches!(list.value, Value::List) => Ok(&list.nodes),
+            _ => Err(self.wrong(format!("there is no list `{name}`"))),
+        }
+    }
+
+    /// Takes the text, without blanks around it.
+    pub fn text(&self) -> Option<&str> {
+        self.used.set(Used::Read);
+        match &self.value {
+            Value::Text(text) => Some(text.trim()),
+            _ => None,
+        }
+    }
+
+    /// The number that the whole text is, or that JSON has.
+    pub fn number(&self) -> Option<f64> {
+        match self.value {
+            Value::Number(number) => Some(number),
+            _ => whole_number(self.text()?),
+        }
+    }
+
+    /// `part` of the file with the line of this node.
+    pub fn origin(&self, part: &str) -> String {
+        format!("{part}, line {}", self.line)
+    }
+
+    pub fn wrong(&self, reason: impl std::fmt::Display) -> ReadError {
+        ReadError::line(self.line, reason)
+    }
+
+    fn local_name(&self) -> &str {
+        self.name.rsplit(':').next().unwrap_or_default()
+    }
+
+    fn find(&self, is_wanted: &impl Fn(&Node) -> bool) -> Option<&Node> {
+        match is_wanted(self) {
+            true => Some(self),
+            false => self.nodes.iter().find_map(|node| node.find(is_wanted)),
+        }
+    }
+}
+
+/// The number that a text is as a whole, if it is finite.
+pub fn whole_number(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|number: &f64| number.is_finite())
+}
+
+/// Names apart by blanks, and why nothing follows from them. `a/b` is `b` directly in `a`; a name that begins with a colon has any
+/// prefix.
+pub type Row = (&'static str, &'static str);
+
+/// What a format says of the nodes that its reader does not take.
+pub struct Table {
+    /// They change nothing, whatever is in them, unless [`Table::flight`] has it.
+    pub harmless: &'static [Row],
+    /// They change nothing of the flight, but their author may expect something of them.
+    pub named: Row,
+    /// What lies in them is data of other programs: it is named, and forbids the flight only if its name speaks of flying.
+    pub open: &'static str,
+    /// They mean something for a flight wherever they lie.
+    pub flight: &'static str,
+}
+
+/// Whether `node`, which lies in `parent`, is one of these names.
+fn is_one_of(names: &str, parent: &Node, node: &Node) -> bool {
+    let (local, full) = (node.local_name(), node.name.as_str());
+    names
+        .split_whitespace()
+        .any(|name| match name.split_once('/') {
+            Some((above, name)) => above == parent.name && name == full,
+            None => name == full || name.strip_prefix(':') == Some(local) && full != local,
+        })
+}
+
+pub fn has_word(words: &str, word: &str) -> bool {
+    words.split_whitespace().any(|one| one == word)
+}
+
+/// What is said of a file's parts beside its items: like parts are one entry, with the lines of the first.
+#[derive(Default)]
+pub struct Remarks(Vec<(String, bool, Vec<usize>)>);
+
+impl Remarks {
+    /// `forbids` the flight, or is only to be known. What has no line of its own is at line 0.
+    pub fn add(&mut self, line: usize, text: impl Into<String>, forbids: bool) {
+        let mut text = text.into();
+        if self.0.len() >= MAX_FINDINGS && self.0.iter().all(|(other, ..)| *other != text) {
+            text = "more is there that is not read".to_owned();
+        }
+        let is_like = |(other, known, _): &&mut _| (other, known) == (&text, &forbids);
+        match self.0.iter_mut().find(is_like) {
+            Some((.., lines)) if lines.last() == Some(&line) => {}
+            Some((.., lines)) => lines.push(line),
+            None => self.0.push((text, forbids, vec![line])),
+        }
+    }
+
+    /// Adds every node below `parent`, which was taken, that is neither taken nor harmless.
+    pub fn add_left(&mut self, parent: &Node, table: &Table) {
+        let is_read = parent.used.get() == Used::Read;
+        if !is_read && matches!(&parent.value, Value::Text(text) if !text.trim().is_empty()) {
+            let text = format!("the text in `{}` is not read", clean(&parent.name));
+            self.add(parent.line, text, true);
+        }
+        for node in &parent.nodes {
+            let is_open = !node.name.is_empty() && has_word(table.open, node.local_name());
+            match node.used.get() {
+                Used::Whole => {}
+                Used::Nothing if !is_open => self.judge(parent, node, table),
+                _ => self.add_left(node, table),
+            }
+        }
+    }
+
+    fn judge(&mut self, parent: &Node, node: &Node, table: &Table) {
+        let is_open = parent.name.is_empty() || has_word(table.open, parent.local_name());
+        let inner = node.find(&|node| has_word(table.flight, node.local_name()));
+        let mut harmless = table.harmless.iter();
+        let (forbids, culprit) = match inner {
+            Some(inner) => (true, inner),
+            None if harmless.any(|(names, _)| is_one_of(names, parent, node)) => return,
+            None if is_one_of(table.named.0, parent, node) => (false, node),
+            None if is_open => {
+                let inner = node.find(&|node| speaks_of_flying(&node.name));
+                (inner.is_some(), inner.unwrap_or(node))
+            }
+            None => (true, node),
+        };
+        let text = match (node.name.as_str(), parent.name.as_str()) {
+            (name, _) if culprit.name != name => {
+                format!(
+                    "`{}` in `{}` is not read",
+                    clean(&culprit.name),
+                    clean(name)
+                )
+            }
+            ("", above) => format!("an entry of `{}` is not read", clean(above)),
+            (name, "") => format!("`{}` is not read", clean(name)),
+            (name, above) => format!("`{}` in `{}` is not read", clean(name), clean(above)),
+        };
+        self.add(culprit.line, text, forbids);
+    }
+
+    /// Moves all of it to the plan.
+    pub fn finish(self, plan: &mut Plan) {
+        plan.left_out
+            .extend(self.0.into_iter().map(|(text, forbids, lines)| {
+                let places = match lines.as_slice() {
+                    [] | [0, ..] => String::new(),
+                    [line] => format!("line {line}: "),
+                    [first, second] => format!("lines {first} and {second}: "),
+                    [first, second, rest @ ..] => {
+                        format!("lines {first}, {second} and {} more: ", rest.len())
+                    }
+                };
+                let kind = match forbids {
+                    true => OtherKind::Flight,
+                    false => OtherKind::Payload,
+                };
+                let what = places + &text;
+                LeftOut { what, kind }
+            }));
+    }
+}
+
+/// Words in the names of data that other programs keep which may say where, how high, how fast or whether something is flown.
+const FLIGHT_WORDS: &str = "action agl alt altitude altitudes amsl ceiling coordinates coords crs datum delay ele elev elevation \
+    exclusion fence floor geofence geometry height hold hover inclusion kind land landing lat latitude lng loiter lon longitude msl \
+    offset radius rpt speed srs takeoff velocity wait waypoint";
+
+/// Whether one of the words of a name, `maxAltitude` or `height_m`, is one of [`FLIGHT_WORDS`].
+pub fn speaks_of_flying(name: &str) -> bool {
+    let mut words = vec![String::new()];
+    let mut was_lower = false;
+    for letter in name.chars() {
+        if !letter.is_alphabetic() || (was_lower && letter.is_uppercase()) {
+            words.push(String::new());
+        }
+        was_lower = letter.is_lowercase();
+        if let Some(word) = words.last_mut().filter(|_| letter.is_alphabetic()) {
+            word.extend(letter.to_lowercase());
+        }
+    }
+    words.iter().any(|word| has_word(FLIGHT_WORDS, word))
+}

@@ -1,0 +1,8 @@
+//! Any bytes for the reader of KML, and everything that is done with the plan.
+
+#![no_main]
+
+#[path = "../../../plans/tests/plans/reading.rs"]
+mod reading;
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| reading::use_plan("x.kml", data));
