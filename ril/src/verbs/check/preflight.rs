@@ -24,13 +24,16 @@ use crate::render::messages::Verb;
 use crate::render::print_as;
 use crate::render::words::{count, wrap};
 use crate::request::{Conversation, Format, Until};
-use crate::robot::domain::Namespace;
+use crate::robot::domain::{Looking, Namespace};
 use crate::robot::running::ConfigOrigin;
 use crate::session::{Latest, Session, configuration, is_relayed};
 
 /// How long `ril start` waits for samples that it goes by: twice the period of the module's state. A start is not held up by what
 /// is missing.
 const START_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// How long it waits for what the machine is like: a disk that hangs does not hold up a start either.
+const MACHINE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// `ril preflight`
 ///
@@ -81,8 +84,13 @@ pub(crate) fn warn(session: &Session, common: &CommonArgs, config: &Config) -> R
         status: None,
         port: None,
     };
-    for line in report(&machine, live, config).warnings() {
-        tracing::warn!("{line}");
+    let config = config.clone();
+    let looking = Looking::start(move || report(&machine, live, &config));
+    match looking.end(MACHINE_TIMEOUT) {
+        Ok(report) => (report.warnings().iter()).for_each(|line| tracing::warn!("{line}")),
+        Err(trouble) => tracing::warn!(
+            "whether the robot is ready is not known: a look at this machine {trouble}; is a disk gone?"
+        ),
     }
     Ok(())
 }

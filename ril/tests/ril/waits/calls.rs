@@ -12,8 +12,10 @@ pub enum About {
     Nothing,
     /// `/dev/shm`: segments, locks and sockets' names of the domain; and `/dev`, which is in memory as well.
     SharedMemory,
-    /// Files that the kernel makes as they are read, of processes that live.
+    /// What the kernel says of this process, in `/proc/self`.
     Proc,
+    /// What it says of others, in `/proc`: links of a process lead to files of any disk.
+    OtherProc,
     /// An eventfd, a timer, an inotify, an epoll, a descriptor of a process.
     Event,
     /// A socket whose calls do not wait, as was asked for at the socket or at the call.
@@ -22,6 +24,8 @@ pub enum About {
     WaitingSocket,
     /// The serial line, or its other end.
     Line,
+    /// A wait of this thread without an end, for what is not its own: one that the loop does not begin with.
+    Sleep,
     /// A futex that wakes others.
     Wake,
     /// A futex on which a process sleeps that others can wake: the doorbell.
@@ -61,7 +65,7 @@ pub const LIST: &[Row] = &[
     Row { of: ALL, about: About::Nothing, calls: "eventfd2 socket", why: "a new descriptor" },
     Row { of: ALL, about: About::SharedMemory, calls: "openat access statx newfstatat fstat lstat statfs fcntl fchmod ftruncate fallocate mmap close unlink unlinkat rename renameat mkdir mkdirat rmdir readlink getdents64 read pread64 write pwrite64 lseek fsync", why: "tmpfs: memory alone, where forcing does nothing; files of this user that members of the domain have made" },
     Row { of: ALL, about: About::SharedMemory, calls: "flock", why: "with LOCK_NB" },
-    Row { of: ALL, about: About::Proc, calls: "openat statx newfstatat getdents64 read close fcntl readlink readlinkat", why: "the kernel's own memory, of this process and of one that sent a request" },
+    Row { of: ALL, about: About::Proc, calls: "openat statx newfstatat read close", why: "the kernel's own memory, of this process" },
     Row { of: ALL, about: About::Event, calls: "read write close fcntl timerfd_settime epoll_pwait epoll_ctl ioctl", why: "made with the flag not to wait; an epoll is asked with a limit of 0, the one wait is elsewhere" },
     Row { of: ALL, about: About::Socket, calls: "sendto recvfrom sendmsg recvmsg read write accept4 getsockopt setsockopt getsockname getpeername shutdown bind connect listen close fcntl ioctl", why: "asked not to wait: what finds no room fails at once" },
     Row { of: ALL, about: About::WaitingSocket, calls: "fcntl ioctl setsockopt getsockopt bind close connect", why: "datagrams of the same machine: joining and leaving is a matter of the kernel's memory" },
@@ -161,6 +165,16 @@ impl Trace {
         if call == "flock" && !rest.contains("LOCK_NB") {
             return About::Lock;
         }
+        // Asked without a limit, and not of all that the process waits for.
+        let is_endless = match call {
+            "ppoll" => rest.contains("}], 1, ") && !rest.contains("tv_sec=0"),
+            "epoll_pwait" => !rest.contains(", 0, "),
+            "eventfd2" => !rest.contains("EFD_NONBLOCK"),
+            _ => false,
+        };
+        if is_endless {
+            return About::Sleep;
+        }
         let path = match call {
             // What is named is what they make.
             "eventfd2" | "pidfd_open" | "socket" | "restart_syscall" => None,
@@ -172,7 +186,8 @@ impl Trace {
         let does_not_wait = || self.unwaiting.contains(path) || rest.contains("MSG_DONTWAIT");
         match path {
             _ if Path::new(path).starts_with("/dev/shm") || path == "/dev" => About::SharedMemory,
-            _ if Path::new(path).starts_with("/proc") => About::Proc,
+            _ if Path::new(path).starts_with("/proc/self") => About::Proc,
+            _ if Path::new(path).starts_with("/proc") => About::OtherProc,
             _ if Path::new(path).starts_with("/dev/pts") || path == "/dev/ptmx" => About::Line,
             _ if path.starts_with("anon_inode:") => About::Event,
             _ if path.starts_with("pipe:") => About::Pipe,
