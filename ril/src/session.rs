@@ -268,7 +268,7 @@ impl OrderContext {
     /// Of a command that changes something; says what becomes of it when its configuration is not read in time.
     pub fn with(ask: &AskArgs, unread: Unread) -> Result<OrderContext, Failure> {
         begin(&ask.common)?;
-        let config = match configuration_in_time(&ask.common) {
+        let config = match configuration_within(&ask.common, READ_LIMIT) {
             Err(error @ ConfigError::NotInTime { .. }) if unread == Unread::LeftOut => {
                 without_configuration("the order", &error)
             }
@@ -332,7 +332,7 @@ impl<'a> UrgentContext<'a> {
     /// How long the bridge has for its first answer. To be called when the order is out: the configuration may say it, and what is
     /// wrong with that is a warning now.
     pub fn timeout(&self) -> Duration {
-        let read = || match configuration_in_time(&self.ask.common) {
+        let read = || match configuration_within(&self.ask.common, READ_LIMIT) {
             Ok(config) => config,
             Err(error) => without_configuration("the order", &error),
         };

@@ -172,7 +172,7 @@ fn a_relay_s_loop_calls_nothing_that_waits() {
     let (robot, station) = (sandbox(), sandbox());
     let processes = robot.start_robot(1, 4);
     let endpoint = free_endpoint();
-    let traced = [
+    let mut traced = [
         Traced::start(
             &robot,
             "relay-robot",
@@ -187,6 +187,9 @@ fn a_relay_s_loop_calls_nothing_that_waits() {
         ),
     ];
     await_link(&station, 1);
+    station.run("echo hero --count 1", 0);
+    // The ports of a robot are made when it comes: a start of its own.
+    traced.iter_mut().for_each(|relay| relay.ready = now());
     for order in ["start", "takeoff 5m", "hold", "param list"] {
         station.run(order, 0);
     }
