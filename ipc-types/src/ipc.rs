@@ -7,8 +7,9 @@ use crate::domain::Domain;
 use crate::forked::Forked;
 use crate::journal::{JournalPiece, JournalTail, LeftTail};
 use crate::lease_page;
+use crate::members::Members;
 use crate::open::{Offer, OpenError};
-use crate::provider::{Provider, namespace};
+use crate::provider::Provider;
 use crate::publisher::{BytesPublisher, Publisher};
 use crate::robot::RobotId;
 use crate::server::{BytesServer, Server};
@@ -163,12 +164,9 @@ impl Ipc {
         self.session.doorbell().generations()
     }
 
-    /// Whether the process of this number reads the monotonic clock that this one reads: in another time namespace it has another zero.
-    /// `None` if the number is not seen to be that of a process of the robot: in another PID namespace it may be another's.
-    pub fn shares_clock_with(&self, process: u32) -> Option<bool> {
-        let is_seen = self.session.membership().has_member(process);
-        let clock = |process: &str| namespace(process, "time");
-        is_seen.then(|| clock(&process.to_string()) == clock("self"))
+    /// Looks who is a process of the robot, for as long as this one takes part.
+    pub fn members(&self) -> Members {
+        Members::with(self.session.membership().doorbell_file())
     }
 
     /// When the lease of this path was last renewed by its sender, by that one's clock; `None` if it has none.

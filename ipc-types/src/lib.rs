@@ -72,6 +72,7 @@ pub mod lease;
 mod lease_page;
 mod limits;
 mod lock_file;
+mod members;
 // What the macros make is unsafe to implement by hand: they check what makes it safe.
 #[allow(unsafe_code)]
 pub mod module;
@@ -117,6 +118,7 @@ pub use inspect::{Removal, Repair};
 pub use ipc::Ipc;
 pub use journal::{JournalPiece, JournalTail, LeftTail};
 pub use limits::{FreeMemory, LowLimit, allow_many_files, free_memory, low_limits};
+pub use members::Members;
 pub use module::{ControlOf, Module, RelayModule, StateOf, StatusModule};
 pub use open::OpenError;
 pub use pollable::PortSet;

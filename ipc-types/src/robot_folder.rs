@@ -15,6 +15,7 @@
 
 use std::fs::{self, DirBuilder, File};
 use std::io;
+use std::os::fd::{AsRawFd, RawFd};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::thread::{self, JoinHandle};
@@ -27,7 +28,7 @@ use crate::domain::Domain;
 use crate::domain_error::DomainError;
 use crate::doorbell::Doorbell;
 use crate::lock_file::{
-    LockFile, entries, flock, is_at, is_one, is_same, make_folder, make_lock_file_in, open_folder,
+    LockFile, entries, flock, is_at, is_same, make_folder, make_lock_file_in, open_folder,
     open_lock_file_in, open_to_look,
 };
 use crate::robot::RobotId;
@@ -274,13 +275,9 @@ impl Membership {
         &self.doorbell
     }
 
-    /// Whether the process of this number has the doorbell open. False also when the kernel does not show what it has.
-    pub(crate) fn has_member(&self, process: u32) -> bool {
-        let Ok(open) = fs::read_dir(format!("/proc/{process}/fd")) else {
-            return false;
-        };
-        open.flatten()
-            .any(|file| is_one(self.lock.metadata(), fs::metadata(file.path())))
+    /// The file that each member has open, by its number among those of this process.
+    pub(crate) fn doorbell_file(&self) -> RawFd {
+        self.lock.as_raw_fd()
     }
 
     /// Deletes the folder if no other process is in it. Says whether it was that.

@@ -14,7 +14,7 @@ use ril_tests::languages::{Compiler, built, python, python_example, root, skip};
 use ril_tests::packages;
 use ril_tests::process::{Finished, Line, Signal, WAIT_LIMIT};
 use ril_tests::sandbox::records_in;
-use ril_tests::{Process, PtyFolder, Sandbox, TestDomain};
+use ril_tests::{Process, PtyFolder, Sandbox, TestDomain, UnreadPipe};
 
 /// Simulated seconds for one of the host: a mission takes about a second.
 const SPEED: u32 = 10;
@@ -334,6 +334,24 @@ fn a_request_of_a_module_is_served_and_sent_in_every_language() {
             }
             client.start(&domain, &["move", "-1"]).exits(1);
         }
+        serving.signal(Signal::TERM);
+        serving.exits(0);
+    }
+}
+
+#[test]
+fn a_module_whose_standard_error_nobody_reads_serves_and_ends_in_every_language() {
+    let folders = [PtyFolder::new(), PtyFolder::new()];
+    for Gripper { language, program } in grippers(&folders) {
+        let rig = Sandbox::new(program, language, 2 * WAIT_LIMIT);
+        let _log = UnreadPipe::full(&rig);
+        let line = format!(
+            "RIL_LOG=trace exec \"$0\" \"$@\" serve 2>{}",
+            UnreadPipe::NAME
+        );
+        let mut serving = rig.spawn(rig.shell(&line));
+        serving.wait_for_text("serving");
+        moves_the_gripper(&rig.domain, &mut serving, language);
         serving.signal(Signal::TERM);
         serving.exits(0);
     }

@@ -1,66 +1,13 @@
-//! Who sends, as the kernel knows it, and the end of the one who commands and of the one who ordered the path: a descriptor of its
-//! process, which wakes the bridge.
-//!
-//! Numbers of processes mean something in one PID namespace only. A process in another one, whose number may be another's here, is
-//! not known: it is a sender by itself, silence ends its control, and the end of its path's client is noticed within two seconds.
+//! The end of the process with which control ends, and of the one that ordered the path: a descriptor of it, which wakes the bridge.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
-use ipc_types::Ipc;
-use runtime::session::session_of;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
-use rustix::process::{Pid, PidfdFlags, pidfd_open, test_kill_process};
+use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
-use crate::flight::control::{Sender, SenderClock};
-
-/// Says what is known of senders.
-pub struct Senders {
-    ipc: Ipc,
-    /// The last one. To look whether a number is that of a process of the robot takes some 30 system calls.
-    last: Watched,
-    clock: SenderClock,
-}
-
-impl Senders {
-    /// Of these processes.
-    pub fn of(ipc: &Ipc) -> Senders {
-        Senders {
-            ipc: ipc.clone(),
-            last: Watched::default(),
-            clock: SenderClock::Unknown,
-        }
-    }
-
-    /// What is known of the process with this number.
-    pub fn sender_of(&mut self, process: Option<u32>) -> Sender {
-        let lives = self.last.descriptor().is_some() && self.last.ended().is_none();
-        if self.last.process != process || !lives {
-            self.last = Watched::default();
-            self.last.follow(process);
-            self.clock = match process.and_then(|process| self.ipc.shares_clock_with(process)) {
-                Some(true) => SenderClock::Own,
-                Some(false) => SenderClock::Other,
-                None => SenderClock::Unknown,
-            };
-        }
-        Sender {
-            process,
-            session: session(process),
-            clock: self.clock,
-        }
-    }
-}
-
-fn session(process: Option<u32>) -> Option<u32> {
-    let leader = process
-        .and_then(pid)
-        .and_then(|pid| session_of(Some(pid)))
-        .filter(|leader| test_kill_process(*leader) != Err(Errno::SRCH));
-    leader.map(|leader| leader.as_raw_nonzero().get() as u32)
-}
-
-fn pid(process: u32) -> Option<Pid> {
+/// The number of a process here.
+pub(super) fn pid(process: u32) -> Option<Pid> {
     i32::try_from(process).ok().and_then(Pid::from_raw)
 }
 
@@ -90,6 +37,11 @@ impl Watched {
         let is_gone = matches!(opened, Some(Err(Errno::SRCH)));
         self.watched = opened.and_then(Result::ok);
         process.filter(|_| is_gone)
+    }
+
+    /// Whether the process is watched, and has not ended.
+    pub fn lives(&self) -> bool {
+        self.watched.is_some() && self.ended().is_none()
     }
 
     /// Which process has ended, if the watched one has.
@@ -124,19 +76,5 @@ mod tests {
         assert_eq!(controller.follow(None), None);
         assert!(controller.descriptor().is_none() && controller.ended().is_none());
         assert_eq!(controller.follow(process), process, "gone before");
-    }
-
-    #[test]
-    fn processes_of_one_session_have_one_leader() {
-        let own = session(Some(std::process::id()));
-        let mut child = Command::new("cat")
-            .stdin(Stdio::piped())
-            .spawn()
-            .expect("cat");
-        assert_eq!(session(Some(child.id())), own);
-        drop(child.stdin.take());
-        child.wait().expect("its end");
-        assert_eq!(session(Some(child.id())), None);
-        assert_eq!(session(None), None);
     }
 }

@@ -3,16 +3,17 @@
 //! One thread, one wait. A wake drains what it is about: the line alone, or the line to its end, the three request services and the
 //! core's deadlines. The bound of each wait drains everything: the safety net for a wake-up that the shared-memory library can lose.
 //!
-//! What may take long is done by a thread: `port` opens and closes the port, `reload` reads the geofence again.
+//! What may take long is done by a thread: `port` opens and closes the port, `reload` reads the geofence again, `senders` looks who sends.
 //!
-//! This file has the loop; [`serial`] the port itself; `publish` the core's outputs on shared memory, and what it holds; `controller` who
-//! sends; `audit` what the log has.
+//! This file has the loop; [`serial`] the port itself; `publish` the core's outputs on shared memory, and what it holds; `controller` whose
+//! end matters; `audit` what the log has.
 
 mod audit;
 mod controller;
 mod port;
 mod publish;
 mod reload;
+mod senders;
 pub mod serial;
 
 use std::os::fd::AsFd;
@@ -37,6 +38,7 @@ use port::PortSlot;
 use publish::{BridgeServices, OutlinePort};
 use reload::FenceReader;
 pub use reload::ReadFence;
+use senders::Senders;
 
 /// Bytes of one read. At 115200 baud a third of a second; at most 32 full status frames.
 const READ_LEN: usize = 4096;
@@ -88,9 +90,9 @@ pub enum ShellError {
     #[error(transparent)]
     Port(#[from] PortError),
     /// The system grants no thread for what may take long.
-    #[error("the bridge has no thread for its port, or for its geofence")]
+    #[error("the bridge has no thread for its port, its geofence, or who sends")]
     NoThread(#[source] std::io::Error),
-    /// The geofence's thread has failed.
+    /// Another thread has failed.
     #[error(transparent)]
     ThreadGone(#[from] HelperGone),
 }
@@ -106,6 +108,7 @@ pub fn run(
     termination: &Termination,
     supervisor: &Notifier,
 ) -> Result<(), ShellError> {
+    let members = ipc.members();
     let mut shell = Shell {
         bridge: Journaled::new(config, JournalPort::<BridgeJournal>::writer()),
         services: BridgeServices::open(ipc)?,
@@ -116,6 +119,8 @@ pub fn run(
         suspended: MonotonicNs::suspended(),
         port: PortSlot::start(&config.serial).map_err(ShellError::NoThread)?,
         fence: FenceReader::start(read_fence).map_err(ShellError::NoThread)?,
+        senders: Senders::start(move |process| members.shares_clock_with(process))
+            .map_err(ShellError::NoThread)?,
         inbox: Vec::new(),
         buffer: vec![0; DRAIN_LEN],
         other_profile: false,
@@ -143,6 +148,7 @@ struct Shell {
     suspended: Duration,
     port: PortSlot,
     fence: FenceReader,
+    senders: Senders,
     inbox: Vec<Input<'static>>,
     buffer: Vec<u8>,
     /// It was logged that the ends speak different profiles.
@@ -164,6 +170,7 @@ impl Process for Shell {
         sources.port(self.journal.source());
         sources.descriptor(Waker::Thread, self.port.thread());
         sources.descriptor(Waker::Thread, self.fence.thread());
+        sources.descriptor(Waker::Thread, self.senders.thread());
         if let Some(line) = self.port.get() {
             sources.descriptor(Waker::Line, line.as_fd());
         }
@@ -178,12 +185,17 @@ impl Process for Shell {
     /// services out: the next wait looks at all of them again before it sleeps.
     fn drain(&mut self, wake: Wake<Waker>) -> Result<(), ShellError> {
         self.journal.follow(self.bridge.writer());
+        let is_done = wake.has(Waker::Thread);
+        let now = MonotonicNs::now();
+        while let Some(request) = self.senders.next(now, is_done)? {
+            self.inbox.push(request);
+        }
         let serves = !wake.is_only(Waker::Line);
         if serves {
-            self.services.drain(&mut self.inbox);
+            self.services.drain(&mut self.senders, &mut self.inbox);
         }
         self.resume();
-        self.read(serves);
+        self.read(serves || !self.inbox.is_empty());
         self.serve();
         if wake.has(Waker::Process) {
             let ended = self.watched.each_ref().map(Watched::ended);
@@ -193,7 +205,6 @@ impl Process for Shell {
         self.look_at_lease(now);
         self.bridge.apply(now, Input::Advance, &mut self.services);
         self.services.end_batch();
-        let is_done = wake.has(Waker::Thread);
         while let Some(reload) = self.fence.next(now, is_done)? {
             self.bridge.apply(now, reload, &mut self.services);
         }
@@ -212,7 +223,7 @@ impl Process for Shell {
 
     /// For what causes no wake-up: a sender that has room again for its final report. Requests may be there too, after the line.
     fn round(&mut self, _now: MonotonicNs) {
-        self.services.drain(&mut self.inbox);
+        self.services.drain(&mut self.senders, &mut self.inbox);
         if !self.inbox.is_empty() {
             self.resume();
             self.read(true);
@@ -226,6 +237,7 @@ impl Process for Shell {
             self.end,
             self.port.next_try(),
             self.fence.deadline(),
+            self.senders.deadline(),
             self.outline.deadline(),
             journal,
         ]
@@ -397,6 +409,9 @@ impl Shell {
     /// Every sender gets its final report before the services go; the port is given back as it was.
     fn end(mut self) {
         let now = MonotonicNs::now();
+        for request in self.senders.give_up() {
+            self.bridge.apply(now, request, &mut self.services);
+        }
         for reload in self.fence.give_up() {
             self.bridge.apply(now, reload, &mut self.services);
         }

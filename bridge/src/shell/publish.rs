@@ -11,7 +11,7 @@ use ipc_types::{
 };
 
 use super::audit::{Audit, AuditedSender, RelayStationNames};
-use super::controller::Senders;
+use super::senders::{Senders, sender};
 use crate::core::Input;
 use crate::flight::control::Sender;
 use crate::outline::{Outline, Rounds};
@@ -26,7 +26,6 @@ pub struct BridgeServices {
     parameters: Server<ParameterRequest>,
     audit: Audit,
     stations: RelayStationNames,
-    senders: Senders,
 }
 
 impl BridgeServices {
@@ -40,7 +39,6 @@ impl BridgeServices {
             parameters: ipc.server()?,
             audit: Audit::default(),
             stations: RelayStationNames::open(ipc)?,
-            senders: Senders::of(ipc),
         })
     }
 
@@ -67,10 +65,10 @@ impl BridgeServices {
         self.parameters.wake_clients();
     }
 
-    /// Takes everything that is there into `inbox`, which keeps its memory.
-    pub fn drain(&mut self, inbox: &mut Vec<Input<'static>>) {
+    /// Takes everything that is there into `inbox`, which keeps its memory, but for what waits in `senders`.
+    pub fn drain(&mut self, senders: &mut Senders, inbox: &mut Vec<Input<'static>>) {
         self.stations.drain();
-        let (log, stations, senders) = (&self.audit, &self.stations, &mut self.senders);
+        let (log, stations) = (&self.audit, &self.stations);
         let audited = |sender: &Sender, origin| AuditedSender {
             pid: sender.process,
             station: stations.name_of(origin),
@@ -135,14 +133,18 @@ fn drain<R: Request>(
     server.vanished(|ticket, request_id| {
         let key = key(ticket.to_bits());
         audit.sender_gone(key, request_id);
-        inbox.push(Input::SenderGone(key));
+        if !senders.forget(key) {
+            inbox.push(Input::SenderGone(key));
+        }
     });
     let mut requests = Vec::new();
     let drained: Result<usize, ServeError> =
         server.drain(|ticket, request| requests.push((ticket, *request)));
+    let now = MonotonicNs::now();
     for (ticket, request) in requests {
-        let sender = senders.sender_of(server.sender(ticket));
-        inbox.push(incoming(key(ticket.to_bits()), sender, request));
+        let sender = sender(server.sender(ticket));
+        let input = incoming(key(ticket.to_bits()), sender, request);
+        inbox.extend(senders.admit(input, now));
     }
     if let Err(error) = drained {
         tracing::warn!(%error, "requests could not be received");

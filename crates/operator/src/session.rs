@@ -39,19 +39,22 @@ const MAX_NAMED: usize = 4;
 /// How long an order waits for its configuration: no disk that works takes so long, and no operator notices it.
 const READ_LIMIT: Duration = Duration::from_millis(300);
 
-/// Begins logging and reads the configuration.
+/// How long a command that shows something does.
+const SHOWN_LIMIT: Duration = Duration::from_secs(1);
+
+/// Begins logging and reads the configuration. On a disk that hangs the command goes on with the built-in values.
 ///
 /// # Errors
 ///
 /// Code 78 when it is wrong; the quiet end when it was only to be checked, after it was printed.
 pub fn configuration(common: &CommonArgs) -> Result<Config, Failure> {
     begin(common)?;
-    let loaded = runtime::config::load::<Config>(
-        common.settings.config.as_deref(),
-        Path::new(DEFAULT_FILE),
-    )?;
-    tracing::debug!(file = ?loaded.file, config = ?loaded.value, "configuration");
-    Ok(loaded.value)
+    match configuration_within(common, SHOWN_LIMIT) {
+        Err(error @ ConfigError::NotInTime { .. }) => {
+            Ok(without_configuration("the command", &error))
+        }
+        read => Ok(read?),
+    }
 }
 
 /// Begins logging, and prints the configuration if that is all that was asked for. Reads nothing else.
@@ -66,19 +69,18 @@ fn begin(common: &CommonArgs) -> Result<(), Failure> {
     }
 }
 
-/// The configuration of an order, for which it waits no longer than [`READ_LIMIT`].
-fn configuration_in_time(common: &CommonArgs) -> Result<Config, ConfigError> {
+fn configuration_within(common: &CommonArgs, limit: Duration) -> Result<Config, ConfigError> {
     let (file, default) = (common.settings.config.as_deref(), Path::new(DEFAULT_FILE));
-    let loaded = runtime::config::load_within::<Config>(file, default, READ_LIMIT)?;
+    let loaded = runtime::config::load_within::<Config>(file, default, limit)?;
     tracing::debug!(file = ?loaded.file, config = ?loaded.value, "configuration");
     Ok(loaded.value)
 }
 
 /// The built-in values in the place of a configuration, with a warning that says why.
-fn without_configuration(error: &ConfigError) -> Config {
+fn without_configuration(what: &str, error: &ConfigError) -> Config {
     let chain = Failure::new(ExitCode::Configuration, error.to_string());
     note(format_args!(
-        "warning: {}; the order goes on with the built-in values",
+        "warning: {}; {what} goes on with the built-in values",
         chain.chain().join(": ")
     ));
     Config::default()
@@ -268,9 +270,9 @@ impl OrderContext {
     /// Of a command that changes something; says what becomes of it when its configuration is not read in time.
     pub fn with(ask: &AskArgs, unread: Unread) -> Result<OrderContext, Failure> {
         begin(&ask.common)?;
-        let config = match configuration_in_time(&ask.common) {
+        let config = match configuration_within(&ask.common, READ_LIMIT) {
             Err(error @ ConfigError::NotInTime { .. }) if unread == Unread::LeftOut => {
-                without_configuration(&error)
+                without_configuration("the order", &error)
             }
             read => read?,
         };
@@ -333,9 +335,9 @@ impl<'a> UrgentContext<'a> {
     /// How long the bridge has for its first answer. To be called when the order is out: the configuration may say it, and what is
     /// wrong with that is a warning now.
     pub fn timeout(&self) -> Duration {
-        let read = || match configuration_in_time(&self.ask.common) {
+        let read = || match configuration_within(&self.ask.common, READ_LIMIT) {
             Ok(config) => config,
-            Err(error) => without_configuration(&error),
+            Err(error) => without_configuration("the order", &error),
         };
         let given = self.ask.timeout;
         given.unwrap_or_else(|| read().request.timeout())

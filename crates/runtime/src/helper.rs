@@ -15,6 +15,21 @@ use std::time::{Duration, Instant};
 
 use rustix::event::{EventfdFlags, eventfd};
 
+use crate::signal;
+
+/// What `work` gives, if it does so within `limit`. A thread of this name does it, which is left behind where it hangs: the process ends
+/// without it.
+pub fn within<D: Send + 'static>(
+    name: &str,
+    limit: Duration,
+    work: impl FnOnce() -> D + Send + 'static,
+) -> Option<D> {
+    let mut work = Some(work);
+    let helper = Helper::start(name, 1, move |()| work.take().map(|work| work())).ok()?;
+    helper.give(()).ok()?;
+    helper.wait(limit)?
+}
+
 /// The thread, as its loop sees it.
 #[derive(Debug)]
 pub struct Helper<J, D> {
@@ -52,6 +67,8 @@ impl<J: Send + 'static, D: Send + 'static> Helper<J, D> {
                 let _ = rustix::io::write(&waker, &1_u64.to_ne_bytes());
             }
         };
+        // Signals are for the thread that waits for them.
+        let _for_the_thread = signal::block_all();
         thread::Builder::new().name(name.to_owned()).spawn(body)?;
         Ok(Helper { jobs, done, woken })
     }
@@ -140,6 +157,19 @@ mod tests {
         assert_eq!(helper.wait(LONG), Some(4));
         assert_eq!(helper.give(4), Ok(()));
         assert!(!helper.finish(Duration::from_millis(1)), "it is held up");
+    }
+
+    #[test]
+    fn work_that_hangs_keeps_nobody_longer_than_the_limit() {
+        let (_held, hangs) = channel::<()>();
+        let (begun, has_begun) = channel();
+        let never = move || {
+            begun.send(()).expect("a test");
+            let _ = hangs.recv();
+        };
+        assert_eq!(within("test", Duration::from_millis(10), never), None);
+        has_begun.recv().expect("a thread");
+        assert_eq!(within("test", LONG, || 7), Some(7));
     }
 
     #[test]

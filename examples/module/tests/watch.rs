@@ -11,7 +11,8 @@ use ipc_types::{
 };
 use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{
-    Answer, Process, Received, Sandbox, Script, StandInBridge, StandInStatus, TestDomain, sandbox,
+    Answer, Process, Received, Sandbox, Script, StandInBridge, StandInStatus, TestDomain,
+    UnreadPipe, sandbox,
 };
 
 /// The module as a process, and an operator beside it.
@@ -187,6 +188,29 @@ fn a_battery_that_stays_low_is_landed_once_and_that_cannot_be_stopped() {
     rig.operator
         .wait_for_state(|state| state.status() == Some(ModuleStatus::Ended));
     rig.assert_bridge_was_left_alone();
+    rig.end();
+}
+
+#[test]
+fn a_module_whose_log_nobody_reads_starts_works_and_ends() {
+    let sandbox = Sandbox::of(env!("CARGO_BIN_EXE_battery-watch"));
+    let log = UnreadPipe::full(&sandbox);
+    let status = StandInStatus::start(&sandbox.domain);
+    let bridge = StandInBridge::start(&sandbox.domain);
+    let module = log.start(&sandbox, "");
+    let operator = Operator::join(&sandbox.domain.join("operator"));
+    let mut rig = Rig {
+        status,
+        bridge,
+        operator,
+        module,
+        // That of the sandbox is asserted to be empty after this one.
+        domain: TestDomain::new(),
+    };
+    assert_eq!(answer(&rig.operator.control(ControlCommand::Start)), DONE);
+    let state = rig.operator.wait_for_state(|_| true);
+    assert_eq!(state.status(), Some(ModuleStatus::Running));
+    rig.fly(25.0);
     rig.end();
 }
 

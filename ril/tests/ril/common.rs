@@ -1,6 +1,10 @@
 //! What the end-to-end tests share: `ril` in a shared-memory domain and a folder of the test's own, and a helicopter in the air.
 
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
 
 use ril_tests::languages::skip;
 pub use ril_tests::process::says;
@@ -14,6 +18,38 @@ use ipc_types::payload::MovementData;
 /// A domain, a folder, and the `ril` of this build in both. The domain's guard checks at the end that nothing is left.
 pub fn sandbox() -> Sandbox {
     Sandbox::of(env!("CARGO_BIN_EXE_ril"))
+}
+
+/// The pace of this machine: a thread that wants to run every few milliseconds, and measures for how long it could not.
+pub struct Pace {
+    is_over: Arc<AtomicBool>,
+    thread: JoinHandle<Duration>,
+}
+
+impl Pace {
+    /// How often it wants to run.
+    const LOOK: Duration = Duration::from_millis(5);
+
+    pub fn start() -> Pace {
+        let is_over = Arc::new(AtomicBool::new(false));
+        let stop = Arc::clone(&is_over);
+        let thread = thread::spawn(move || {
+            let mut stall = Duration::ZERO;
+            while !stop.load(Ordering::Relaxed) {
+                let begin = Instant::now();
+                thread::sleep(Pace::LOOK);
+                stall = stall.max(begin.elapsed() - Pace::LOOK);
+            }
+            stall
+        });
+        Pace { is_over, thread }
+    }
+
+    /// The longest stall.
+    pub fn end(self) -> Duration {
+        self.is_over.store(true, Ordering::Relaxed);
+        self.thread.join().expect("a thread that measures")
+    }
 }
 
 /// Whether the relay's program is there: cargo builds it with the whole workspace alone.

@@ -190,23 +190,33 @@ fn land_hold_and_stop_go_out_whatever_is_in_the_place_of_their_configuration() {
     rig.run("plan fly none.waypoints", 78);
 }
 
-/// `ril`, whose every look at `ril.toml` lasts long. Its tracer, and so this process, ends no sooner.
-fn with_a_disk_that_hangs(rig: &Sandbox, args: &str) -> Process {
+/// `ril`, whose every look at this file lasts long. Its tracer, and so this process, ends no sooner.
+fn with_a_file_that_hangs(rig: &Sandbox, file: &str, args: &str) -> Process {
     let hang = "--inject=%file,openat:delay_enter=4000000";
     let line = format!(
-        "unset RIL_TIMEOUT; exec strace -f -qq -o trace -P ril.toml -P \"$PWD/ril.toml\" {hang} \"$0\" {args}"
+        "unset RIL_TIMEOUT; exec strace -f -qq -o trace -P {file} -P \"$PWD/{file}\" {hang} \"$0\" {args}"
     );
     Process::spawn(&rig.domain, rig.shell(&line))
 }
 
-#[test]
-fn orders_wait_for_a_disk_that_hangs_no_longer_than_the_limit() {
-    let what = "orders of a disk that hangs";
+fn with_a_disk_that_hangs(rig: &Sandbox, args: &str) -> Process {
+    with_a_file_that_hangs(rig, "ril.toml", args)
+}
+
+fn has_strace(what: &str) -> bool {
     let traced = Command::new("strace")
         .args(["-qq", "-o", "/dev/null", "true"])
         .status();
-    if !traced.is_ok_and(|status| status.success()) {
+    let works = traced.is_ok_and(|status| status.success());
+    if !works {
         skip(what, "strace cannot be used here");
+    }
+    works
+}
+
+#[test]
+fn orders_wait_for_a_disk_that_hangs_no_longer_than_the_limit() {
+    if !has_strace("orders of a disk that hangs") {
         return;
     }
     let rig = sandbox();
@@ -223,4 +233,22 @@ fn orders_wait_for_a_disk_that_hangs_no_longer_than_the_limit() {
     let finished = with_a_disk_that_hangs(&rig, "plan fly square.waypoints").exits(78);
     finished.err_says("ril.toml: was not read within 300ms");
     assert!(bridge.take_requests().is_empty());
+    // What only shows something goes on.
+    let mut shown = with_a_disk_that_hangs(&rig, "status --timeout 100ms");
+    let shown = shown.wait_exit();
+    shown.err_says("ril.toml: was not read within 1s");
+    shown.err_says("the command goes on with the built-in values");
+}
+
+#[test]
+fn a_start_does_not_wait_for_a_look_at_a_disk_that_hangs() {
+    if !has_strace("a start beside a disk that hangs") {
+        return;
+    }
+    let rig = sandbox();
+    let robot = start_robot(&rig, 1);
+    rig.write("status.toml", "");
+    let finished = with_a_file_that_hangs(&rig, "status.toml", "start").exits(0);
+    finished.err_says("whether the robot is ready is not known");
+    robot.end();
 }

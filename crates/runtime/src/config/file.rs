@@ -4,14 +4,12 @@ use std::fs::{self, File, FileType, OpenOptions};
 use std::io::{self, Read};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
-use std::sync::mpsc::sync_channel;
-use std::thread;
 use std::time::Duration;
 
 use rustix::fs::OFlags;
 
 use super::error::{ConfigError, MAX_FILE_BYTES, invalid};
-use crate::signal;
+use crate::helper::within;
 
 /// As [`read_or_default`], for at most `limit`.
 pub(super) fn read_within(
@@ -22,24 +20,7 @@ pub(super) fn read_within(
     let file = explicit.unwrap_or(default_file).to_owned();
     let (is_explicit, path) = (explicit.is_some(), file.clone());
     let read = move || read_or_default(is_explicit.then_some(&path), &path);
-    within(limit, read).unwrap_or(Err(ConfigError::NotInTime { file, limit }))
-}
-
-/// What `work` gives, if it does so within `limit`. A thread does it, which is left behind where it hangs: the process ends without it.
-fn within<R: Send + 'static>(
-    limit: Duration,
-    work: impl FnOnce() -> R + Send + 'static,
-) -> Option<R> {
-    let (sender, receiver) = sync_channel(1);
-    let started = {
-        // Signals are for the thread that waits for them.
-        let _for_the_thread = signal::block_all();
-        let named = thread::Builder::new().name("config".to_owned());
-        // Nobody waits any more for what is late.
-        named.spawn(move || drop(sender.send(work())))
-    };
-    started.ok()?;
-    receiver.recv_timeout(limit).ok()
+    within("config", limit, read).unwrap_or(Err(ConfigError::NotInTime { file, limit }))
 }
 
 /// The text of the file; `None` if none was named and the default one is not there.
@@ -135,24 +116,5 @@ fn describe(kind: FileType) -> &'static str {
         "a socket"
     } else {
         "a device"
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_disk_that_hangs_keeps_nobody_longer_than_the_limit() {
-        let (_held, hangs) = sync_channel::<()>(0);
-        let (begun, has_begun) = sync_channel(1);
-        let limit = Duration::from_millis(10);
-        let never = move || {
-            begun.send(()).unwrap();
-            let _ = hangs.recv();
-        };
-        assert_eq!(within(limit, never), None);
-        has_begun.recv().unwrap();
-        assert_eq!(within(Duration::MAX, || 7), Some(7));
     }
 }

@@ -15,7 +15,7 @@ use operator::render::messages::Verb;
 use operator::render::print_as;
 use operator::render::words::{count, wrap};
 use operator::request::{Conversation, Format, Until};
-use operator::robot::domain::Namespace;
+use operator::robot::domain::{Looking, Namespace};
 use operator::robot::running::ConfigOrigin;
 use operator::session::{Latest, Session, configuration, is_relayed};
 use runtime::args::CommonArgs;
@@ -31,6 +31,9 @@ use super::{MachineArgs, PreflightArgs};
 /// How long `ril start` waits for samples that it goes by: twice the period of the module's state. A start is not held up by what
 /// is missing.
 const START_TIMEOUT: Duration = Duration::from_millis(500);
+
+/// How long it waits for what the machine is like: a disk that hangs does not hold up a start either.
+const MACHINE_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// `ril preflight`
 ///
@@ -81,8 +84,13 @@ pub(crate) fn warn(session: &Session, common: &CommonArgs, config: &Config) -> R
         status: None,
         port: None,
     };
-    for line in report(&machine, live, config).warnings() {
-        tracing::warn!("{line}");
+    let config = config.clone();
+    let looking = Looking::start(move || report(&machine, live, &config));
+    match looking.end(MACHINE_TIMEOUT) {
+        Ok(report) => (report.warnings().iter()).for_each(|line| tracing::warn!("{line}")),
+        Err(trouble) => tracing::warn!(
+            "whether the robot is ready is not known: a look at this machine {trouble}; is a disk gone?"
+        ),
     }
     Ok(())
 }

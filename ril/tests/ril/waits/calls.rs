@@ -12,8 +12,10 @@ pub enum About {
     Nothing,
     /// `/dev/shm`: segments, locks and sockets' names of the domain; and `/dev`, which is in memory as well.
     SharedMemory,
-    /// Files that the kernel makes as they are read, of processes that live.
+    /// What the kernel says of this process, in `/proc/self`, and of the network.
     Proc,
+    /// What it says of others, in `/proc`: links of a process lead to files of any disk.
+    OtherProc,
     /// An eventfd, a timer, an inotify, an epoll, a descriptor of a process.
     Event,
     /// A socket whose calls do not wait, as was asked for at the socket or at the call.
@@ -22,6 +24,8 @@ pub enum About {
     WaitingSocket,
     /// The serial line, or its other end.
     Line,
+    /// A wait of this thread without an end, for what is not its own: one that the loop does not begin with.
+    Sleep,
     /// A futex that wakes others.
     Wake,
     /// A futex on which a process sleeps that others can wake: the doorbell.
@@ -54,6 +58,7 @@ pub const LIST: &[Row] = &[
     Row { of: &["bridge"], about: About::Event, calls: "ppoll", why: "asks with a limit of 0 whether a process has ended" },
     Row { of: &["bridge"], about: About::Line, calls: "ppoll", why: "the line alone, after a standstill: for at most 10 ms, while a backlog comes" },
     Row { of: &["status"], about: About::Doorbell, calls: "futex", why: "the one wait of a process that has publishers and subscribers alone" },
+    Row { of: &["relay-robot", "relay-station"], about: About::Lock, calls: "futex", why: "the inbox, and queues of Zenoh: their other threads have these locks for a moment and wait for nothing meanwhile; a sample that finds no room is dropped after WAIT_BEFORE_DROP" },
     Row { of: ALL, about: About::Wake, calls: "futex", why: "wakes others and goes on" },
     Row { of: ALL, about: About::Nothing, calls: "brk mmap munmap mremap madvise mprotect", why: "memory of the process: the kernel gives it or does not" },
     Row { of: ALL, about: About::Nothing, calls: "clock_gettime getpid gettid getsid getuid geteuid getrandom sched_yield umask rt_sigreturn rt_sigprocmask restart_syscall", why: "an answer from the kernel's memory" },
@@ -61,7 +66,7 @@ pub const LIST: &[Row] = &[
     Row { of: ALL, about: About::Nothing, calls: "eventfd2 socket", why: "a new descriptor" },
     Row { of: ALL, about: About::SharedMemory, calls: "openat access statx newfstatat fstat lstat statfs fcntl fchmod ftruncate fallocate mmap close unlink unlinkat rename renameat mkdir mkdirat rmdir readlink getdents64 read pread64 write pwrite64 lseek fsync", why: "tmpfs: memory alone, where forcing does nothing; files of this user that members of the domain have made" },
     Row { of: ALL, about: About::SharedMemory, calls: "flock", why: "with LOCK_NB" },
-    Row { of: ALL, about: About::Proc, calls: "openat statx newfstatat getdents64 read close fcntl readlink readlinkat", why: "the kernel's own memory, of this process and of one that sent a request" },
+    Row { of: ALL, about: About::Proc, calls: "openat statx newfstatat read close fcntl readlink", why: "the kernel's own memory, of this process and of its sockets" },
     Row { of: ALL, about: About::Event, calls: "read write close fcntl timerfd_settime epoll_pwait epoll_ctl ioctl", why: "made with the flag not to wait; an epoll is asked with a limit of 0, the one wait is elsewhere" },
     Row { of: ALL, about: About::Socket, calls: "sendto recvfrom sendmsg recvmsg read write accept4 getsockopt setsockopt getsockname getpeername shutdown bind connect listen close fcntl ioctl", why: "asked not to wait: what finds no room fails at once" },
     Row { of: ALL, about: About::WaitingSocket, calls: "fcntl ioctl setsockopt getsockopt bind close connect", why: "datagrams of the same machine: joining and leaving is a matter of the kernel's memory" },
@@ -80,6 +85,8 @@ fn is_listed(process: &str, call: &str, about: About) -> bool {
 /// What strace has seen of the thread with the loop.
 #[derive(Default)]
 pub struct Trace {
+    /// Its folder in `/proc`.
+    own: String,
     /// Sockets whose calls do not wait.
     unwaiting: BTreeSet<String>,
     /// Every kind of call.
@@ -91,7 +98,10 @@ pub struct Trace {
 impl Trace {
     /// Of the process `name` with the number `id`, between these moments: `text` is what `strace -f -ttt -y` has written.
     pub fn read(text: &str, name: &str, id: u32, [from, to]: [Duration; 2]) -> Trace {
-        let mut trace = Trace::default();
+        let mut trace = Trace {
+            own: format!("/proc/{id}"),
+            ..Trace::default()
+        };
         let id = id.to_string();
         let mut has_begun = false;
         for line in text.lines() {
@@ -161,6 +171,15 @@ impl Trace {
         if call == "flock" && !rest.contains("LOCK_NB") {
             return About::Lock;
         }
+        // Asked without a limit, and not of all that the process waits for.
+        let is_endless = match call {
+            "ppoll" => rest.contains("}], 1, ") && !rest.contains("tv_sec=0"),
+            "epoll_pwait" => !rest.contains(", 0, "),
+            _ => false,
+        };
+        if is_endless {
+            return About::Sleep;
+        }
         let path = match call {
             // What is named is what they make.
             "eventfd2" | "pidfd_open" | "socket" | "restart_syscall" => None,
@@ -172,7 +191,13 @@ impl Trace {
         let does_not_wait = || self.unwaiting.contains(path) || rest.contains("MSG_DONTWAIT");
         match path {
             _ if Path::new(path).starts_with("/dev/shm") || path == "/dev" => About::SharedMemory,
-            _ if Path::new(path).starts_with("/proc") => About::Proc,
+            _ if ["/proc/self", "/proc/net", &self.own]
+                .iter()
+                .any(|own| Path::new(path).starts_with(own)) =>
+            {
+                About::Proc
+            }
+            _ if Path::new(path).starts_with("/proc") => About::OtherProc,
             _ if Path::new(path).starts_with("/dev/pts") || path == "/dev/ptmx" => About::Line,
             _ if path.starts_with("anon_inode:") => About::Event,
             _ if path.starts_with("pipe:") => About::Pipe,
@@ -217,6 +242,9 @@ fn a_trace_shows_what_a_loop_calls_and_what_it_must_not() {
 7 2.8 sendto(6<socket:[2]>, \"X\", 1, 0, NULL, 0) = 1
 7 2.9 openat(AT_FDCWD</tmp>, \"bridge.toml\", O_RDONLY) = 4</tmp/bridge.toml>
 7 2.9 openat(AT_FDCWD</tmp>, \"bridge.toml\", O_RDONLY) = 4</tmp/bridge.toml>
+7 2.9 ppoll([{fd=4</tmp/bridge.toml>, events=POLLIN}], 1, NULL, NULL, 8) = 1
+7 2.9 read(4</proc/8/status>, \"\", 9) = 0
+7 2.9 read(4</proc/7/status>, \"\", 9) = 0
 7 9.0 openat(AT_FDCWD</tmp>, \"after\", O_RDONLY) = 4</tmp/after>
 ";
     let moments = [2, 3].map(Duration::from_secs);
@@ -229,6 +257,8 @@ fn a_trace_shows_what_a_loop_calls_and_what_it_must_not() {
     let expected = [
         ("futex", About::Lock, 1),
         ("openat", About::File, 2),
+        ("ppoll", About::Sleep, 1),
+        ("read", About::OtherProc, 1),
         ("sendto", About::WaitingSocket, 1),
         ("write", About::Pipe, 1),
     ];

@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use endurance::mavlink::mission::{mission, upload_until};
 use endurance::mavlink::station::Station;
 use ipc_types::code::{ControlCommand, Reason, Stage};
 use ipc_types::payload::{HeroTelemetry, ModuleControl, MovementData, RequestReport};
@@ -17,21 +18,26 @@ use ril_tests::process::{Signal, WAIT_LIMIT};
 use ril_tests::{Process, Sandbox, TestDomain};
 
 use super::has_strace;
-use crate::common::sandbox;
+use crate::common::{Pace, sandbox};
 
-/// Longest time between two samples, until an order is acknowledged, and until a process has ended. The first two are half of what a
-/// call is held up: a loop that waits for one takes longer, and a machine with much to do hardly so long. What a machine with little to do
-/// takes is in docs/reliability.md.
-const GAP: Duration = Duration::from_millis(1500);
-const ACKNOWLEDGED: Duration = Duration::from_millis(1500);
+/// Longest time between two samples, until an order is acknowledged, and until a process has ended.
+const GAP: Duration = Duration::from_millis(300);
+const ACKNOWLEDGED: Duration = Duration::from_secs(1);
 const ENDED: Duration = Duration::from_secs(3);
+
+/// For how long a call is held up.
+const HELD_UP: Duration = Duration::from_secs(3);
+
+/// A sample or an answer passes at most so many processes, each of which has to wait for a processor.
+const HOPS: u32 = 4;
 
 /// For how long telemetry is watched: while at least one call is held up from its beginning to its end.
 const WATCHED: Duration = Duration::from_secs(4);
 
-/// How often a row is tried, of which the best counts: another program can have the processors for as long as these limits are. What
-/// waits for a call that is held up does so each time.
-const ATTEMPTS: usize = 3;
+/// How often a row is tried, of which the best counts: what waits for a call that is held up does so each time. The machine's own stalls,
+/// which are measured beside it, are taken off; an attempt in which it stood still for so long that a call that is held up would not be
+/// seen says nothing.
+const ATTEMPTS: usize = 5;
 
 /// Holds up by three seconds from now on: each of these calls of a process, or those that are about one of the files. Nothing if this user
 /// may not do that to a process that runs: then the row says only what it does without.
@@ -133,17 +139,30 @@ fn judge<const N: usize>(
     mut attempt: impl FnMut() -> [Duration; N],
 ) {
     let mut best = [Duration::MAX; N];
+    let mut stalls = Vec::new();
     for _ in 0..ATTEMPTS {
+        let pace = Pace::start();
         let measured = attempt();
+        let stall = pace.end();
+        stalls.push(stall);
+        if HOPS * stall + ACKNOWLEDGED >= HELD_UP {
+            continue;
+        }
         best.iter_mut()
             .zip(measured)
-            .for_each(|(best, it)| *best = it.min(*best));
+            .for_each(|(best, it)| *best = it.saturating_sub(HOPS * stall).min(*best));
         if best.iter().zip(limits).all(|(best, limit)| *best <= limit) {
-            println!("{what}: {best:?}");
+            println!("{what}: {measured:?}, of which the machine stood still {stall:?} at once");
             return;
         }
     }
-    panic!("{what}: {best:?}, and not within {limits:?}");
+    if best[0] == Duration::MAX {
+        return skip(
+            what,
+            &format!("this machine stands still for too long: {stalls:?}"),
+        );
+    }
+    panic!("{what}: {best:?}, and not within {limits:?}; stalls: {stalls:?}");
 }
 
 /// A robot with a process that is held up; the others are in order.
@@ -249,9 +268,44 @@ fn looking_for_who_uses_the_port_holds_the_bridge_up_for_nothing() {
     );
 }
 
+#[test]
+fn looking_who_sends_holds_the_bridge_up_for_nothing() {
+    if !has_strace("a look at a sender that is held up") {
+        return;
+    }
+    judge(
+        "bridge, the look at a sender",
+        [GAP, ACKNOWLEDGED, ACKNOWLEDGED, ENDED],
+        || {
+            let mut rig = Rig::new();
+            let bridge = rig.sandbox.start_ready("run bridge --port dsp-1");
+            rig.others.push(rig.sandbox.status(1));
+            rig.sandbox.watch(1).until_ready();
+            // The sender is this process.
+            let files = format!("/proc/{}/fd", std::process::id());
+            let calls = "openat,getdents64,readlink,readlinkat,statx";
+            let _strace = hold_up(&rig.sandbox, &bridge, calls, &[files.into()]);
+            let (mut acknowledged, mut started) = (Duration::ZERO, Duration::ZERO);
+            let gap = longest_gap(&rig.sandbox.domain, || {
+                let mut orders = rig.orders();
+                // It waits for the look, and goes on without it.
+                let start = |id| ModuleControl::new(id, ControlCommand::Start);
+                started = orders.give(start).0;
+                acknowledged = orders.watch();
+            });
+            let ended = ends(bridge);
+            rig.end();
+            [gap, started, acknowledged, ended]
+        },
+    );
+}
+
 /// What a disk does for what a process writes, and for what it keeps.
 const WRITES: &str = "write,pwrite64,fsync,fdatasync,ftruncate";
 const KEEPS: &str = "openat,write,fsync,fdatasync,rename,mkdir,statx,flock";
+
+/// Items of a mission that a station uploads: the last one lets the gateway keep it.
+const UPLOADED: u16 = 3;
 
 /// A process whose disk is held up.
 struct DiskRow {
@@ -283,7 +337,15 @@ const DISKS: [DiskRow; 3] = [
         args: "run mavlink",
         begun: "ready",
         calls: KEEPS,
-        files: &["state", "state/robot-1.home", "state/.robot-1.home.new"],
+        files: &[
+            "state",
+            "state/robot-1.home",
+            "state/.robot-1.home.new",
+            "state/robot-1.mission",
+            "state/.robot-1.mission.new",
+            "state/.robot-1.progress.new",
+            "state/.robot-1.timestamp.new",
+        ],
         folder: "state",
     },
 ];
@@ -329,6 +391,11 @@ fn with_disk(row: &DiskRow) -> [Duration; 3] {
         if row.args.contains("mavlink") {
             // Its hold, while what it keeps of this flight is held up.
             station.connect();
+            upload_until(
+                &mut station,
+                &mission(UPLOADED, 15.0),
+                Some(UPLOADED.into()),
+            );
             let asked = Instant::now();
             station.command(193, [0.0; 7]);
             acknowledged = asked.elapsed();

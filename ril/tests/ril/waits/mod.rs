@@ -14,10 +14,11 @@ use std::time::{Duration, SystemTime};
 use endurance::mavlink::station::Station;
 use ril_tests::languages::skip;
 use ril_tests::process::Signal;
+use ril_tests::relayed::{STATION, await_link, free_endpoint};
 use ril_tests::sandbox::free_port;
 use ril_tests::{Process, Sandbox};
 
-use crate::common::{place, sandbox};
+use crate::common::{has_relay, place, sandbox};
 use crate::view::{page::Page, token};
 use calls::Trace;
 
@@ -78,6 +79,29 @@ impl Traced {
     }
 }
 
+/// Ends the processes, and asserts that their loops called only what is on the list.
+#[track_caller]
+fn assert_nothing_else(traced: impl IntoIterator<Item = Traced, IntoIter: DoubleEndedIterator>) {
+    let mut others = BTreeMap::new();
+    // A process ends before what it listens to.
+    for (name, trace) in traced.into_iter().rev().map(Traced::end) {
+        assert!(trace.seen.len() > 3, "{name}: {:?}", trace.seen);
+        others.extend(
+            trace
+                .others
+                .into_iter()
+                .map(|(what, example)| ((name, what), example)),
+        );
+    }
+    let rows = others
+        .iter()
+        .map(|((name, (call, about)), (example, count))| {
+            format!("{name}: {count} calls of {call} ({about:?}), such as\n    {example}\n")
+        });
+    let rows: String = rows.collect();
+    assert!(rows.is_empty(), "not on the list:\n{rows}");
+}
+
 #[test]
 fn a_loop_in_flight_calls_nothing_that_waits() {
     if !has_strace("the system calls of loops in flight") {
@@ -136,22 +160,45 @@ fn a_loop_in_flight_calls_nothing_that_waits() {
     // Its hold may still be under way.
     rig.run("land --preempt", 0);
 
-    let mut others = BTreeMap::new();
-    // A process ends before what it listens to.
-    for (name, trace) in traced.into_iter().rev().map(Traced::end) {
-        assert!(trace.seen.len() > 3, "{name}: {:?}", trace.seen);
-        others.extend(
-            trace
-                .others
-                .into_iter()
-                .map(|(what, example)| ((name, what), example)),
-        );
+    assert_nothing_else(traced);
+}
+
+#[test]
+fn a_relay_s_loop_calls_nothing_that_waits() {
+    let what = "the system calls of relays";
+    if !has_strace(what) || !has_relay(what) {
+        return;
     }
-    let rows = others
-        .iter()
-        .map(|((name, (call, about)), (example, count))| {
-            format!("{name}: {count} calls of {call} ({about:?}), such as\n    {example}\n")
-        });
-    let rows: String = rows.collect();
-    assert!(rows.is_empty(), "not on the list:\n{rows}");
+    let (robot, station) = (sandbox(), sandbox());
+    let processes = robot.start_robot(1, 4);
+    let endpoint = free_endpoint();
+    let mut traced = [
+        Traced::start(
+            &robot,
+            "relay-robot",
+            &format!("relay robot --listen {endpoint} --may-command {STATION}"),
+            "ready",
+        ),
+        Traced::start(
+            &station,
+            "relay-station",
+            &format!("relay station --name {STATION} --connect {endpoint}"),
+            "ready",
+        ),
+    ];
+    await_link(&station, 1);
+    station.run("echo hero --count 1", 0);
+    // The ports of a robot are made when it comes: a start of its own.
+    traced.iter_mut().for_each(|relay| relay.ready = now());
+    for order in ["start", "takeoff 5m", "hold", "param list"] {
+        station.run(order, 0);
+    }
+    station.run("echo hero --count 3", 0);
+    let mut killed = station.start("echo hero --json");
+    killed.wait_for_text("{");
+    killed.signal(Signal::KILL);
+    killed.wait_exit();
+    station.run("land", 0);
+    assert_nothing_else(traced);
+    processes.end();
 }
