@@ -444,7 +444,9 @@ impl Bridge {
                 return;
             }
             Input::Suspended(ns) => {
-                link.suspended(now, Duration::from_nanos(ns));
+                let slept = Duration::from_nanos(ns);
+                link.suspended(now, slept);
+                self.flight.suspended(slept);
                 self.advance(now, out);
             }
             Input::Transmitted(count) => {

@@ -18,6 +18,8 @@ pub mod request;
 pub mod route;
 pub mod trajectory;
 
+use std::time::Duration;
+
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
@@ -589,6 +591,13 @@ impl Flight {
         let lease = self.path_request().and_then(|header| header.lost.lease);
         if let Some((lease, due)) = lease.zip(self.timers.due(FlightTimer::Lease)) {
             self.timers.arm(FlightTimer::Lease, due.max(at + lease));
+        }
+    }
+
+    /// The machine was suspended for so long, and with it whoever renews the path.
+    pub fn suspended(&mut self, slept: Duration) {
+        if let Some(due) = self.timers.due(FlightTimer::Lease) {
+            self.timers.arm(FlightTimer::Lease, due + slept);
         }
     }
 
