@@ -430,7 +430,11 @@ impl Bridge {
                 self.flight
                     .process_ended(process, &mut Context { now, link, out });
             }
-            Input::LeaseRenewed(at) => self.flight.lease_renewed(self.clock.at(at).min(now)),
+            // A lease does not run while the machine sleeps, whenever it was renewed.
+            Input::LeaseRenewed(at) => {
+                let at = at + self.clock.suspended;
+                self.flight.lease_renewed(at.min(now));
+            }
             Input::Advance => self.advance(now, out),
             Input::WindDown => self.flight.wind_down(&mut Context { now, link, out }),
             Input::Close => {

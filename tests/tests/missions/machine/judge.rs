@@ -288,6 +288,10 @@ impl Judge {
         if self.now_ms >= self.last_awake_ms + STANDSTILL_MS {
             self.paused_ms = self.last_awake_ms;
         }
+        // What failed while it stood still it finds out now.
+        if self.last_trouble_ms > self.last_awake_ms {
+            self.last_trouble_ms = self.now_ms;
+        }
         self.last_awake_ms = self.now_ms;
     }
 
