@@ -450,7 +450,7 @@ impl Bridge {
             Input::Suspended(ns) => {
                 let slept = Duration::from_nanos(ns);
                 link.suspended(now, slept);
-                self.flight.suspended(slept);
+                self.flight.suspended(slept, now);
                 self.advance(now, out);
             }
             Input::Transmitted(count) => {
