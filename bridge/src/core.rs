@@ -430,7 +430,11 @@ impl Bridge {
                 self.flight
                     .process_ended(process, &mut Context { now, link, out });
             }
-            Input::LeaseRenewed(at) => self.flight.lease_renewed(self.clock.at(at).min(now)),
+            // A lease does not run while the machine sleeps, whenever it was renewed.
+            Input::LeaseRenewed(at) => {
+                let at = at + self.clock.suspended;
+                self.flight.lease_renewed(at.min(now));
+            }
             Input::Advance => self.advance(now, out),
             Input::WindDown => self.flight.wind_down(&mut Context { now, link, out }),
             Input::Close => {
@@ -444,7 +448,9 @@ impl Bridge {
                 return;
             }
             Input::Suspended(ns) => {
-                link.suspended(now, Duration::from_nanos(ns));
+                let slept = Duration::from_nanos(ns);
+                link.suspended(now, slept);
+                self.flight.suspended(slept, now);
                 self.advance(now, out);
             }
             Input::Transmitted(count) => {

@@ -139,3 +139,27 @@ fn the_deadline_of_a_bridge_that_slept_is_one_of_the_host_s_clock() {
         "{deadline:?}"
     );
 }
+
+/// Its sender stood still as well.
+#[test]
+fn a_lease_does_not_run_while_the_machine_sleeps() {
+    let mut rig = Rig::flying();
+    let path = rig.movement(MovementData {
+        path_id: 5,
+        first: 1,
+        last: 1,
+        lease_ms: 1000,
+        ..go_to(north(900))
+    });
+    rig.run(600);
+    let renewed = rig.now;
+    rig.run(200);
+    rig.suspend(1500);
+    rig.run(100);
+    // It is looked at when the lease ends, and is of before the machine slept.
+    rig.apply(Input::LeaseRenewed(renewed));
+    rig.run(600);
+    assert_eq!(rig.last(path).0, Stage::Progress);
+    rig.run(200);
+    assert_eq!(rig.last(path), aborted(Reason::SenderLost));
+}

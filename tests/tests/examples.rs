@@ -3,6 +3,8 @@
 //! What a language needs and this machine does not have is skipped, and that is told past the capture of the tests' output:
 //! [`ril_tests::languages`].
 
+mod lost_senders;
+
 use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -18,6 +18,8 @@ pub mod request;
 pub mod route;
 pub mod trajectory;
 
+use std::time::Duration;
+
 use dsp_protocol::Waypoint;
 use dsp_protocol::downlink::Geographic;
 use ipc_types::MonotonicNs;
@@ -591,6 +593,16 @@ impl Flight {
         let lease = self.path_request().and_then(|header| header.lost.lease);
         if let Some((lease, due)) = lease.zip(self.timers.due(FlightTimer::Lease)) {
             self.timers.arm(FlightTimer::Lease, due.max(at + lease));
+        }
+    }
+
+    /// The machine was suspended for so long, and with it whoever renews the path. A lease that is over has not ended yet: the driver looks
+    /// first whether it was renewed.
+    pub fn suspended(&mut self, slept: Duration, now: MonotonicNs) {
+        if let Some(due) = self.timers.due(FlightTimer::Lease) {
+            let not_yet = now + Duration::from_nanos(1);
+            self.timers
+                .arm(FlightTimer::Lease, (due + slept).max(not_yet));
         }
     }
 

@@ -305,7 +305,7 @@ impl Safety {
         })
     }
 
-    /// Whether the position is lost. While the pilot flies, nobody else needs it.
+    /// Whether the position is lost. While the pilot flies, the bridge does not need it.
     fn look_for_position(
         &mut self,
         facts: &SafetyFacts,

@@ -246,7 +246,8 @@ fn fly_with_room(seed: u64, room: &str) -> Bounded {
             path = draw_path(&mut dice, &site);
             draws -= 1;
         }
-        let is_well_inside = keeps(&well_inside, &path);
+        // Where it begins, too: nearer to the fence than its margin a first leg has none to keep.
+        let is_well_inside = keeps(&well_inside, &[from]) && keeps(&well_inside, &path);
         // In a third of the flights the DSP flies beside the path, and the fence is all that keeps it inside.
         world.beside = beside.map(Beside::new);
         // In a third of the paths somebody makes the helicopter faster than the path was checked for.

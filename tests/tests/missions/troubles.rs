@@ -6,10 +6,12 @@
 
 use std::time::Duration;
 
+use bridge::safety::BreachAction;
 use dsp_protocol::Group;
-use dsp_sim::faults::{Damage, Directions, Fault, Script, Times, Window};
+use dsp_sim::faults::{Damage, Directions, Fault, HelicopterEvent, Script, Times, Window};
 use dsp_sim::helicopter::Phase;
-use ipc_types::code::{Functionality, LinkState, Reason, Stage};
+use ipc_types::TelemetryGroup;
+use ipc_types::code::{Functionality, LinkState, Reason, SafetyRule, Stage};
 use ipc_types::payload::MovementData;
 
 use crate::missions::config::WorldConfig;
@@ -407,4 +409,79 @@ fn a_dsp_that_still_takes_off_when_the_bridge_has_lost_sight_of_that_refuses_the
         world.finish();
     }
     assert!(refused > 0, "no take-off was lost sight of");
+}
+
+/// The GPS has no fix from the middle of a path on, and the DSP flies on. What the rule makes of it, and that it is over when the fix is
+/// back; no consumer gets a position meanwhile.
+#[test]
+fn a_helicopter_whose_gps_has_no_fix_flies_on_hovers_or_lands_and_has_no_position() {
+    let lost = Duration::from_secs(8);
+    // The rule, how the path ends while the fix is lost, and what the module does then.
+    let table = [
+        (BreachAction::Warn, None, Functionality::FollowingPath),
+        (
+            BreachAction::Hold,
+            Some(Reason::NoPosition),
+            Functionality::AtRest,
+        ),
+        (
+            BreachAction::Land,
+            Some(Reason::NoPosition),
+            Functionality::Landing,
+        ),
+    ];
+    for (rule, ends_as, functionality) in table {
+        let mut config = WorldConfig::new();
+        config.bridge.safety.position_lost = rule;
+        config.bridge.safety.position_lost_s = 1.0;
+        let mut world = World::new(&config);
+        await_link(&mut world);
+        carry_out(&mut world, &Step::Start);
+        carry_out(&mut world, &Step::TakeOff(10.0));
+        let path = world.waypoint(1, &[point(60.0, 0.0, 10.0)], 0);
+        world.run_until("it flies", |world| {
+            world.simulator.helicopter().body().position_m.x > 5.0
+        });
+        let event = HelicopterEvent::LoseFix(lost);
+        world.simulator.apply_to_helicopter(event);
+        let back = world.now() + lost;
+        world.run_for(Duration::from_secs(2));
+        assert_eq!(
+            world.bridge().state().safety.rule(),
+            Some(SafetyRule::PositionLost)
+        );
+        assert!(does(&world, functionality), "{rule:?}");
+        let outcome = world.witness.outcome(path);
+        assert_eq!(outcome.map(|outcome| outcome.reason), ends_as, "{rule:?}");
+        let next = world.waypoint(2, &[point(0.0, 0.0, 10.0)], 0);
+        let refused = world.witness.outcome(next).map(|outcome| outcome.reason);
+        assert!(
+            matches!(refused, Some(Reason::NoPosition | Reason::Busy)),
+            "{rule:?}: {refused:?}"
+        );
+        while world.now() + Duration::from_millis(500) < back {
+            world.run_for(Duration::from_millis(100));
+            let hero = world.chain.latest.as_ref().expect("telemetry goes on");
+            let (place, velocity) = (&hero.geodetic, &hero.velocity);
+            for group in [
+                TelemetryGroup::Geographic,
+                TelemetryGroup::Xy,
+                TelemetryGroup::GpsVelocity,
+            ] {
+                assert!(!hero.valid(group), "{rule:?}: {group:?}");
+            }
+            let values = [place.latitude_rad, place.longitude_rad, place.altitude_m];
+            assert_eq!(values, [0.0; 3]);
+            assert_eq!(velocity.ground_speed_mps, 0.0);
+        }
+        world.run_for(Duration::from_secs(3));
+        let hero = world.chain.latest.as_ref().expect("telemetry goes on");
+        assert!(hero.valid(TelemetryGroup::Geographic));
+        assert_ne!(
+            world.bridge().state().safety.rule(),
+            Some(SafetyRule::PositionLost)
+        );
+        bring_home(&mut world);
+        world.finish();
+    }
 }

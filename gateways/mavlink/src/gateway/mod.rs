@@ -306,7 +306,13 @@ impl Gateway {
             } if system == self.settings.system
                 && matches!(component, 0 | COMPONENT | MISSION_PLANNER) =>
             {
-                self.mission(sender, is_station, &request, mission_type, now);
+                let origin = uploads::Origin {
+                    sender,
+                    is_station,
+                    mission_type,
+                    now,
+                };
+                self.mission(origin, &request);
             }
             StationMessage::Parameter {
                 system,

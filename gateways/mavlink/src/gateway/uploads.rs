@@ -25,16 +25,26 @@ const ALL: u8 = 255;
 /// takes later is not in force, and is replaced there.
 const SAVE_LIMIT: Duration = Duration::from_secs(4);
 
+/// Whence a message about missions or fences comes.
+#[derive(Clone, Copy)]
+pub(super) struct Origin {
+    pub sender: StationAddress,
+    pub is_station: bool,
+    /// MAV_MISSION_TYPE of what it is about.
+    pub mission_type: u8,
+    /// When it is read.
+    pub now: MonotonicNs,
+}
+
 impl Gateway {
     /// A message about missions has come.
-    pub(super) fn mission(
-        &mut self,
-        sender: StationAddress,
-        is_station: bool,
-        request: &MissionRequest,
-        mission_type: u8,
-        now: MonotonicNs,
-    ) {
+    pub(super) fn mission(&mut self, origin: Origin, request: &MissionRequest) {
+        let Origin {
+            sender,
+            is_station,
+            mission_type,
+            now,
+        } = origin;
         if *request == MissionRequest::FloatItem {
             return self.refuse_float_item(sender, mission_type, now);
         }
@@ -43,7 +53,7 @@ impl Gateway {
         if mission_type != MISSION && !is_fence && !is_clear_of_all {
             return self.other_type(sender, request, mission_type, now);
         }
-        if self.is_mission_message_late(sender, is_station, request, mission_type, now) {
+        if self.is_mission_message_late(origin, request) {
             return;
         }
         match *request {
@@ -145,14 +155,13 @@ impl Gateway {
     }
 
     /// Whether a message that changes something was sent before a newer one of its station, or has waited too long to be read.
-    fn is_mission_message_late(
-        &mut self,
-        sender: StationAddress,
-        is_station: bool,
-        request: &MissionRequest,
-        mission_type: u8,
-        now: MonotonicNs,
-    ) -> bool {
+    fn is_mission_message_late(&mut self, origin: Origin, request: &MissionRequest) -> bool {
+        let Origin {
+            sender,
+            is_station,
+            mission_type,
+            now,
+        } = origin;
         let subject = match request {
             MissionRequest::SetCurrent(_) => Subject::Motion,
             _ if mission_type == FENCE => Subject::Fence,

@@ -211,10 +211,7 @@ fn hold_all(args: &RequestArgs) -> Result<(), Failure> {
     }
     let mut begun = Vec::new();
     for session in &sessions {
-        let request = MovementData {
-            issued_ns: own.issued.0,
-            ..MovementData::hold(fresh_request_id())
-        };
+        let request = issued(MovementData::hold(fresh_request_id()), own.issued);
         let requests = [complete(request, true, own.deadline_ms())];
         let sent = Conversation::open(session, Verb::Hold, Duration::ZERO).and_then(|bridge| {
             let mut bridge = bridge.name_robot();
@@ -278,11 +275,7 @@ fn urgent(
     args: &RequestArgs,
 ) -> Result<(), Failure> {
     ask_at_once(verb, MovementData::KEY, args, |asked| {
-        let request = MovementData {
-            issued_ns: asked.issued.0,
-            ..request
-        };
-        complete(request, preempt, asked.deadline_ms())
+        complete(issued(request, asked.issued), preempt, asked.deadline_ms())
     })
 }
 
@@ -294,10 +287,15 @@ fn movement(
     args: &RequestArgs,
 ) -> Result<(), Failure> {
     ask(verb, MovementData::KEY, args, |asked| {
-        let request = MovementData {
-            issued_ns: asked.issued.0,
-            ..request
-        };
+        let request = issued(request, asked.issued);
         Ok(vec![complete(request, preempt, asked.deadline_ms)])
     })
+}
+
+/// The request, ordered at this moment.
+fn issued(request: MovementData, at: MonotonicNs) -> MovementData {
+    MovementData {
+        issued_ns: at.0,
+        ..request
+    }
 }

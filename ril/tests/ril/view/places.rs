@@ -25,6 +25,17 @@ fn invited(rig: &ril_tests::Sandbox, options: &str) -> String {
     token.to_owned()
 }
 
+/// The page may order, and knows where the helicopter is.
+fn take_lease(page: &mut Page) {
+    page.send(&json!({"type": "lease", "robot": 1, "action": "take"}));
+    page.until("the lease", |message| {
+        message["type"] == "lease" && message["holder"] == "you"
+    });
+    page.until("where it is", |message| {
+        message["type"] == "now" && message["telemetry"]["freshness"] == "fresh"
+    });
+}
+
 #[test]
 fn a_named_token_allows_what_its_role_says_and_its_key_is_secret() {
     let rig = sandbox();
@@ -85,13 +96,7 @@ fn a_movement_whose_page_is_gone_ends_in_a_hold() {
     let view = View::start(&rig);
     let mut other = view.page();
     let mut page = view.page();
-    page.send(&json!({"type": "lease", "robot": 1, "action": "take"}));
-    page.until("the lease", |message| {
-        message["type"] == "lease" && message["holder"] == "you"
-    });
-    page.until("where it is", |message| {
-        message["type"] == "now" && message["telemetry"]["freshness"] == "fresh"
-    });
+    take_lease(&mut page);
     let (latitude, longitude, altitude) = flight.place;
     let seen = page.until_type("now")["n"].clone();
     // A minute away.
@@ -189,13 +194,7 @@ fn a_movement_whose_page_is_loaded_again_goes_on() {
         page.send(&open);
         page
     };
-    page.send(&json!({"type": "lease", "robot": 1, "action": "take"}));
-    page.until("the lease", |message| {
-        message["type"] == "lease" && message["holder"] == "you"
-    });
-    page.until("where it is", |message| {
-        message["type"] == "now" && message["telemetry"]["freshness"] == "fresh"
-    });
+    take_lease(&mut page);
     let (latitude, longitude, altitude) = flight.place;
     page.press(
         &json!({"type": "order", "order": "far", "robot": 1, "kind": "goto", "seen": 0,

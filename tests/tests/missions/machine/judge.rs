@@ -5,8 +5,11 @@
 //! * each request gets exactly one final report for each time that it was read, and is executed once at most: nothing of a path goes after
 //!   its final report;
 //! * nothing begins after its moment;
-//! * a step is not accepted when something came between it and the step before;
-//! * no path goes on without its sender, where its request says hold or land, for more than [`LOST_WITHIN_MS`] in which the bridge is awake.
+//! * a step is not accepted when something came between it and the step before, or the step before was not accepted;
+//! * no path goes on without its sender, where its request says hold or land, or has a lease, for more than [`LOST_WITHIN_MS`] in which the
+//!   bridge is awake; within that time the DSP is told to empty its path buffer, or to land;
+//! * no path ends as *sender lost* whose own sender is not;
+//! * no path goes on after the bridge stood still, or the machine slept, for [`STANDSTILL_MS`].
 
 use ipc_types::code::{Reason, SenderLost, Stage};
 use ipc_types::payload::RequestReport;
@@ -21,6 +24,15 @@ const LOST_WITHIN_MS: u64 = 300;
 /// `begin_within_ms` of the bridge, and that of what ends movements.
 const BEGIN_WITHIN_MS: u64 = 5000;
 const STOP_WITHIN_MS: u64 = 30_000;
+
+/// After so long a pause no path goes on: `pc_timeout_ms`, and a little, because the DSP counts from another moment.
+const STANDSTILL_MS: u64 = 2100;
+
+/// What the line was before may delay what the bridge sends for so long: three attempts of a command.
+const RECOVERY_MS: u64 = 1000;
+
+/// A sender renews its lease so often, as a part of it.
+pub const RENEWALS: u64 = 3;
 
 /// A pilot who has flown for so long, with a bridge that was awake and a line that was sound, has been seen.
 const PILOT_SEEN_MS: u64 = 500;
@@ -40,10 +52,14 @@ sums! {
         pub copies: u64,
         /// Steps that were accepted.
         pub steps: u64,
+        pub take_offs: u64,
         pub restarts: u64,
+        /// How often the machine was suspended.
+        pub sleeps: u64,
     }
-    "{sequences} sequences, {orders} orders: {accepted} accepted, {began} paths begun; reports: {superseded} superseded, {too_late} \
-     too late, {lost} sender lost; {copies} copies answered, {steps} steps accepted, {restarts} bridges killed; 0 violations"
+    "{sequences} sequences, {orders} orders: {accepted} accepted, {began} paths and {take_offs} take-offs begun; reports: {superseded} \
+     superseded, {too_late} too late, {lost} sender lost; {copies} copies answered, {steps} steps accepted, {restarts} bridges killed, \
+     {sleeps} suspensions; 0 violations"
 }
 
 /// An order, and what became of it.
@@ -57,12 +73,16 @@ pub struct Ordered {
     pub true_ms: u64,
     pub issued_ms: u64,
     pub begin_by_ms: Option<u64>,
-    /// The process whose end is its sender's; a station's is the relay's, which lives.
-    pub process: Option<u32>,
+    /// Its sender's process.
+    pub process: u32,
+    /// It came by the relay, which lives: a station's path ends with its lease alone.
+    pub is_station: bool,
     /// In which life of the bridge its last request was read, accepted, and ended; and when.
     pub read: Option<(u32, u64)>,
     pub accepted: Option<(u32, u64)>,
     pub ended: Option<(u32, u64)>,
+    /// When it was accepted, by the host's clock.
+    pub accepted_host_ms: u64,
     pub began_ms: Option<u64>,
     pub is_superseded: bool,
     /// When its sender was lost, and for how long the bridge stood still since.
@@ -71,16 +91,7 @@ pub struct Ordered {
 
 impl Default for Order {
     fn default() -> Order {
-        Order {
-            sender: 0,
-            what: What::Hold,
-            late_ms: 0,
-            copy_ms: None,
-            within_ms: None,
-            is_step: false,
-            lost: None,
-            lease_ms: None,
-        }
+        Order::at_once(0, What::Hold)
     }
 }
 
@@ -95,26 +106,26 @@ impl Ordered {
         self.begin_by_ms.or(by_default)
     }
 
-    /// Since when it counts against older ones: what ends movements from its reading on, if it is no step, which may be refused for what
-    /// came before.
+    /// Since when it counts against older ones: what ends movements from its reading on, unless it is a step that was outdated.
     fn counted(&self) -> Option<(u32, u64)> {
-        let is_absolute = self.order.what.ends_movements() && self.after == 0;
-        if is_absolute {
-            self.read
-        } else {
-            self.accepted
+        match self.order.what.ends_movements() && !self.is_superseded {
+            true => self.read,
+            false => self.accepted,
         }
     }
 
-    /// From when on a step may follow it. What ends movements counts although it is refused, unless it was superseded itself.
-    fn followed_from(&self) -> Option<(u32, u64)> {
-        let is_read = !self.is_superseded && self.order.what.ends_movements();
-        if is_read { self.read } else { self.accepted }
+    fn is_path(&self) -> bool {
+        matches!(self.order.what, What::Path(_))
     }
 
-    fn ends_with_its_sender(&self) -> bool {
-        let is_path = matches!(self.order.what, What::Path(_));
-        is_path && self.order.lost != Some(SenderLost::Continue)
+    fn ends_with_its_process(&self) -> bool {
+        self.is_path() && !self.is_station && self.order.lost != Some(SenderLost::Continue)
+    }
+
+    /// What its lease is, if it ends with that, ms.
+    fn lease_ms(&self) -> Option<u64> {
+        let lease_ms = self.order.lease_ms.filter(|_| self.is_path());
+        lease_ms.map(u64::from)
     }
 }
 
@@ -132,6 +143,15 @@ struct Asked {
     is_killed: bool,
 }
 
+/// A path that ended with its sender: since when, for how long the bridge stood still since, and whether the DSP has been told.
+#[derive(Debug)]
+struct Loss {
+    order: usize,
+    at_ms: u64,
+    stalled_ms: u64,
+    lands: bool,
+}
+
 /// See the module's documentation.
 #[derive(Debug, Default)]
 pub struct Judge {
@@ -145,8 +165,14 @@ pub struct Judge {
     pilot: Vec<(u64, u64)>,
     last_trouble_ms: u64,
     last_stall_ms: u64,
-    /// Processes that stand still: which, from when, and until when.
+    /// When the bridge was last awake, and when it was before its last long pause.
+    last_awake_ms: u64,
+    paused_ms: u64,
+    /// For how long the machine was suspended: the host's clock did not go on.
+    slept_ms: u64,
+    /// Processes that stand still or have ended: which, from when, and until when, by the host's clock.
     hangs: Vec<(u32, u64, u64)>,
+    losses: Vec<Loss>,
     log: Vec<String>,
     ran: Ran,
 }
@@ -155,6 +181,7 @@ impl Judge {
     pub fn new(now_ms: u64) -> Judge {
         Judge {
             now_ms,
+            last_awake_ms: now_ms,
             life: 1,
             ran: Ran {
                 sequences: 1,
@@ -195,16 +222,32 @@ impl Judge {
         self.orders[number].after = after;
     }
 
-    pub fn process_ended(&mut self, process: u32, now_ms: u64) {
+    fn host_ms(&self) -> u64 {
+        self.now_ms - self.slept_ms
+    }
+
+    /// It ends, and renews nothing any more.
+    pub fn process_ended(&mut self, process: u32) {
+        let now_ms = self.now_ms;
+        self.process_hangs(process, u64::MAX);
         for ordered in &mut self.orders {
-            if ordered.process == Some(process) && ordered.ends_with_its_sender() {
+            if ordered.process == process && ordered.ends_with_its_process() {
                 ordered.lost.get_or_insert((now_ms, 0));
             }
         }
     }
 
-    pub fn process_hangs(&mut self, process: u32, from_ms: u64, until_ms: u64) {
-        self.hangs.push((process, from_ms, until_ms));
+    /// It stands still until this moment of the host's clock.
+    pub fn process_hangs(&mut self, process: u32, until_ms: u64) {
+        let from_ms = self.host_ms();
+        let present = self
+            .hangs
+            .iter_mut()
+            .find(|(other, _, until)| *other == process && *until >= from_ms);
+        match present {
+            Some((_, _, until)) => *until = until_ms.max(*until),
+            None => self.hangs.push((process, from_ms, until_ms)),
+        }
     }
 
     /// The line or the DSP fails: what the bridge should do it may not be able to.
@@ -225,10 +268,36 @@ impl Judge {
         {
             *stalled_ms += ms;
         }
+        for loss in &mut self.losses {
+            loss.stalled_ms += ms;
+        }
+    }
+
+    pub fn sleeps(&mut self) {
+        self.ran.sleeps += 1;
+    }
+
+    /// The machine is suspended for so long.
+    pub fn slept(&mut self, ms: u64) {
+        self.slept_ms += ms;
+        self.stalled(ms);
+    }
+
+    /// The bridge is awake, and has done nothing yet.
+    pub fn awake(&mut self) {
+        if self.now_ms >= self.last_awake_ms + STANDSTILL_MS {
+            self.paused_ms = self.last_awake_ms;
+        }
+        // What failed while it stood still it finds out now.
+        if self.last_trouble_ms > self.last_awake_ms {
+            self.last_trouble_ms = self.now_ms;
+        }
+        self.last_awake_ms = self.now_ms;
     }
 
     pub fn bridge_killed(&mut self) {
         self.ran.restarts += 1;
+        self.losses.clear();
         for asked in self
             .asked
             .iter_mut()
@@ -276,11 +345,14 @@ impl Judge {
             .orders
             .iter()
             .find(|ordered| ordered.ids[0] == path_id)?;
-        // A station's lease is the relay's to renew, which lives.
-        let process = ordered
-            .process
-            .unwrap_or(1000 + ordered.order.sender as u32);
-        Some((process, ordered.order.lease_ms?.into()))
+        Some((ordered.process, ordered.lease_ms()?))
+    }
+
+    /// Whether the request was refused, or not read.
+    pub fn is_refused(&self, id: u64) -> bool {
+        let mut orders = self.orders.iter();
+        let order = orders.find(|ordered| ordered.ids.last() == Some(&id));
+        order.is_some_and(|ordered| ordered.accepted.is_none())
     }
 
     pub fn reported(&mut self, report: &RequestReport) {
@@ -321,14 +393,81 @@ impl Judge {
         self.orders[order].is_superseded |= reason == Reason::Superseded;
         let is_new = self.orders[order].ended.is_none();
         let at = Some((life, self.now_ms));
-        let is_taken = stage == Stage::Accepted || stage == Stage::Done;
+        // A stop that cannot reach the DSP is aborted, and was taken.
+        let is_taken = !matches!(stage, Stage::Refused | Stage::Unknown);
         if is_taken && is_new && self.orders[order].accepted.is_none() {
             self.orders[order].accepted = at;
+            self.orders[order].accepted_host_ms = self.host_ms();
             self.ran.accepted += 1;
             self.judge_step(order);
         }
         if stage.is_final() && is_new {
             self.orders[order].ended = at;
+            if reason == Reason::SenderLost {
+                self.ended_as_lost(order);
+            }
+        }
+    }
+
+    /// A path ended because its sender was lost.
+    fn ended_as_lost(&mut self, number: usize) {
+        let ordered = &self.orders[number];
+        let host_ms = self.host_ms();
+        let is_not_renewed = ordered.lease_ms().is_some_and(|lease_ms| {
+            let between_ms = lease_ms / RENEWALS;
+            self.hangs.iter().any(|(process, from_ms, until_ms)| {
+                let since_ms = ordered
+                    .accepted_host_ms
+                    .max(from_ms.saturating_sub(between_ms));
+                *process == ordered.process
+                    && host_ms >= since_ms + lease_ms
+                    && host_ms <= until_ms.saturating_add(between_ms)
+            })
+        });
+        if ordered.lost.is_none() && !is_not_renewed {
+            return self.fail(format!(
+                "order {number} ends as sender lost, and its sender lives"
+            ));
+        }
+        let lands = ordered.order.lost == Some(SenderLost::Land);
+        if lands || ordered.began_ms.is_some() {
+            let (at_ms, stalled_ms) = ordered.lost.unwrap_or((self.now_ms, 0));
+            self.losses.push(Loss {
+                order: number,
+                at_ms,
+                stalled_ms,
+                lands,
+            });
+        }
+    }
+
+    /// The bridge tells the DSP to empty its path buffer, which a landing does, too.
+    pub fn path_invalidated(&mut self, lands: bool) {
+        self.losses.retain(|loss| loss.lands && !lands);
+    }
+
+    /// Who was lost long ago, and the DSP does not know.
+    fn judge_losses(&mut self) {
+        let (life, now_ms) = (self.life, self.now_ms);
+        let calm_since = self.last_trouble_ms + RECOVERY_MS;
+        let orders = &self.orders;
+        // The line was bad, or somebody has ordered something else.
+        self.losses.retain(|loss| {
+            let is_newer = |ordered: &Ordered| {
+                let accepted = ordered.accepted.filter(|(of, _)| *of == life);
+                accepted.is_some_and(|(_, at)| at >= loss.at_ms)
+            };
+            loss.at_ms > calm_since && !(loss.lands && orders.iter().any(is_newer))
+        });
+        let late = self
+            .losses
+            .iter()
+            .find(|loss| now_ms > loss.at_ms + loss.stalled_ms + LOST_WITHIN_MS);
+        if let Some(Loss { order, lands, .. }) = late {
+            let what = if *lands { "to land" } else { "to hover" };
+            self.fail(format!(
+                "the sender of order {order} was lost, and the DSP is not told {what}"
+            ));
         }
     }
 
@@ -349,7 +488,7 @@ impl Judge {
         };
         let (life, now_ms) = (self.life, self.now_ms);
         let text = format!("order {number} is accepted as the step after order {before}");
-        let since = self.orders[before].followed_from();
+        let since = self.orders[before].accepted;
         let Some((_, since_ms)) = since.filter(|(other, _)| *other == life) else {
             return self.fail(format!("{text}, which this bridge did not accept"));
         };
@@ -376,20 +515,37 @@ impl Judge {
         }
     }
 
-    /// The bridge sends a waypoint of an order; `is_first`: that of its begin.
-    pub fn waypoint_sent(&mut self, number: usize, is_first: bool) {
+    /// The bridge sends a waypoint of an order, or the command to take off; `is_first`: that of its begin.
+    pub fn sent(&mut self, number: usize, is_first: bool) {
         let (life, now_ms) = (self.life, self.now_ms);
         let Some(ordered) = self.orders.get(number).cloned() else {
-            return self.fail(format!("a waypoint of no order: {number}"));
+            return self.fail(format!("something of no order is sent: {number}"));
         };
-        let text = format!("a waypoint of order {number} is sent");
+        let is_take_off = ordered.order.what == What::TakeOff;
+        let text = match is_take_off {
+            true => format!("the take-off of order {number} is sent"),
+            false => format!("a waypoint of order {number} is sent"),
+        };
         if let Some((of, _)) = ordered.ended.filter(|(of, _)| *of == life) {
             return self.fail(format!("{text} after its final report in life {of}"));
         }
         if is_first && ordered.began_ms.is_none() {
             self.note(format!("order {number} begins"));
-            self.ran.began += 1;
+            let count = match is_take_off {
+                true => &mut self.ran.take_offs,
+                false => &mut self.ran.began,
+            };
+            *count += 1;
             self.orders[number].began_ms = Some(now_ms);
+        }
+        if ordered
+            .began_ms
+            .is_some_and(|began_ms| began_ms <= self.paused_ms)
+        {
+            return self.fail(format!("{text}, and it began before a long pause"));
+        }
+        // A command that is not acknowledged is sent again only until then.
+        if is_take_off || is_first && ordered.began_ms.is_none() {
             if ordered.latest_ms().is_some_and(|latest| now_ms > latest) {
                 return self.fail(format!(
                     "order {number} begins after its moment, {:?} ms",
@@ -427,21 +583,20 @@ impl Judge {
 
     /// The bridge follows this path now.
     pub fn look(&mut self, follows: Option<u64>, is_awake: bool) {
-        let now_ms = self.now_ms;
-        for (process, from_ms, until_ms) in self.hangs.clone() {
+        let (now_ms, host_ms) = (self.now_ms, self.host_ms());
+        for (process, from_ms, until_ms) in self.hangs.iter().filter(|_| is_awake) {
             for ordered in &mut self.orders {
-                let lease_ms = ordered.order.lease_ms.map(u64::from);
-                let is_its = ordered.process == Some(process) && ordered.ends_with_its_sender();
-                if let Some(lease_ms) = lease_ms.filter(|_| is_its) {
-                    // It renewed up to when it hung, or ordered since.
-                    let lost_ms =
-                        ordered.accepted.map_or(from_ms, |(_, at)| at.max(from_ms)) + lease_ms;
-                    if lost_ms < until_ms && lost_ms <= now_ms && ordered.accepted.is_some() {
-                        ordered.lost.get_or_insert((lost_ms, 0));
-                    }
+                // It renewed up to when it hung, or ordered since. A bridge that is awake has seen that it did not since.
+                let lost_ms = |lease_ms| ordered.accepted_host_ms.max(*from_ms) + lease_ms;
+                let is_lost = (ordered.process == *process && ordered.accepted.is_some())
+                    && ordered.lease_ms().map(lost_ms) < Some(host_ms)
+                    && host_ms < *until_ms;
+                if is_lost && ordered.lease_ms().is_some() {
+                    ordered.lost.get_or_insert((now_ms, 0));
                 }
             }
         }
+        self.judge_losses();
         let path = self
             .orders
             .iter()

@@ -1,6 +1,6 @@
 //! The order machine: orders of several senders, with clocks that are not known exactly, late and double, while everything goes wrong:
-//! senders die and hang, the bridge stands still or is killed, the line is silent or noisy, the DSP reboots, the pilot takes over, the GPS
-//! loses its fix. The bridge's core and the simulated DSP are the real ones; time is virtual.
+//! senders die and hang, the bridge stands still or is killed, the machine is suspended, the line is silent or noisy, the DSP reboots, the
+//! pilot takes over, the GPS loses its fix. The bridge's core and the simulated DSP are the real ones; time is virtual.
 //!
 //! [`sequence`] is what happens, as data that a seed draws and that is made shorter when it fails. [`judge`] says what must hold, by what
 //! was truly ordered, what the reports said and what went over the wire. This file plays a sequence.
@@ -14,18 +14,18 @@ use std::time::Duration;
 use bridge::journal::Snapshot;
 use bridge::outputs::Notice;
 use bridge::{Bridge, BridgeConfig, Input, Outputs, RequestKey, Sender};
-use dsp_protocol::{Decoded, Decoder, Uplink};
+use dsp_protocol::{Command, Decoded, Decoder, Uplink, port};
 use dsp_sim::faults::HelicopterEvent;
 use dsp_sim::helicopter::vector::Vector;
 use dsp_sim::random::Random;
 use dsp_sim::simulator::{Setup, Simulator};
 use ipc_types::MonotonicNs;
-use ipc_types::code::{ControlCommand, Functionality, LinkState, SenderLost};
+use ipc_types::code::{ControlCommand, Functionality, LinkState, MovementKind, SenderLost};
 use ipc_types::payload::{
     DspTelemetry, ModuleControl, ModuleState, MovementData, RequestReport, WaypointPosition,
 };
 
-use judge::{Judge, Ran};
+use judge::{Judge, RENEWALS, Ran};
 use sequence::{Act, Order, Sequence, What};
 
 const MS: u64 = 1_000_000;
@@ -37,8 +37,6 @@ const TICK_MS: u64 = 10;
 const QUIET_MS: u64 = 5000;
 /// What the kernel keeps of the line for a bridge that stands still.
 const KERNEL_BYTES: usize = 4095;
-/// How often a sender renews its lease, as a part of it.
-const RENEWALS: u64 = 3;
 /// The kernel tells a bridge that is awake of the end of a process within this.
 const TOLD_MS: u64 = 20;
 /// How far the fence is, and the paths' height, m.
@@ -46,6 +44,13 @@ const FENCE_M: f64 = 30.0;
 const HEIGHT_M: f64 = 15.0;
 /// Each order has its own height, by which its first waypoint is known on the wire, m; its second one is half a step higher.
 const STEP_M: f64 = 0.02;
+/// Each take-off, too: this height, and so much more for each order before it, m.
+const TAKE_OFF_M: f64 = 4.0;
+const TAKE_OFF_STEP_M: f64 = 0.01;
+/// The process of the relay, by which the orders of stations come.
+const RELAY: u32 = 999;
+/// The requests of a sequence have greater ids.
+const FIRST_ID: u64 = 100;
 
 /// A fault that is planted between the world and the bridge, to see whether the judge finds it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,17 +67,32 @@ pub enum Plant {
     SendersLiveForEver,
     /// What may begin until a moment may begin a minute later.
     NoMoment,
+    /// Only a take-off may.
+    NoMomentOfTakeOff,
+    /// A step whose predecessor was refused names none.
+    AfterRefused,
+    /// With any process the sender of the path ends.
+    WrongProcess,
+    /// Whose sender is to be followed by a landing is held.
+    HoldsForLand,
+    /// The bridge does not learn that the machine was suspended.
+    SleepIsNothing,
     /// The bridge has no fence.
     NoFence,
 }
 
 impl Plant {
-    pub const ALL: [Plant; 6] = [
+    pub const ALL: [Plant; 11] = [
         Plant::StampedByReader,
         Plant::CopyIsNew,
         Plant::NoStep,
         Plant::SendersLiveForEver,
         Plant::NoMoment,
+        Plant::NoMomentOfTakeOff,
+        Plant::AfterRefused,
+        Plant::WrongProcess,
+        Plant::HoldsForLand,
+        Plant::SleepIsNothing,
         Plant::NoFence,
     ];
 }
@@ -139,9 +159,13 @@ struct Machine {
     /// Each sender's present process, and until when that stands still.
     processes: Vec<u32>,
     hang_until: Vec<u64>,
-    /// When each sender that holds the lease renewed it last.
-    renewed_ms: u64,
+    /// When each process was last awake, by the host's clock.
+    alive: Vec<(u32, u64)>,
     stall_until: u64,
+    /// Until when the machine is suspended, for how long it was, and for how long the bridge does not know of.
+    asleep_until: u64,
+    slept_ms: u64,
+    unseen_sleep_ms: u64,
     away_until: Option<u64>,
     silent_until: u64,
     noisy_until: u64,
@@ -149,6 +173,8 @@ struct Machine {
     /// What the DSP said to a bridge that stands still.
     line: Vec<u8>,
     uplink: Decoder<Uplink>,
+    /// The order whose take-off altitude was written last.
+    take_off: usize,
     next_id: u64,
     /// The last request of each sender's last order.
     last_step: Vec<u64>,
@@ -199,10 +225,13 @@ pub fn play_seed(seed: u64) -> Ran {
     );
 }
 
-/// A bridge and a DSP whose helicopter hovers, and when that is.
-fn hovering(has_fence: bool) -> &'static (BridgeConfig, Simulator, Vec<u8>, u64) {
-    static WITH: OnceLock<(BridgeConfig, Simulator, Vec<u8>, u64)> = OnceLock::new();
-    static WITHOUT: OnceLock<(BridgeConfig, Simulator, Vec<u8>, u64)> = OnceLock::new();
+/// Where sequences begin: the simulator, the bridge, and when that is.
+type Begin = (Simulator, Vec<u8>, u64);
+
+/// A helicopter that stands, and one that hovers.
+fn begins(has_fence: bool) -> &'static (BridgeConfig, [Begin; 2]) {
+    static WITH: OnceLock<(BridgeConfig, [Begin; 2])> = OnceLock::new();
+    static WITHOUT: OnceLock<(BridgeConfig, [Begin; 2])> = OnceLock::new();
     let cell = if has_fence { &WITH } else { &WITHOUT };
     cell.get_or_init(|| {
         let setup = Setup {
@@ -219,29 +248,12 @@ fn hovering(has_fence: bool) -> &'static (BridgeConfig, Simulator, Vec<u8>, u64)
             if has_fence { fence.as_str() } else { "" }
         );
         let config: BridgeConfig = runtime::config::parse(&text, "a test").expect("a configuration");
-        let mut machine = Machine {
-            plant: Plant::Nothing,
-            simulator: Simulator::new(setup),
-            bridge: Bridge::new(&config),
-            config: config.clone(),
-            said: Said::default(),
-            judge: Judge::default(),
-            now_ms: 0,
-            messages: Vec::new(),
-            ended: Vec::new(),
-            processes: Vec::new(),
-            hang_until: Vec::new(),
-            renewed_ms: 0,
-            stall_until: 0,
-            away_until: None,
-            silent_until: 0,
-            noisy_until: 0,
-            noise: Random::new(0, 0),
-            line: Vec::new(),
-            uplink: Decoder::new(),
-            next_id: 0,
-            last_step: Vec::new(),
-        };
+        let mut machine = Machine::with(
+            Plant::Nothing,
+            &config,
+            (Simulator::new(setup), Bridge::new(&config), 0),
+            &Sequence::default(),
+        );
         machine.apply(Input::PortOpened);
         let until = |machine: &mut Machine, done: fn(&Machine) -> bool| {
             while !done(machine) {
@@ -251,6 +263,7 @@ fn hovering(has_fence: bool) -> &'static (BridgeConfig, Simulator, Vec<u8>, u64)
         };
         until(&mut machine, |machine| machine.bridge.link() == LinkState::Up);
         (0..50).for_each(|_| machine.tick());
+        let standing = machine.begin();
         let start = ModuleControl {
             issued_ns: machine.host().0,
             ..ModuleControl::new(1, ControlCommand::Start)
@@ -268,44 +281,72 @@ fn hovering(has_fence: bool) -> &'static (BridgeConfig, Simulator, Vec<u8>, u64)
         });
         // So that no order may have been issued before them.
         (0..50).for_each(|_| machine.tick());
-        let text = Snapshot::text_of(&config);
-        let snapshot = Snapshot::take(&machine.bridge, &config, &text);
-        (config, machine.simulator, snapshot, machine.now_ms)
+        let hovering = machine.begin();
+        (config, [standing, hovering])
     })
 }
 
 impl Machine {
     fn new(sequence: &Sequence, plant: Plant) -> Machine {
-        let (config, simulator, snapshot, now_ms) = hovering(plant != Plant::NoFence);
+        let (config, [standing, hovering]) = begins(plant != Plant::NoFence);
+        let (simulator, snapshot, now_ms) = match sequence.on_ground {
+            true => standing,
+            false => hovering,
+        };
         let bridge = Snapshot::restore(snapshot).expect("a snapshot").bridge;
+        Machine::with(
+            plant,
+            config,
+            (simulator.clone(), bridge, *now_ms),
+            sequence,
+        )
+    }
+
+    fn with(
+        plant: Plant,
+        config: &BridgeConfig,
+        (simulator, bridge, now_ms): (Simulator, Bridge, u64),
+        sequence: &Sequence,
+    ) -> Machine {
         let senders = sequence.senders.len();
         Machine {
             plant,
             config: config.clone(),
-            simulator: simulator.clone(),
+            simulator,
             bridge,
             said: Said::default(),
-            judge: Judge::new(*now_ms),
-            now_ms: *now_ms,
+            judge: Judge::new(now_ms),
+            now_ms,
             messages: Vec::new(),
             ended: Vec::new(),
             processes: (0..senders).map(|sender| 1000 + sender as u32).collect(),
             hang_until: vec![0; senders],
-            renewed_ms: 0,
+            alive: Vec::new(),
             stall_until: 0,
+            asleep_until: 0,
+            slept_ms: 0,
+            unseen_sleep_ms: 0,
             away_until: None,
             silent_until: 0,
             noisy_until: 0,
             noise: Random::new(sequence.acts.len() as u64, 9),
             line: Vec::new(),
             uplink: Decoder::new(),
-            next_id: 100,
+            take_off: 0,
+            next_id: FIRST_ID,
             last_step: vec![0; senders],
         }
     }
 
+    /// A sequence may begin like this.
+    fn begin(&self) -> Begin {
+        let text = Snapshot::text_of(&self.config);
+        let snapshot = Snapshot::take(&self.bridge, &self.config, &text);
+        (self.simulator.clone(), snapshot, self.now_ms)
+    }
+
     fn host(&self) -> MonotonicNs {
-        MonotonicNs((EPOCH_MS + self.now_ms) * MS)
+        MonotonicNs((EPOCH_MS + self.now_ms - self.slept_ms) * MS)
     }
 
     fn apply(&mut self, input: Input<'_>) {
@@ -316,22 +357,31 @@ impl Machine {
     fn act(&mut self, sequence: &Sequence, act: &Act) {
         self.judge.note(format!("{:?}", act));
         let now_ms = self.now_ms;
+        let is_of_machine = matches!(
+            act,
+            Act::Order(_) | Act::Dies(_) | Act::Hangs(..) | Act::Stall(_) | Act::Restart(_)
+        );
         match *act {
+            _ if is_of_machine && self.asleep_until > now_ms => {}
             Act::Order(ref order) => self.order(sequence, order),
             Act::Dies(sender) => {
                 let process = self.processes[sender];
                 self.ended.push((now_ms, process));
                 self.messages
                     .retain(|message| message.process != process || message.at_ms <= now_ms);
-                self.judge.process_ended(process, now_ms);
+                self.judge.process_ended(process);
                 self.processes[sender] += 100;
                 self.hang_until[sender] = 0;
                 self.last_step[sender] = 0;
             }
             Act::Hangs(sender, ms) => {
                 self.hang_until[sender] = self.hang_until[sender].max(now_ms + ms);
-                self.judge
-                    .process_hangs(self.processes[sender], now_ms, now_ms + ms);
+                let until_ms = self.hang_until[sender] - self.slept_ms;
+                self.judge.process_hangs(self.processes[sender], until_ms);
+            }
+            Act::Sleep(ms) => {
+                self.asleep_until = self.asleep_until.max(now_ms + ms);
+                self.judge.sleeps();
             }
             Act::Stall(ms) => self.stall_until = self.stall_until.max(now_ms + ms),
             Act::Silence(ms) => self.silent_until = self.silent_until.max(now_ms + ms),
@@ -361,7 +411,7 @@ impl Machine {
     fn order(&mut self, sequence: &Sequence, order: &Order) {
         let plan = sequence.senders[order.sender];
         let number = self.judge.orders.len();
-        let issued_ms = EPOCH_MS + self.now_ms - plan.error_ms;
+        let issued_ms = EPOCH_MS + self.now_ms - self.slept_ms - plan.error_ms;
         let begin_by_ms = order.within_ms.map(|within| issued_ms + within);
         let after = match order.is_step {
             true if self.plant != Plant::NoStep => self.last_step[order.sender],
@@ -378,6 +428,13 @@ impl Machine {
             What::Land => vec![Request::Movement(
                 MovementData::land(self.id()).preempting(),
             )],
+            What::TakeOff => {
+                let height_m = TAKE_OFF_M + TAKE_OFF_STEP_M * number as f64;
+                vec![Request::Movement(MovementData::take_off(
+                    self.id(),
+                    height_m,
+                ))]
+            }
             What::Path(places) => {
                 let path_id = self.next_id + 1;
                 let count = places.len();
@@ -412,9 +469,10 @@ impl Machine {
             ids,
             after: if order.is_step { after } else { 0 },
             true_ms: self.now_ms,
-            begin_by_ms: begin_by_ms.map(|at| at - EPOCH_MS),
-            issued_ms: issued_ms - EPOCH_MS,
-            process: (!is_station).then_some(process),
+            begin_by_ms: begin_by_ms.map(|at| at - EPOCH_MS + self.slept_ms),
+            issued_ms: issued_ms - EPOCH_MS + self.slept_ms,
+            process,
+            is_station,
             ..judge::Ordered::default()
         });
         if self.plant == Plant::NoStep && order.is_step {
@@ -422,6 +480,7 @@ impl Machine {
             self.judge
                 .meant_after(number, self.judge.step_before(order.sender, number));
         }
+        let process = if is_station { RELAY } else { process };
         for request in requests {
             let request = match request {
                 Request::Control(data) => Request::Control(ModuleControl {
@@ -504,6 +563,11 @@ impl Machine {
         let now = Duration::from_millis(self.now_ms);
         self.simulator.advance(now);
         let bytes = self.dsp_bytes();
+        if self.asleep_until > self.now_ms {
+            self.sleep();
+            return self.look();
+        }
+        self.live();
         if let Some(until) = self.away_until {
             // What is sent to nobody is lost, and its sender knows.
             let lost = self
@@ -530,8 +594,65 @@ impl Machine {
         self.look();
     }
 
+    /// All that is on the machine stands still, and what the DSP says meanwhile is lost.
+    fn sleep(&mut self) {
+        self.slept_ms += TICK_MS;
+        self.unseen_sleep_ms += TICK_MS;
+        self.judge.slept(TICK_MS);
+        let moments = self.messages.iter_mut().map(|message| &mut message.at_ms);
+        let moments = moments.chain(self.ended.iter_mut().map(|(at_ms, _)| at_ms));
+        let others = [&mut self.stall_until]
+            .into_iter()
+            .chain(&mut self.away_until)
+            .chain(&mut self.hang_until);
+        let now_ms = self.now_ms;
+        moments
+            .chain(others.filter(|until| **until >= now_ms))
+            .for_each(|at_ms| *at_ms += TICK_MS);
+    }
+
+    /// The processes of the senders that are alive and awake.
+    fn live(&mut self) {
+        let host_ms = self.now_ms - self.slept_ms;
+        for (process, hang_until) in self.processes.iter().zip(&self.hang_until) {
+            if *hang_until > self.now_ms {
+                continue;
+            }
+            match self.alive.iter_mut().find(|(other, _)| other == process) {
+                Some((_, at_ms)) => *at_ms = host_ms,
+                None => self.alive.push((*process, host_ms)),
+            }
+        }
+    }
+
+    /// Before its deadlines pass: the lease of the path was renewed last at this moment. That wakes nobody.
+    fn look_at_lease(&mut self) {
+        let now = self.host();
+        let Some((path_id, _)) = self.bridge.lease().filter(|(_, until)| *until <= now) else {
+            return;
+        };
+        let Some((process, lease_ms)) = self.judge.leased(path_id) else {
+            return;
+        };
+        let mut alive = self.alive.iter().filter(|(other, _)| *other == process);
+        let renewed_ms = match self.plant {
+            Plant::SendersLiveForEver => Some(self.now_ms - self.slept_ms),
+            _ => alive.next().map(|(_, at)| at - at % (lease_ms / RENEWALS)),
+        };
+        if let Some(at_ms) = renewed_ms {
+            let at = MonotonicNs((EPOCH_MS + at_ms) * MS);
+            self.apply(Input::LeaseRenewed(at));
+        }
+    }
+
     /// The bridge reads the line, the requests and what else has come, and then its deadlines pass.
     fn wake(&mut self) {
+        self.judge.awake();
+        let slept_ms = std::mem::take(&mut self.unseen_sleep_ms);
+        if slept_ms > 0 && self.plant != Plant::SleepIsNothing {
+            self.apply(Input::Suspended(slept_ms * MS));
+            self.exchange();
+        }
         let line = std::mem::take(&mut self.line);
         if !line.is_empty() {
             self.apply(Input::Received(&line));
@@ -554,21 +675,16 @@ impl Machine {
             .ended
             .partition_point(|(at, _)| at + TOLD_MS <= self.now_ms);
         for (_, process) in self.ended.drain(..told).collect::<Vec<_>>() {
+            let process = match (self.plant, self.bridge.path_sender()) {
+                (Plant::WrongProcess, Some(sender)) => sender,
+                _ => process,
+            };
             if !live_for_ever {
                 self.apply(Input::ProcessEnded(process));
                 self.exchange();
             }
         }
-        if let Some((path_id, _)) = self.bridge.lease()
-            && let Some((process, lease_ms)) = self.judge.leased(path_id)
-        {
-            let sender = self.processes.iter().position(|other| *other == process);
-            let lives = sender.is_some_and(|sender| self.hang_until[sender] <= self.now_ms);
-            if live_for_ever || lives && self.now_ms >= self.renewed_ms + lease_ms / RENEWALS {
-                self.renewed_ms = self.now_ms;
-                self.apply(Input::LeaseRenewed(self.host()));
-            }
-        }
+        self.look_at_lease();
         self.apply(Input::Advance);
         self.exchange();
     }
@@ -580,10 +696,24 @@ impl Machine {
                 issued_ns: now,
                 ..data
             }),
-            (Plant::NoMoment, Request::Movement(data)) => Request::Movement(MovementData {
-                begin_by_ns: now + 60_000 * MS,
+            (Plant::NoMomentOfTakeOff, Request::Movement(data))
+                if data.kind() != Some(MovementKind::TakeOff) =>
+            {
+                request
+            }
+            (Plant::NoMoment | Plant::NoMomentOfTakeOff, Request::Movement(data)) => {
+                Request::Movement(MovementData {
+                    begin_by_ns: now + 60_000 * MS,
+                    ..data
+                })
+            }
+            (Plant::HoldsForLand, Request::Movement(data)) => Request::Movement(MovementData {
+                sender_lost: data.sender_lost.min(SenderLost::Hold.code()),
                 ..data
             }),
+            (Plant::AfterRefused, Request::Movement(data)) if self.judge.is_refused(data.after) => {
+                Request::Movement(MovementData { after: 0, ..data })
+            }
             _ => request,
         }
     }
@@ -644,19 +774,38 @@ impl Machine {
         while !rest.is_empty() {
             let (used, decoded) = self.uplink.receive(rest);
             rest = &rest[used..];
-            if let Decoded::Message(received) = decoded
-                && let Uplink::Waypoint(waypoint) = received.message
-            {
-                let home_m = self
-                    .simulator
-                    .helicopter()
-                    .world()
-                    .to_geographic(Vector::ZERO)
-                    .altitude_m;
-                let half_steps = (waypoint.altitude_m - home_m - HEIGHT_M) / STEP_M * 2.0;
-                let half_steps = half_steps.round().max(0.0) as usize;
-                self.judge
-                    .waypoint_sent(half_steps / 2, half_steps.is_multiple_of(2));
+            let Decoded::Message(received) = decoded else {
+                continue;
+            };
+            match received.message {
+                Uplink::Waypoint(waypoint) => {
+                    let home_m = self
+                        .simulator
+                        .helicopter()
+                        .world()
+                        .to_geographic(Vector::ZERO)
+                        .altitude_m;
+                    let half_steps = (waypoint.altitude_m - home_m - HEIGHT_M) / STEP_M * 2.0;
+                    let half_steps = half_steps.round().max(0.0) as usize;
+                    self.judge
+                        .sent(half_steps / 2, half_steps.is_multiple_of(2));
+                }
+                Uplink::Command(Command::Write32 {
+                    port: port::TAKE_OFF_ALTITUDE_M,
+                    value,
+                }) => {
+                    let steps = (f64::from(value) - TAKE_OFF_M) / TAKE_OFF_STEP_M;
+                    self.take_off = steps.round().max(0.0) as usize;
+                }
+                Uplink::Command(Command::Write16 { port, value: 1 }) => match port {
+                    port::TAKE_OFF if self.next_id > FIRST_ID => {
+                        self.judge.sent(self.take_off, true)
+                    }
+                    port::LAND => self.judge.path_invalidated(true),
+                    _ => {}
+                },
+                Uplink::Command(Command::InvalidatePath) => self.judge.path_invalidated(false),
+                Uplink::Command(_) => {}
             }
         }
     }
@@ -682,7 +831,7 @@ impl Machine {
             let follows = state.functionality() == Some(Functionality::FollowingPath);
             self.judge.look(
                 follows.then_some(state.movement.path_id),
-                self.stall_until <= self.now_ms,
+                self.stall_until.max(self.asleep_until) <= self.now_ms,
             );
         }
     }
@@ -712,6 +861,7 @@ mod tests {
                 ran.began > 0 && ran.superseded > 0 && ran.too_late > 0 && ran.lost > 0,
                 "{ran}"
             );
+            assert!(ran.take_offs > 0 && ran.sleeps > 0, "{ran}");
             assert!(ran.copies > 0 && ran.restarts > 0 && ran.steps > 0, "{ran}");
         }
     }

@@ -11,8 +11,10 @@ const ACTS_MS: u64 = 12_000;
 const SENDERS: u64 = 4;
 
 /// A run.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Sequence {
+    /// The helicopter stands, and the module was never started; otherwise it hovers.
+    pub on_ground: bool,
     pub senders: Vec<SenderPlan>,
     /// When and what, in order.
     pub acts: Vec<(u64, Act)>,
@@ -40,6 +42,8 @@ pub enum Act {
     Hangs(usize, u64),
     /// The bridge's process stands still.
     Stall(u64),
+    /// The machine is suspended: its processes and its monotonic clock stand still, and nobody orders anything.
+    Sleep(u64),
     /// Nothing passes the line to the DSP, in both directions.
     Silence(u64),
     /// Of the bytes on the line, one in a hundred is damaged.
@@ -78,6 +82,7 @@ pub struct Order {
 pub enum What {
     /// To these places: east and north of home, m.
     Path(Vec<(f64, f64)>),
+    TakeOff,
     Hold,
     Land,
     Start,
@@ -115,8 +120,23 @@ impl Sequence {
         let mut acts: Vec<(u64, Act)> = (0..dice.count(6, 20))
             .map(|_| (dice.count(0, ACTS_MS), draw_act(dice, senders.len())))
             .collect();
+        let on_ground = dice.once_in(4);
+        if on_ground {
+            let sender = dice.count(0, senders.len() as u64 - 1) as usize;
+            let start = Order::at_once(sender, What::Start);
+            let take_off = Order {
+                what: What::TakeOff,
+                ..draw_order(dice, sender)
+            };
+            acts.push((dice.count(0, 500), Act::Order(start)));
+            acts.push((dice.count(500, 3000), Act::Order(take_off)));
+        }
         acts.sort_by_key(|(at, _)| *at);
-        Sequence { senders, acts }
+        Sequence {
+            on_ground,
+            senders,
+            acts,
+        }
     }
 
     /// The shortest sequence that still `fails`, as far as leaving out and simplifying acts one by one finds it.
@@ -147,6 +167,22 @@ impl Sequence {
     }
 }
 
+impl Order {
+    /// An order that comes at once, and says nothing but what it is.
+    pub fn at_once(sender: usize, what: What) -> Order {
+        Order {
+            sender,
+            what,
+            late_ms: 0,
+            copy_ms: None,
+            within_ms: None,
+            is_step: false,
+            lost: None,
+            lease_ms: None,
+        }
+    }
+}
+
 impl Act {
     /// What is a little less than this act.
     fn simpler(&self) -> Vec<Act> {
@@ -173,7 +209,7 @@ impl Act {
 
 fn draw_act(dice: &mut Dice, senders: usize) -> Act {
     let sender = dice.count(0, senders as u64 - 1) as usize;
-    match dice.count(0, 39) {
+    match dice.count(0, 40) {
         0 | 1 => Act::Dies(sender),
         2 => Act::Hangs(sender, dice.count(200, 4000)),
         3..=5 => Act::Stall(dice.count(50, 2500)),
@@ -183,13 +219,15 @@ fn draw_act(dice: &mut Dice, senders: usize) -> Act {
         9 => Act::Restart(dice.count(50, 2000)),
         10 => Act::Pilot(dice.count(100, 3000)),
         11 => Act::NoFix(dice.count(100, 3000)),
+        12 => Act::Sleep(dice.count(50, 4000)),
         _ => Act::Order(draw_order(dice, sender)),
     }
 }
 
 fn draw_order(dice: &mut Dice, sender: usize) -> Order {
-    let what = match dice.count(0, 15) {
+    let what = match dice.count(0, 16) {
         0 => What::Land,
+        16 => What::TakeOff,
         1 | 2 => What::Hold,
         3 => What::Stop,
         4..=6 => What::Start,
