@@ -28,8 +28,8 @@ pub const TABLE: Table = Table {
             "when something was there",
         ),
         (
-            "Schema Data/displayName @schemaUrl",
-            "the kinds of the data",
+            "Data/displayName SimpleField/displayName @schemaUrl @type",
+            "how the data is kept and shown",
         ),
         (
             "@id @targetId @hint @version :schemaLocation :lang",
@@ -64,7 +64,11 @@ fn read_features(shapes: &mut Shapes, container: &Node, count: &mut u32) -> Resu
                 read_placemark(shapes, node.take())?;
             }
             // The kinds of the data.
-            "Schema" => node.skip(),
+            "Schema" => {
+                let fields = node.take().all("SimpleField");
+                let names = fields.chain([node]).filter_map(|kind| kind.one("@name"));
+                names.for_each(Node::skip);
+            }
             _ => {}
         }
     }

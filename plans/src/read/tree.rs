@@ -253,7 +253,7 @@ impl Remarks {
 }
 
 /// Words in the names of data that other programs keep which may say where, how high, how fast or whether something is flown.
-const FLIGHT_WORDS: &str = "action agl alt altitude altitudes amsl ceiling coordinates coords crs datum delay ele elev elevation \
+pub const FLIGHT_WORDS: &str = "action agl alt altitude altitudes amsl ceiling coordinates coords crs datum delay ele elev elevation \
     exclusion fence floor geofence geometry height hold hover inclusion kind land landing lat latitude lng loiter lon longitude msl \
     offset radius rpt speed srs takeoff velocity wait waypoint";
 
