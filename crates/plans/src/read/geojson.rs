@@ -14,13 +14,10 @@ use crate::model::{Altitude, Plan};
 /// What members of GeoJSON mean that are not read.
 pub const TABLE: Table = Table {
     harmless: &[
-        ("bbox", "the box round all coordinates"),
-        (
-            "id title description /name /generator /copyright /timestamp",
-            "names and origin",
-        ),
+        "bbox = the box round all coordinates",
+        "id title description /name /generator /copyright /timestamp = names and origin",
     ],
-    named: ("", ""),
+    named: "",
     open: "geometry",
     flight: "geometry geometries coordinates features properties action hold_s speed_mps altitude_reference kind radius_m crs",
 };

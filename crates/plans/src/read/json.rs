@@ -89,6 +89,14 @@ impl<'de> DeserializeSeed<'de> for NodeSeed<'_> {
     }
 }
 
+macro_rules! scalars {
+    ($($visit:ident($scalar:ident: $type:ty) => $value:expr;)*) => {
+        $(fn $visit<E>(self, $scalar: $type) -> Result<Self::Value, E> {
+            Ok(($value, Vec::new()))
+        })*
+    };
+}
+
 struct ValueVisitor<'a>(&'a Place);
 
 impl<'de> Visitor<'de> for ValueVisitor<'_> {
@@ -98,28 +106,16 @@ impl<'de> Visitor<'de> for ValueVisitor<'_> {
         f.write_str("a value")
     }
 
+    scalars! {
+        visit_bool(flag: bool) => Value::Flag(flag);
+        visit_i64(number: i64) => Value::Number(number as f64);
+        visit_u64(number: u64) => Value::Number(number as f64);
+        visit_f64(number: f64) => Value::Number(number);
+        visit_str(text: &str) => Value::Text(text.to_owned());
+    }
+
     fn visit_unit<E>(self) -> Result<Self::Value, E> {
         Ok((Value::Null, Vec::new()))
-    }
-
-    fn visit_bool<E>(self, value: bool) -> Result<Self::Value, E> {
-        Ok((Value::Flag(value), Vec::new()))
-    }
-
-    fn visit_i64<E>(self, value: i64) -> Result<Self::Value, E> {
-        Ok((Value::Number(value as f64), Vec::new()))
-    }
-
-    fn visit_u64<E>(self, value: u64) -> Result<Self::Value, E> {
-        Ok((Value::Number(value as f64), Vec::new()))
-    }
-
-    fn visit_f64<E>(self, value: f64) -> Result<Self::Value, E> {
-        Ok((Value::Number(value), Vec::new()))
-    }
-
-    fn visit_str<E>(self, value: &str) -> Result<Self::Value, E> {
-        Ok((Value::Text(value.to_owned()), Vec::new()))
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {

@@ -14,32 +14,14 @@ use crate::model::{Altitude, Plan, Reference};
 /// What elements of KML mean that are not read.
 pub const TABLE: Table = Table {
     harmless: &[
-        (
-            "name description Snippet snippet address phoneNumber :author :link :AddressDetails",
-            "texts for people",
-        ),
-        (
-            "Style StyleMap styleUrl ListStyle open tessellate extrude gx:drawOrder gx:balloonVisibility LookAt Camera Region \
-          LinearRing/altitudeMode",
-            "how it is drawn, or looked at",
-        ),
-        (
-            "TimeStamp TimeSpan gx:TimeStamp gx:TimeSpan",
-            "when something was there",
-        ),
-        (
-            "Schema Data/displayName @schemaUrl",
-            "the kinds of the data",
-        ),
-        (
-            "@id @targetId @hint @version :schemaLocation :lang",
-            "marks of the file itself",
-        ),
+        "name description Snippet snippet address phoneNumber :author :link :AddressDetails = texts for people",
+        "Style StyleMap styleUrl ListStyle open tessellate extrude gx:drawOrder gx:balloonVisibility gx:CascadingStyle gx:Carousel LookAt Camera Region \
+          LinearRing/altitudeMode = how it is drawn, or looked at",
+        "TimeStamp TimeSpan gx:TimeStamp gx:TimeSpan = when something was there",
+        "Data/displayName SimpleField/displayName @schemaUrl @type = how the data is kept and shown",
+        "@id @targetId @hint @version :schemaLocation :lang = marks of the file itself",
     ],
-    named: (
-        "GroundOverlay ScreenOverlay PhotoOverlay Metadata",
-        "pictures and data beside the placemarks",
-    ),
+    named: "GroundOverlay ScreenOverlay PhotoOverlay Metadata = pictures and data beside the placemarks",
     open: "ExtendedData",
     flight: "Document Folder Placemark Point LineString LinearRing Polygon MultiGeometry outerBoundaryIs innerBoundaryIs coordinates \
         ExtendedData Data SchemaData SimpleData Track MultiTrack Model Tour NetworkLink altitudeOffset @name",
@@ -64,7 +46,11 @@ fn read_features(shapes: &mut Shapes, container: &Node, count: &mut u32) -> Resu
                 read_placemark(shapes, node.take())?;
             }
             // The kinds of the data.
-            "Schema" => node.skip(),
+            "Schema" => {
+                let fields = node.take().all("SimpleField");
+                let names = fields.chain([node]).filter_map(|kind| kind.one("@name"));
+                names.for_each(Node::skip);
+            }
             _ => {}
         }
     }

@@ -46,3 +46,53 @@ pub fn read(name: &Path, bytes: &[u8]) -> Result<Plan, ReadError> {
         PlanFormat::Gpx => gpx::read(text),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::tree::{FLIGHT_WORDS, Table};
+    use super::*;
+
+    const TABLES: [(&str, &Table); 4] = [
+        ("QGroundControl `.plan`", &qgc_plan::TABLE),
+        ("GeoJSON", &geojson::TABLE),
+        ("KML", &kml::TABLE),
+        ("GPX", &gpx::TABLE),
+    ];
+
+    fn row(format: &str, row: &str) -> String {
+        let (names, reason) = row.split_once(" = ").unwrap_or_default();
+        let names: Vec<String> = names
+            .split_whitespace()
+            .map(|name| format!("`{name}`"))
+            .collect();
+        format!("| {format} | {} | {reason} |", names.join(", "))
+    }
+
+    #[test]
+    fn what_is_left_out_without_a_word_is_what_the_document_says() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+            .ancestors()
+            .find(|folder| folder.join("docs/plans.md").exists());
+        let document = std::fs::read_to_string(path.unwrap().join("docs/plans.md")).unwrap();
+        let harmless = TABLES
+            .iter()
+            .flat_map(|(format, table)| table.harmless.iter().map(move |one| row(format, one)));
+        let properties = format!(
+            "{} = properties: names, times and styles",
+            shapes::HARMLESS_PROPERTIES
+        );
+        let properties = row("GeoJSON, KML", &properties);
+        let named = TABLES
+            .iter()
+            .map(|(format, table)| row(format, table.named));
+        let harmless: Vec<String> = harmless.chain([properties]).collect();
+        let named: Vec<String> = named.filter(|row| !row.contains("|  |")).collect();
+        let words: Vec<&str> = FLIGHT_WORDS.split_whitespace().collect();
+        for expected in [harmless.join("\n"), named.join("\n"), words.join(", ")] {
+            assert!(
+                document.contains(&expected),
+                "docs/plans.md should have:\n{expected}"
+            );
+        }
+    }
+}

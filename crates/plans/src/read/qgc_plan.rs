@@ -26,30 +26,15 @@ const SAME_ALTITUDE_M: f64 = 0.01;
 /// What members of plans mean that are not read.
 pub const TABLE: Table = Table {
     harmless: &[
-        (
-            "fileType groundStation MAV_AUTOPILOT firmwareType vehicleType version",
-            "which program wrote it, in which form",
-        ),
-        (
-            "cruiseSpeed globalPlanAltitudeMode",
-            "what QGroundControl gives to new items, and reckons with",
-        ),
-        (
-            "doJumpId id",
-            "numbers that only jumps need, which are not flown",
-        ),
-        (
-            "angle polygon polyline entryLocation flyAlternateTransects splitConcavePolygons CorridorWidth CameraCalc CameraShots \
+        "fileType groundStation MAV_AUTOPILOT firmwareType vehicleType version = which program wrote it, in which form",
+        "cruiseSpeed globalPlanAltitudeMode = what QGroundControl gives to new items, and reckons with",
+        "doJumpId id = numbers that only jumps need, which are not flown",
+        "angle polygon polyline entryLocation flyAlternateTransects splitConcavePolygons CorridorWidth CameraCalc CameraShots \
           CameraTriggerInTurnAround FollowTerrain HoverAndCapture Refly90Degrees TurnAroundDistance VisualTransectPoints EntryPoint \
           TerrainFlightSpeed TerrainAdjustMaxClimbRate TerrainAdjustMaxDescentRate TerrainAdjustTolerance camera grid manualGrid \
-          fixedValueIsAltitude cameraOrientationLandscape refly90Degrees hoverAndCapture cameraTriggerDistance",
-            "what the simple items of a survey or corridor were made from",
-        ),
+          fixedValueIsAltitude cameraOrientationLandscape refly90Degrees hoverAndCapture cameraTriggerDistance = what the simple items of a survey or corridor were made from",
     ],
-    named: (
-        "breachReturn",
-        "the return point after a breach of the fence",
-    ),
+    named: "breachReturn = the return point after a breach of the fence",
     // Members of the file and of the mission that QGroundControl does not write are those of other programs.
     open: "mission",
     flight: "mission items Items params param1 param2 param3 param4 coordinate frame command Altitude AltitudeMode AMSLAltAboveTerrain \

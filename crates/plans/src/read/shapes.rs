@@ -81,15 +81,8 @@ impl Shapes {
     }
 
     fn number(&self, name: &str) -> Result<Option<f64>, ReadError> {
-        let Some((text, line)) = self.stated(name) else {
-            return Ok(None);
-        };
-        let number = whole_number(text).filter(|number| *number >= 0.0);
-        let found = clean(text);
-        let reason = format!("`{name}` is `{found}`, which is no number from 0 up");
-        number
-            .map(Some)
-            .ok_or_else(|| ReadError::line(line, reason))
+        let read = |text: &str| whole_number(text).filter(|number| *number >= 0.0);
+        self.one_of(name, "a number from 0 up", read)
     }
 
     fn one_of<T>(
@@ -171,13 +164,15 @@ impl Shapes {
         if actions.len() > 1 && hold_s == 0.0 {
             actions.retain(|action| !matches!(action, Action::Hold { .. }));
         }
-        let mut allowed = "action speed_mps altitude_reference hold_s";
-        if let [Action::Land { .. } | Action::ReturnToLaunch] = actions[..] {
-            if altitude.metres().is_some_and(|metres| metres != 0.0) {
-                let text = "the altitude of a landing is not used: it is flown to as high as the item before";
-                self.remarks.add(self.line, text, false);
-            }
-            allowed = "action speed_mps altitude_reference";
+        let is_return = matches!(actions[..], [Action::ReturnToLaunch]);
+        let allowed = match is_return && hold_s > 0.0 {
+            true => "action speed_mps altitude_reference",
+            false => "action speed_mps altitude_reference hold_s",
+        };
+        let is_landing = is_return || matches!(actions[..], [Action::Land { .. }]);
+        if is_landing && altitude.metres().is_some_and(|metres| metres != 0.0) {
+            let text = "the altitude of a landing is not used: it is as high as the item before";
+            self.remarks.add(self.line, text, false);
         }
         self.only("such a point", allowed);
         self.speed()?;

@@ -134,9 +134,9 @@ pub fn whole_number(text: &str) -> Option<f64> {
     text.parse().ok().filter(|number: &f64| number.is_finite())
 }
 
-/// Names apart by blanks, and why nothing follows from them. `a/b` is `b` directly in `a`; a name that begins with a colon has any
-/// prefix.
-pub type Row = (&'static str, &'static str);
+/// Names apart by blanks, ` = `, and why nothing follows from them. `a/b` is `b` directly in `a`; a name that begins with a colon has
+/// any prefix.
+pub type Row = &'static str;
 
 /// What a format says of the nodes that its reader does not take.
 pub struct Table {
@@ -150,9 +150,10 @@ pub struct Table {
     pub flight: &'static str,
 }
 
-/// Whether `node`, which lies in `parent`, is one of these names.
-fn is_one_of(names: &str, parent: &Node, node: &Node) -> bool {
+/// Whether `node`, which lies in `parent`, has one of the names of a row.
+fn is_one_of(row: Row, parent: &Node, node: &Node) -> bool {
     let (local, full) = (node.local_name(), node.name.as_str());
+    let names = row.split(" = ").next().unwrap_or_default();
     names
         .split_whitespace()
         .any(|name| match name.split_once('/') {
@@ -207,8 +208,8 @@ impl Remarks {
         let mut harmless = table.harmless.iter();
         let (forbids, culprit) = match inner {
             Some(inner) => (true, inner),
-            None if harmless.any(|(names, _)| is_one_of(names, parent, node)) => return,
-            None if is_one_of(table.named.0, parent, node) => (false, node),
+            None if harmless.any(|row| is_one_of(row, parent, node)) => return,
+            None if is_one_of(table.named, parent, node) => (false, node),
             None if is_open => {
                 let inner = node.find(&|node| speaks_of_flying(&node.name));
                 (inner.is_some(), inner.unwrap_or(node))
@@ -253,7 +254,7 @@ impl Remarks {
 }
 
 /// Words in the names of data that other programs keep which may say where, how high, how fast or whether something is flown.
-const FLIGHT_WORDS: &str = "action agl alt altitude altitudes amsl ceiling coordinates coords crs datum delay ele elev elevation \
+pub const FLIGHT_WORDS: &str = "action agl alt altitude altitudes amsl ceiling coordinates coords crs datum delay ele elev elevation \
     exclusion fence floor geofence geometry height hold hover inclusion kind land landing lat latitude lng loiter lon longitude msl \
     offset radius rpt speed srs takeoff velocity wait waypoint";
 

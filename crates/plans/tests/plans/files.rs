@@ -172,7 +172,7 @@ fn gpx() {
     1 (route 1, point 1, line 6) waypoint `north` at 37.4114 -6.001, 30.0 m above sea
     2 (route 1, point 2, line 7) waypoint at 37.4114 -6.0014, 31.2 m above sea
     3 (route 1, point 3, line 8) waypoint at 37.4111 -6.0014, no altitude
-    left out (Payload): line 10: track 1 (2 points) stands beside route 1, which is flown
+    left out (Payload): line 11: track 1 (2 points) stands beside route 1, which is flown
     left out (Payload): line 3: waypoints (1 points) stands beside route 1, which is flown
     "###);
 }

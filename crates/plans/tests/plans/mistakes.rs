@@ -104,7 +104,7 @@ fn of_geojson() {
         (feature(r#"{"action":"jump"}"#, POINT), "line 1: `action` is `jump`; it can be waypoint"),
         (feature(r#"{"kind":"forest"}"#, POINT), "line 1: `kind` is `forest`; it can be inclusion or exclusion"),
         (feature(r#"{"kind":"exclusion"}"#, POINT), "feature 1, line 1: a point with a `kind` needs a `radius_m`"),
-        (feature(r#"{"hold_s":-1}"#, POINT), "line 1: `hold_s` is `-1`, which is no number from 0 up"),
+        (feature(r#"{"hold_s":-1}"#, POINT), "line 1: `hold_s` is `-1`; it can be a number from 0 up"),
         (feature(r#"{"altitude_reference":"moon"}"#, POINT), "line 1: `altitude_reference` is `moon`; it can be take-off"),
         (feature("null", r#"{"type":"Point","coordinates":[-6,97,9]}"#), "feature 1, line 1: the latitude 97"),
     ];

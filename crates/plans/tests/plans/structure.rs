@@ -276,7 +276,7 @@ const NAMES: [&str; 14] = [
 ];
 
 /// From these names nothing follows: a property that becomes one of them is a property that is left out.
-const QUIET: &str = "name description id time bbox stroke styleUrl camera visibility";
+const QUIET: &str = "name description id time bbox stroke styleUrl camera visibility CameraCalc";
 
 fn is_quiet(name: &str) -> bool {
     QUIET
