@@ -139,7 +139,7 @@ mod read_fence {
     }
 }
 
-/// See the module's documentation.
+/// The bridge's whole state: link, flight, safety rules and what is published, driven by [`apply`](Bridge::apply).
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Bridge {
     #[serde(skip)]
@@ -170,7 +170,7 @@ pub struct Bridge {
 struct CoreClock {
     /// For how long the machine was suspended since the bridge began.
     suspended: Duration,
-    /// The same before the last time.
+    /// `suspended` as it was before the last suspension.
     before: Duration,
     /// When the end of the last suspension was noticed, host monotonic.
     resumed: MonotonicNs,

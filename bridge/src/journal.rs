@@ -220,8 +220,8 @@ impl Snapshot {
         Ok(Snapshot { config, bridge })
     }
 
-    /// The same bridge with another configuration: what it would do from here on. Parameters and a geofence that were set at run
-    /// time stay.
+    /// This bridge with `config` in the place of its configuration: what it would do from here on. Parameters and a
+    /// geofence that were set at run time stay.
     ///
     /// # Errors
     /// Never for a snapshot that was restored.

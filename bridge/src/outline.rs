@@ -37,7 +37,7 @@ const AGAIN_PER_PIECE: Duration = Duration::from_secs(2);
 /// What the bridge holds.
 #[derive(Clone, Copy, Debug)]
 pub struct Outline<'a> {
-    /// Another one with every change, also after a restart.
+    /// Changes with every change of fence or path, also after a restart.
     pub number: u64,
     /// The geofence in force.
     pub fence: &'a Fence,

@@ -312,7 +312,7 @@ fn a_new_fence_ends_a_path_that_breaks_it_and_a_wrong_one_changes_nothing() {
     assert_eq!(rig.bridge.state().safety.fence_areas, 1);
     let outline = rig.bridge.outline().number;
     assert_eq!(rig.bridge.state().outline, outline);
-    // The same fence again changes nothing.
+    // An unchanged fence changes nothing.
     reload(&mut rig, 902, Ok(config(FENCE).fence));
     assert_eq!(rig.bridge.outline().number, outline);
 }

@@ -48,8 +48,8 @@ impl DynamicSubscriber {
         DynamicSubscriber::open_with(ipc, key, schema, LATEST)
     }
 
-    /// The same with the samples that were published before, at most [`HISTORY`] of them: for a process that hears of a topic
-    /// shortly after its publisher began, and wants all of it.
+    /// Opens the topic `key` with the samples that were published before, at most [`HISTORY`] of them: for a process
+    /// that hears of a topic shortly after its publisher began, and wants all of it.
     ///
     /// # Errors
     ///
@@ -311,7 +311,7 @@ pub fn schema_of(ipc: &Ipc, key: &str) -> Result<Schema, LoadError> {
     ipc.domain().schema_of(ipc.robot(), key)
 }
 
-/// The same for a process that does not take part: it only reads, and creates nothing.
+/// What services there are, for a process that does not take part: it only reads, and creates nothing.
 impl Domain {
     /// As [`topics`].
     pub fn topics(&self, robot: RobotId) -> Vec<ServiceFacts> {

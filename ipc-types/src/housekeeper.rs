@@ -39,7 +39,8 @@ use crate::{reserve, robot_folder};
 /// How often it looks for dead members though the kernel told of none, and for what else dead processes left.
 const PERIOD: Duration = Duration::from_secs(60);
 
-/// The same while the kernel cannot tell (each user has 128 inotify instances by default), or dead members could not be removed.
+/// How often it looks while the kernel cannot tell (each user has 128 inotify instances by default), or dead members
+/// could not be removed.
 const SHORT_PERIOD: Duration = Duration::from_secs(1);
 
 /// Shortest time between two looks: processes that end in groups are removed in groups.

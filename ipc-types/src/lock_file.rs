@@ -129,7 +129,7 @@ pub(crate) fn open_lock_file_in(
     open_in(folder, name, OFlags::empty(), path)
 }
 
-/// The same, and makes the file if need be; `None` if its folder was removed.
+/// Opens the file `name` of `folder`, and makes it if need be; `None` if its folder was removed.
 pub(crate) fn make_lock_file_in(
     folder: &File,
     name: &str,

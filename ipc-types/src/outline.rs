@@ -64,7 +64,7 @@ pub enum OutlineShape {
     },
 }
 
-/// See the module's documentation.
+/// Collects the pieces of `bridge/outline` until they are a whole [`Outline`].
 #[derive(Clone, Debug, Default)]
 pub struct OutlineReader {
     /// Of the outline that is being read: its number and how many pieces it has. At most [`MAX_PIECES`] are kept.

@@ -32,7 +32,7 @@ pub unsafe trait Payload: 'static {
     #[doc(hidden)]
     unsafe fn view(bytes: &[u8]) -> &Self::View;
 
-    /// The same to be filled in.
+    /// The bytes as the program fills them in.
     ///
     /// # Safety
     ///

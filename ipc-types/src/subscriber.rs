@@ -362,7 +362,7 @@ impl BytesSubscriber {
         self.drain_begun(begun, take)
     }
 
-    /// The same without emptying what has woken the port.
+    /// Hands on every sample that is there, in order, without emptying what has woken the port.
     fn drain_quietly(&mut self, take: impl FnMut(&[u8])) -> Result<usize, ReceiveError> {
         let followed = self.follow_if_alone();
         self.drain_begun(followed, take)

@@ -25,7 +25,7 @@ impl MonotonicNs {
         boot.saturating_sub(Duration::from_nanos(MonotonicNs::now().0))
     }
 
-    /// As the kernel has it.
+    /// This time in the kernel's form.
     pub(crate) fn timespec(self) -> rustix::time::Timespec {
         rustix::time::Timespec {
             tv_sec: (self.0 / 1_000_000_000) as i64,

@@ -208,7 +208,7 @@ impl Status {
         })
     }
 
-    /// The same with another configuration: what it would do from here on. Another kind of estimator begins anew.
+    /// Continues with another configuration: what it would do from here on. Another kind of estimator begins anew.
     pub(crate) fn reconfigure(
         &mut self,
         calibration: Calibration,
@@ -254,7 +254,7 @@ impl Status {
         self.manager.since()
     }
 
-    /// The same with `estimator`, which is fed with every sample.
+    /// Replaces the estimator by `estimator`, which is fed with every sample.
     #[must_use]
     pub fn with_estimator(mut self, estimator: Box<dyn Estimator + Send>) -> Status {
         self.estimator = Some(estimator);

@@ -241,7 +241,7 @@ fn is_plausible(dsp: &DspTelemetry, group: Group) -> bool {
     values.is_some_and(|values| wire_group(group).accepts(values))
 }
 
-/// The same group in the table of the wire: both are in the order of the mask's bits.
+/// The group of the wire's table that stands for `group`: both are in the order of the mask's bits.
 fn wire_group(group: Group) -> WireGroup {
     WireGroup::ALL[group as usize]
 }

@@ -38,7 +38,7 @@ impl Journaled {
         }
     }
 
-    /// The same with another estimator than the configured one.
+    /// Replaces the configured estimator by `estimator`.
     #[must_use]
     pub fn with_estimator(mut self, estimator: Box<dyn Estimator + Send>) -> Journaled {
         self.status = self.status.with_estimator(estimator);
@@ -167,7 +167,7 @@ impl Snapshot {
         Ok(Snapshot { config, status })
     }
 
-    /// The same core with another configuration: what it would do from here on.
+    /// This core with `config` in the place of its configuration: what it would do from here on.
     #[must_use]
     pub fn against(mut self, config: &Config) -> Snapshot {
         let calibration = config.calibration.clone();

@@ -192,7 +192,7 @@ impl Compiler {
             .expect("the example compiles");
     }
 
-    /// The same with the compiler's sanitizer of addresses.
+    /// Compiles `source` against the shared library with the compiler's sanitizer of addresses.
     ///
     /// # Errors
     ///

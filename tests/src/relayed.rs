@@ -52,14 +52,15 @@ impl Rig {
         Rig::between(robot, machine(ril, name), free_endpoint(), SPEED)
     }
 
-    /// The same with these machines, the robot's relay at `endpoint`, and a simulated clock that is `speed` times as fast.
+    /// Starts both machines with the robot's relay at `endpoint`, and a simulated clock that is `speed` times as fast.
     #[track_caller]
     pub fn between(robot: Sandbox, station: Sandbox, endpoint: String, speed: u32) -> Rig {
         let connect = endpoint.clone();
         Rig::over(robot, station, [endpoint, connect], speed)
     }
 
-    /// The same, where the robot's relay listens at the first endpoint, and the station's connects to the second one.
+    /// Starts both machines; the robot's relay listens at the first endpoint, and the station's connects to the second
+    /// one.
     #[track_caller]
     pub fn over(robot: Sandbox, station: Sandbox, endpoints: [String; 2], speed: u32) -> Rig {
         let [endpoint, connect] = endpoints;

@@ -42,7 +42,7 @@ impl Replay {
         Replay::start_for(domain, RobotId::DEFAULT, file)
     }
 
-    /// The same of another robot. The number of the robot that was recorded means nothing.
+    /// Starts playing `file` as `robot`. The number of the robot that was recorded means nothing.
     ///
     /// # Panics
     ///

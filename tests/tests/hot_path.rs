@@ -176,7 +176,7 @@ fn nothing_is_allocated_between_the_line_and_the_consumer() {
             dsp.round();
             seen = consumer.drain();
         }
-        // Another one who joins makes both journals have a snapshot, after which no buffer may be a new one.
+        // A second consumer that joins makes both journals have a snapshot, after which no buffer may be a new one.
         let mut second = Consumer::new(&domain.join("consumer"));
         while second.drain()[0] < WARM_UP {
             dsp.round();

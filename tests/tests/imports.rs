@@ -235,7 +235,8 @@ fn no_files_of_a_crate_import_in_circles() {
     }
 }
 
-/// The same of folders: of two siblings, files or folders, at most one needs the other. A parent may name its children, and they it.
+/// Folders import in no circle: of two siblings, files or folders, at most one needs the other. A parent may name its
+/// children, and they it.
 #[test]
 fn no_folders_of_a_crate_import_in_circles() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

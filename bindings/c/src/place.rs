@@ -31,7 +31,7 @@ pub fn utc_ns(monotonic_ns: u64) -> u64 {
     utc_at(monotonic_ns, MonotonicNs::now().0, unix_ns)
 }
 
-/// The same, `now_ns` being `unix_ns`.
+/// The moment `monotonic_ns` in Unix time, if the host's clocks show `now_ns` and `unix_ns`; 0 of 0.
 fn utc_at(monotonic_ns: u64, now_ns: u64, unix_ns: u64) -> u64 {
     match monotonic_ns {
         0 => 0,

@@ -124,8 +124,8 @@ impl Serving {
         })
     }
 
-    /// The same, and each request is carried out once: one that is sent again gets the reports of the first. A client that is gone ends
-    /// nothing, so no [`ServingEvent::Gone`] comes.
+    /// Opens the service so that each request is carried out once: one that is sent again gets the reports of the
+    /// first. A client that is gone ends nothing, so no [`ServingEvent::Gone`] comes.
     ///
     /// # Errors
     ///
@@ -141,7 +141,7 @@ impl Serving {
         &self.server
     }
 
-    /// The same, to wait for.
+    /// The server below, as something to wait for.
     pub fn source(&mut self) -> &mut DynamicServer {
         &mut self.server
     }

@@ -111,7 +111,7 @@ pub struct MovementLimits {
     pub sender_lost: SenderLost,
 }
 
-/// As the name that people write.
+/// Reads and writes a [`SenderLost`] by its name in the configuration file.
 mod by_name {
     use ipc_types::code::SenderLost;
     use serde::de::{Deserialize, Deserializer, Error};

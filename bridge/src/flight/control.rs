@@ -45,7 +45,7 @@ pub enum SenderClock {
     /// The bridge's own.
     #[default]
     Own,
-    /// Another one.
+    /// A clock with another zero.
     Other,
     /// The process is not seen from here: it may be another one.
     Unknown,
@@ -102,7 +102,7 @@ pub enum Asks {
     Everyones,
 }
 
-/// See the module's documentation.
+/// Who commands the helicopter, and whose movements are taken.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Control {
     #[serde(skip)]

@@ -18,7 +18,7 @@ use super::control::Who;
 use super::request::RequestHeader;
 use crate::safety::Violation;
 
-/// See the module's documentation.
+/// The last order to the helicopter: what it was, and its request.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LastOrder {
     /// What it was.

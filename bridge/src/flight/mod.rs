@@ -76,7 +76,7 @@ pub struct Context<'a> {
     pub out: &'a mut dyn Outputs,
 }
 
-/// See the module's documentation.
+/// The state of the module's functionality: requests and events of the link in, commands and reports out.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Flight {
     #[serde(skip)]

@@ -114,7 +114,7 @@ impl Verdict {
         Verdict { detail, ..self }
     }
 
-    /// The same for a request that has come as far as `stage`.
+    /// This verdict for a request that has come as far as `stage`.
     #[must_use]
     pub const fn at(self, stage: Stage) -> Verdict {
         Verdict { stage, ..self }

@@ -87,7 +87,7 @@ pub enum NotQueued {
     NotStartedUp,
 }
 
-/// See the module's documentation.
+/// The state of the link to the DSP: bytes and the time in, bytes and [`LinkEvent`]s out.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Link {
     #[serde(skip)]

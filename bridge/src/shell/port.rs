@@ -71,7 +71,7 @@ enum Outcome {
     Closed,
 }
 
-/// See the module's documentation.
+/// The serial port while it is open, and when the next attempt to open it is due while it is not.
 pub(super) struct PortSlot {
     config: SerialConfig,
     thread: Helper<PortJob, PortResult>,

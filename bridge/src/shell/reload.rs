@@ -49,7 +49,7 @@ impl Waiting {
     }
 }
 
-/// See the module's documentation.
+/// Reads the geofence's file in a thread, and holds the requests that wait for a reading.
 pub(super) struct FenceReader {
     thread: Helper<u64, (u64, ReadFence)>,
     waiting: VecDeque<Waiting>,

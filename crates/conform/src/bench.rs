@@ -217,7 +217,8 @@ impl Bench {
         self.ask_behind(command.into(), false).await
     }
 
-    /// The same; `passes_others`: acknowledgements of other commands may come before it.
+    /// Sends a command and waits for its acknowledgement; `passes_others`: acknowledgements of other commands may come
+    /// before it.
     async fn ask_behind(&self, command: Permitted, passes_others: bool) -> Judged<Arrival> {
         let Uplink::Command(asked) = *command.message() else {
             return not_judged("a waypoint is not acknowledged");

@@ -162,7 +162,7 @@ impl Raw {
         Raw(bytes.into())
     }
 
-    /// The same with the bits of `flip` inverted in the byte at `index`, counted from the end if it is negative.
+    /// Inverts the bits of `flip` in the byte at `index`, counted from the end if it is negative.
     #[must_use]
     pub fn flip(mut self, index: isize, flip: u8) -> Raw {
         let at = if index < 0 {
@@ -197,7 +197,7 @@ impl Raw {
         self
     }
 
-    /// The same with the check field that a frame of `profile` with these bytes has.
+    /// Replaces the check field by the one that a frame of `profile` with these bytes has.
     #[must_use]
     pub fn sealed(mut self, profile: Profile) -> Raw {
         match profile {

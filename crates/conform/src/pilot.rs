@@ -191,7 +191,7 @@ pub(crate) async fn offer(
     Ok((after, link_errors(bench, mark)))
 }
 
-/// The same under a number of the caller's choice.
+/// Sends a waypoint under a number of the caller's choice, and asks how many the DSP holds then.
 pub(crate) async fn offer_as(
     bench: &Bench,
     proof: RotorDisconnected,

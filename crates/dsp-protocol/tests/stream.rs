@@ -443,7 +443,7 @@ fn noise_never_panics_and_every_byte_is_accounted_for() {
         1..4 => random.u8(..9),
         _ => random.u8(..128),
     };
-    // The same of the extended profile, where kinds are rarer to hit.
+    // Frames of the extended profile, where kinds are rarer to hit.
     let extended = |random: &mut Rng| match random.usize(..12) {
         0 => random.choice([0xDA, 0xB3]).unwrap(),
         1..6 => kind_of(CLASSIC[random.usize(..CLASSIC.len())]),

@@ -216,12 +216,13 @@ impl<C: DeserializeOwned + Default + Debug> SetUp<C> {
         SetUp::begin_with(args, default_file, |_| Ok(()))
     }
 
-    /// The same for a process whose command line replaces values of the configuration, or whose values must fit together: `check`
+    /// Begins a process whose command line replaces values of the configuration, or whose values must fit together:
+    /// `check`
     /// does the one and looks at the other. What it refuses has file and line, at a start as well as when only the configuration
     /// is to be checked.
     ///
     /// # Errors
-    /// As above.
+    /// Exit code 78 when the configuration or the environment is wrong, 1 when the signals have another owner.
     pub fn begin_with(
         args: &CommonArgs,
         default_file: &str,

@@ -115,7 +115,7 @@ pub fn run<W: Work>(args: &CommonArgs) -> Result<(), Failure> {
     run_with::<W>(config, &ipc, &termination, &supervisor)
 }
 
-/// The same without a process of its own, as a test has it: `termination` may be requested by hand.
+/// Runs a module without a process of its own, as a test has it: `termination` may be requested by hand.
 ///
 /// # Errors
 /// Exit code 1 when a service cannot be opened, the operating system cannot wait, or the module has the name of one of the RIL's own.

@@ -79,7 +79,7 @@ pub enum Progress {
     Taken,
 }
 
-/// The requests of one command; see the module's documentation.
+/// The requests of one command: says what to send when, what to wait for and when it is over.
 #[derive(Debug)]
 pub struct Exchange {
     requests: Vec<RequestState>,
@@ -418,7 +418,7 @@ impl<'a, R: Request> Conversation<'a, R> {
         Conversation::open_at(session, R::KEY, verb, timeout)
     }
 
-    /// The same over the service `key`, which carries `R` too.
+    /// Opens a conversation over the service `key`, which carries `R` too.
     pub fn open_at(
         session: &'a Session,
         key: &'static str,

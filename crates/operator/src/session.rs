@@ -219,7 +219,8 @@ impl Session {
     }
 }
 
-/// The same for any topic but `relay/stations`, which a robot's machine and a station's both have. The relay's own do not.
+/// Whether a topic other than `relay/stations`, which a robot's machine and a station's both have, comes from another
+/// machine. The relay's own do not.
 pub fn is_relayed(key: &str, provider: &Provider) -> bool {
     let is_own = key.split('/').next() == Some(RelayModule::NAME);
     provider.process == RelayModule::NAME && !is_own
@@ -359,7 +360,7 @@ impl<T: Topic> Latest<T> {
         })
     }
 
-    /// The same, or `None` if no process provides the topic.
+    /// Subscribes to the topic; `None` if no process provides it.
     pub fn open_if_provided(session: &Session) -> Result<Option<Latest<T>>, Failure> {
         match session.is_provided(T::KEY)? {
             true => Latest::open(&session.ipc).map(Some),

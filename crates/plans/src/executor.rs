@@ -34,7 +34,7 @@ pub enum Progress {
     Failed(String),
 }
 
-/// See the module's documentation.
+/// Gives out the steps of a flight one after the other, at most one of them open at a time.
 #[derive(Clone, Debug)]
 pub struct Executor {
     steps: Vec<Step>,

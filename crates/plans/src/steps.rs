@@ -56,7 +56,7 @@ impl Step {
 pub struct PathPoint {
     /// The item that it belongs to.
     pub item: u32,
-    /// As the DSP gets it, with its telemetry altitude.
+    /// What the DSP gets, with its telemetry altitude.
     pub waypoint: Waypoint,
 }
 

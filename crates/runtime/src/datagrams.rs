@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
-/// See the module's documentation. It never waits.
+/// A UDP socket that says of each datagram when the kernel received it. It never waits.
 #[derive(Debug)]
 pub struct StampedSocket {
     socket: UdpSocket,

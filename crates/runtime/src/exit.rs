@@ -105,7 +105,7 @@ impl Failure {
         self.signal
     }
 
-    /// The same failure with what to do about it, which is printed on a line of its own.
+    /// Adds what to do about the failure, which is printed on a line of its own.
     #[must_use]
     pub fn with_next_step(self, next_step: impl Into<String>) -> Failure {
         Failure {
@@ -154,7 +154,7 @@ impl Failure {
         }
     }
 
-    /// The same failure with `what` printed before it.
+    /// Has `what` printed before the failure.
     #[must_use]
     pub fn context(self, what: impl Into<String>) -> Failure {
         Failure {

@@ -87,42 +87,42 @@ impl Finding {
         }
     }
 
-    /// The same with what would be in order.
+    /// Adds what would be in order.
     #[must_use]
     pub fn with_limit(mut self, limit: impl Into<String>) -> Finding {
         self.limit = Some(limit.into());
         self
     }
 
-    /// The same with what to do about it.
+    /// Adds what to do about it.
     #[must_use]
     pub fn with_next_step(mut self, next_step: impl Into<String>) -> Finding {
         self.next_step = Some(next_step.into());
         self
     }
 
-    /// The same about this one of several things.
+    /// Says which one of several things it is about.
     #[must_use]
     pub fn about(mut self, item: u32) -> Finding {
         self.items.push(item);
         self
     }
 
-    /// The same on this leg.
+    /// Says on which leg it is.
     #[must_use]
     pub fn on_leg(mut self, leg: u32) -> Finding {
         self.leg = Some(leg);
         self
     }
 
-    /// The same with the metres by which a limit is exceeded.
+    /// Adds the metres by which a limit is exceeded.
     #[must_use]
     pub fn by_m(mut self, amount_m: f64) -> Finding {
         self.amount_m = Some(amount_m);
         self
     }
 
-    /// The same, which the operator does without if it could not be looked at.
+    /// Makes it a warning if it could not be looked at: the operator does without it.
     #[must_use]
     pub fn may_be_unchecked(mut self) -> Finding {
         if !self.is_checked {

@@ -307,7 +307,7 @@ impl Window {
         }
     }
 
-    /// The same span again every `period`, counted from beginning to beginning and no shorter than [`MIN_PERIOD`].
+    /// This span, repeated every `period`, counted from beginning to beginning and no shorter than [`MIN_PERIOD`].
     /// Nothing changes for a window without an end.
     #[must_use]
     pub fn every(self, period: Duration) -> Window {

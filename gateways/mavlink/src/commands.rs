@@ -136,7 +136,7 @@ struct NewestOrder {
     frame: FrameTime,
 }
 
-/// See the module's documentation.
+/// The commands that came of late, by which copies and outdated ones are known.
 #[derive(Clone, Debug, Default)]
 pub struct Commands {
     known: Vec<KnownCommand>,

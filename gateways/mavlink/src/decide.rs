@@ -143,7 +143,7 @@ fn accept() -> Decision {
     Decision::Answer(CommandAck::plain(MavResult::Accepted), None)
 }
 
-/// See the module's documentation. Commands that only ask for messages are none of its.
+/// What a command asks for, as the helicopter is now. Commands that only ask for messages never come here.
 pub fn decide(asked: &VehicleCommand, facts: &VehicleFacts<'_>) -> Decision {
     match asked.command {
         command::ARM_DISARM => match asked.param(1) {

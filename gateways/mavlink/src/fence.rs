@@ -59,7 +59,7 @@ pub fn items(outline: &Outline) -> Vec<Item> {
     items
 }
 
-/// See the module's documentation.
+/// The geofence that stations download, and the one that a station has sent, on its way to the bridge.
 #[derive(Clone, Debug)]
 pub struct Fence {
     reader: OutlineReader,
@@ -139,7 +139,7 @@ impl Fence {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StationFence {
     pub areas: Vec<FenceArea>,
-    /// The same as the bridge says it when it has it in force.
+    /// The areas as the bridge says them when it has them in force.
     pub items: Vec<Item>,
     pub has_return_point: bool,
 }

@@ -5,7 +5,7 @@
 use ipc_types::MonotonicNs;
 use ipc_types::payload::WaypointPosition;
 
-/// See the module's documentation. Altitudes have telemetry's zero.
+/// Where the helicopter's home is. Altitudes have telemetry's zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Home {
     /// The bridge has not seen the helicopter on the ground.

@@ -7,7 +7,7 @@ use crate::message::AVAILABLE_MODES;
 use crate::vehicle::Known;
 use crate::wire::MessageWriter;
 
-/// See the module's documentation.
+/// The flight mode that the heartbeat shows, derived from what the bridge does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// The pilot flies.

@@ -20,7 +20,7 @@ pub enum StationLost {
     Land,
 }
 
-/// See the module's documentation.
+/// What the operator has chosen for the gateway.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// The vehicle's number, 1 … 250.

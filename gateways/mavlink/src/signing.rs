@@ -102,7 +102,7 @@ struct SignedStream {
     newest: u64,
 }
 
-/// See the module's documentation.
+/// Signs frames, and judges the signatures of frames that come.
 #[derive(Clone, Debug)]
 pub struct Signing {
     key: SigningKey,

@@ -99,7 +99,7 @@ impl Route {
     }
 }
 
-/// See the module's documentation.
+/// The ground stations and scripts that were heard, and the routes by which messages go to them.
 #[derive(Clone, Debug)]
 pub struct Stations {
     heard: Vec<Station>,

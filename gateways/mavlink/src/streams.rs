@@ -53,7 +53,7 @@ streams! {
     GlobalPosition = GLOBAL_POSITION_INT, 50, Sample;
     /// Angles and rates.
     Attitude = ATTITUDE, 100, Sample;
-    /// The same as a quaternion; on request.
+    /// Angles and rates, with a quaternion; on request.
     AttitudeQuaternion = ATTITUDE_QUATERNION, 0, Sample;
     /// Place and velocity in metres.
     LocalPosition = LOCAL_POSITION_NED, 20, Sample;
@@ -160,7 +160,7 @@ fn on_grid(next: MonotonicNs, period: Duration, now: MonotonicNs, grace: Duratio
     next + period.saturating_mul(left_out)
 }
 
-/// See the module's documentation.
+/// When which message goes to a station that was heard.
 #[derive(Clone, Debug)]
 pub struct Streams {
     beats: [Beat; StreamId::ALL.len()],

@@ -33,7 +33,7 @@ pub enum Heard {
     Lost,
 }
 
-/// See the module's documentation.
+/// The newest samples of the helicopter, and whether it is heard.
 #[derive(Clone, Debug)]
 pub struct Vehicle {
     lost_after: Duration,
@@ -72,7 +72,7 @@ impl Vehicle {
         changed.then_some(heard)
     }
 
-    /// The same for programs, with the reason.
+    /// Whether the helicopter is heard, for programs, with the reason.
     pub fn shown(&self, now: MonotonicNs) -> MavlinkVehicle {
         if self.heard == Heard::Yes {
             return MavlinkVehicle::Heard;

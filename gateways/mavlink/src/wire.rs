@@ -253,7 +253,7 @@ impl MessageWriter {
         (0..count).fold(self, |message, _| message.u16(value))
     }
 
-    /// The same.
+    /// Adds one value several times.
     #[must_use]
     pub fn f32s(self, value: f32, count: usize) -> MessageWriter {
         (0..count).fold(self, |message, _| message.f32(value))
@@ -274,7 +274,7 @@ impl MessageWriter {
         self.encode(0, sequence, system, component)
     }
 
-    /// The same, which says that a signature follows.
+    /// The frame, which says that a signature follows, from `system` and `component`.
     pub fn frame_to_sign(&self, sequence: u8, system: u8, component: u8) -> Vec<u8> {
         self.encode(SIGNED, sequence, system, component)
     }

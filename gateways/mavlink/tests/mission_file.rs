@@ -12,7 +12,7 @@ pub fn check(bytes: &[u8]) {
     if let Ok(mission) = Mission::decode(bytes) {
         assert_eq!(mission.encode(), bytes);
     }
-    // The same bytes as items of a file that is whole.
+    // These bytes as items of a file that is whole.
     let items = bytes.as_chunks::<ITEM>().0;
     let mut file = b"RILM\x01\x00".to_vec();
     file.extend((items.len() as u16).to_le_bytes());

@@ -40,7 +40,8 @@ pub const MAX_SERVICES: u16 = 128;
 /// Longest [`ServicesPage`] before it is packed, bytes: the two longest schemas that there may be.
 pub const MAX_PAGE_TEXT: usize = 2 * MAX_TEXT_LEN;
 
-/// The same, packed: what cannot be made shorter becomes longer by 5 bytes of each 32 KiB, 6 bytes, and what is begun of each.
+/// Longest packed [`ServicesPage`]: what cannot be made shorter becomes longer by 5 bytes of each 32 KiB, 6 bytes, and
+/// what is begun of each.
 const MAX_PAGE_BYTES: usize = MAX_PAGE_TEXT + MAX_PAGE_TEXT / 4096 + 64;
 
 /// How hard a page is packed, of ten. It is done once, when its services are new.
@@ -137,7 +138,7 @@ pub enum Ask {
     },
 }
 
-/// See [`Ask::Ping`].
+/// A station's question for the robot's time, sent as [`Ask::Ping`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Ping {
     /// Instance of the station's relay: a number drawn when it began.
@@ -168,7 +169,7 @@ pub enum Reply {
     UnknownSession(u64),
 }
 
-/// See [`Reply::Pong`].
+/// The robot's answer to a [`Ping`], sent as [`Reply::Pong`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Pong {
     /// Instance of the robot's relay.

@@ -45,7 +45,7 @@ impl<T: Topic> OwnTopics<T> {
         sources.port(&mut self.details);
     }
 
-    /// The same for a set of ports, after which [`tend`](OwnTopics::tend) is to be called.
+    /// The descriptors of both ports, for a set of ports, after which [`tend`](OwnTopics::tend) is to be called.
     pub fn ports(&self) -> [Result<BorrowedFd<'_>, WaitError>; 2] {
         [self.state.descriptor(), self.details.descriptor()]
     }

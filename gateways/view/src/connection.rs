@@ -70,7 +70,7 @@ enum ConnectionStage {
     Ended,
 }
 
-/// See the module's documentation.
+/// One connection as HTTP, then maybe as a WebSocket.
 #[derive(Debug)]
 pub(crate) struct Connection {
     pub peer: Peer,

@@ -124,7 +124,7 @@ pub struct ChannelId(pub(crate) u32);
 pub struct Call {
     pub(crate) viewer: ViewerId,
     pub(crate) service: u32,
-    /// As the client calls it.
+    /// The client's own number of the call.
     pub(crate) call: u32,
 }
 
@@ -171,7 +171,7 @@ pub struct Settings {
     pub has_report: bool,
 }
 
-/// The other end of a connection, as the operating system knows it.
+/// What is at the remote end of a connection, as the operating system knows it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Peer {
     /// Its address.

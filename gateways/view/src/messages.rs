@@ -47,7 +47,7 @@ fn rounded(value: f64, decimals: i32) -> f64 {
     (value * scale).round() / scale + 0.0
 }
 
-/// The same of a number that may not be known.
+/// A number with so many decimals; `None` if it is not known.
 fn known(value: Option<f64>, decimals: i32) -> Option<f64> {
     value.map(|value| rounded(value, decimals))
 }
@@ -130,7 +130,7 @@ pub(crate) fn lasting(mut words: page::RobotStatus) -> page::RobotStatus {
     words
 }
 
-/// The same of the list of robots.
+/// The list of robots without what changes with each sample.
 pub(crate) fn lasting_list(mut robots: page::Robots) -> page::Robots {
     for robot in &mut robots.robots {
         robot.battery_v = None;

@@ -48,7 +48,7 @@ impl NowText {
     }
 }
 
-/// See the module's documentation.
+/// What waits for one page: states, events and reports in order, of `now` the newest.
 #[derive(Debug, Default)]
 pub(crate) struct Outbox {
     texts: VecDeque<Arc<str>>,

@@ -21,7 +21,7 @@ pub struct Hello {
     pub protocol: String,
     /// Hash of the page's files: a page of another build loads itself again.
     pub build: String,
-    /// Another one at each start of the server: then nothing that the page knew holds.
+    /// Changes with each start of the server: then nothing that the page knew holds.
     pub instance: String,
     /// What this page may do.
     pub role: Role,
@@ -208,7 +208,7 @@ pub struct Chart {
 /// Whether values are of the present, and how old they were when they were sent.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Age {
-    /// As the server judges.
+    /// What the server judges.
     pub freshness: Freshness,
     /// `None` if there are no values.
     pub age_ms: Option<u64>,

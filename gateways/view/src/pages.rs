@@ -29,7 +29,7 @@ pub const OPEN_TIME: Duration = Duration::from_secs(5);
 /// Most characters of what a page calls a ping.
 const MAX_PING_ID: usize = 64;
 
-/// See the module's documentation.
+/// All connected pages, and which one commands.
 #[derive(Debug)]
 pub(crate) struct Pages {
     greeting: Greeting,

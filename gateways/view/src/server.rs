@@ -573,7 +573,7 @@ impl Server {
         self.foxglove.sample(&sample, self.clock);
     }
 
-    /// The same with a line of a log, which no newer one replaces.
+    /// Sends a line of a log to the subscribers of its channel; no newer one replaces it.
     pub fn line(&mut self, channel: ChannelId, log_time_unix_ns: u64, bytes: impl Into<Arc<[u8]>>) {
         let line = Sample {
             channel,

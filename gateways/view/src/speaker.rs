@@ -38,7 +38,7 @@ struct Said {
     lines: u64,
 }
 
-/// See the module's documentation.
+/// Says which messages pages get, and when.
 #[derive(Default)]
 pub(crate) struct Speaker {
     said: BTreeMap<u32, Said>,

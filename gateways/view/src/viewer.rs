@@ -85,7 +85,7 @@ impl ConnectedPage {
     }
 }
 
-/// The other end, for the log.
+/// Who a peer is, for the log.
 pub(crate) fn from(peer: &Peer, name: Option<&str>) -> String {
     match name {
         Some(name) => format!("{} ({name})", peer.address),

@@ -28,7 +28,7 @@ pub struct Client {
     bytes: Vec<u8>,
 }
 
-/// See the module's documentation.
+/// A server whose clock stands until a test moves it, and its clients.
 pub struct World {
     pub server: Server,
     pub now: MonotonicNs,

@@ -4,7 +4,7 @@
 
 /// Bytes of a piece of the bridge's journal, and of status'.
 pub const BRIDGE_JOURNAL_ROOM: usize = 4056;
-/// See [`BRIDGE_JOURNAL_ROOM`].
+/// Bytes of a piece of status' journal.
 pub const STATUS_JOURNAL_ROOM: usize = 984;
 
 shared_struct! {

@@ -212,14 +212,15 @@ impl MovementData {
         MovementData::of_kind(request_id, MovementKind::Hold)
     }
 
-    /// The same request, allowed to replace a path that is under way.
+    /// Allows the request to replace a path that is under way.
     #[must_use]
     pub const fn preempting(self) -> MovementData {
         MovementData { preempt: 1, ..self }
     }
 
-    /// The same request as the next step of the command whose step before is the request `before`: it is taken only if nothing came
-    /// between. Of a path each waypoint is made so, and the path's last waypoint is the step before of what follows it.
+    /// Makes the request the next step of the command whose step before is the request `before`: it is taken only if
+    /// nothing came between. Of a path each waypoint is made so, and the path's last waypoint is the step before of
+    /// what follows it.
     #[must_use]
     pub const fn following(self, before: u64) -> MovementData {
         MovementData {

@@ -162,7 +162,7 @@ pub const fn check_topic<T: Topic>() {
     );
 }
 
-/// The same of a request.
+/// Checks at compile time that the struct of a request begins as the contract says.
 #[doc(hidden)]
 pub const fn check_request<R: Request>() {
     assert!(

@@ -228,7 +228,7 @@ pub struct RobotSummary {
     pub link: Option<String>,
     /// What its module does: status and functionality; `None` if that is not known.
     pub phase: Option<String>,
-    /// The same for people.
+    /// What its module does, in words for people.
     #[serde(skip)]
     pub doing: Option<String>,
     /// Whether it flies; `None` if no telemetry of the present came.

@@ -22,7 +22,7 @@ fn relayed(domain: &Domain, link: RelayLink) -> Publishing {
     relayed_with(domain, link, |_| {})
 }
 
-/// The same with a link that `change` changes from sample to sample.
+/// A relay on a station's machine whose link `change` changes from sample to sample.
 fn relayed_with(domain: &Domain, mut link: RelayLink, change: fn(&mut RelayLink)) -> Publishing {
     let domain = domain.clone();
     Publishing::start(PERIOD, move || {

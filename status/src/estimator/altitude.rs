@@ -369,7 +369,7 @@ impl Estimator for AltitudeEstimator {
         let moment = Moment::of(raw, hero);
         let previous = self.previous.replace(moment);
         let elapsed_s = match previous.map(|previous| moment.seconds_since(&previous)) {
-            // The same sample once more says nothing new.
+            // A sample without a newer time says nothing new.
             Some(Some(0.0)) => return self.estimate(0),
             Some(Some(elapsed_s)) => elapsed_s,
             Some(None) => {

@@ -46,7 +46,7 @@ impl LogLimits {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FileNameFormat {
-    /// As the original software does: `hero(1)_28_08_06-20_39_26.tsv`, day first.
+    /// Names of the original software: `hero(1)_28_08_06-20_39_26.tsv`, day first.
     #[default]
     Source,
     /// Names in the order of time: `hero1_2006-08-28T20-39-26Z.tsv`.

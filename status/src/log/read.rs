@@ -156,7 +156,7 @@ struct Columns {
     columns: Vec<Option<Column>>,
 }
 
-/// Reads a log. See the module's documentation.
+/// Reads a log row by row, and says of each line that is no row what is wrong with it.
 pub struct LogReader<R> {
     input: R,
     /// Nothing before the first line was read.

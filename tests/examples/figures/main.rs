@@ -12,8 +12,8 @@
 //! cargo run --release -p ril-tests --example figures -- undetected [--frames 1e8] [--seed 1] [--profile extended]
 //! ```
 //!
-//! The same seeds give the same figures. A failure prints its seed, and `--seeds 17` repeats it alone; the exit code is
-//! then not 0. All cores are used.
+//! Equal seeds give equal figures. A failure prints its seed, and `--seeds 17` repeats it alone; the exit code is then
+//! not 0. All cores are used.
 
 // The tests use the rest of what they share with this program.
 #![allow(dead_code)]

@@ -185,7 +185,7 @@ pub fn fly_bounded(seed: u64) -> Bounded {
     fly_with_room(seed, "")
 }
 
-/// The same with other settings of the room to stop.
+/// One flight of up to five paths with these settings of the room to stop.
 fn fly_with_room(seed: u64, room: &str) -> Bounded {
     let mut dice = Dice::new(seed);
     let site = Site::draw(&mut dice);

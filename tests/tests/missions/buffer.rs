@@ -23,7 +23,8 @@ const ATTEMPT_WITHIN: Duration = Duration::from_secs(6);
 /// that is under way, a waypoint and a status on the line, and *invalidate path*.
 const EMPTY_WITHIN: Duration = Duration::from_secs(1);
 
-/// The same on a line that loses and damages messages. A DSP that does not hear the bridge flies on for so long at most.
+/// Longest time from an early end until the buffer is empty, on a line that loses and damages messages. A DSP that does
+/// not hear the bridge flies on for so long at most.
 const EMPTY_AT_LAST: Duration = Duration::from_secs(60);
 
 /// Longest time from the end of a bridge until a DSP that was told 2 s has stopped by itself.
@@ -42,7 +43,7 @@ pub struct Look<'a> {
     pub without_bridge: Duration,
 }
 
-/// See the module's documentation.
+/// Judges what the bridge says about the DSP's path buffer by what the simulated DSP holds.
 pub struct Buffer {
     is_sound: bool,
     last_look: Duration,

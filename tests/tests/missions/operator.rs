@@ -18,7 +18,7 @@ pub enum Step {
     TakeOff(f64),
     /// Points of the flat world around the home: east, north, up in metres.
     Path(Vec<Vector>),
-    /// The same, sent one waypoint after the other with a pause between.
+    /// A path (east, north, up in metres), sent one waypoint after the other with a pause between.
     SlowPath(Vec<Vector>, Duration),
     Land,
     Stop,

@@ -151,7 +151,7 @@ impl Site {
         Ok(process)
     }
 
-    /// The same, and waits until it is ready.
+    /// Starts a process in a role, and waits until it is ready.
     pub fn start(&self, role: &str) -> Result<Process> {
         let mut process = self.spawn(role)?;
         process.wait_for_text(READY);

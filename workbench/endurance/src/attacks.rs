@@ -188,7 +188,7 @@ pub fn no_bytes(site: &Site) {
     });
 }
 
-/// The same, in which no file can be made.
+/// Fills the file system's inodes, so that no file can be made.
 pub fn no_files(site: &Site) {
     fill(site, "Inodes", &|path| File::create_new(path).map(drop));
 }

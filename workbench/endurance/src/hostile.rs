@@ -12,7 +12,7 @@ use crate::site::Site;
 /// Threads that send.
 const SENDERS: u64 = 4;
 
-/// See the module's documentation.
+/// Programs that send what no partner sends, at the rate that the measurement sets.
 pub struct Hostile {
     over: Arc<AtomicBool>,
     sent: Arc<AtomicU64>,

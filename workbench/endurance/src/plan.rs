@@ -22,9 +22,9 @@ pub enum Kind {
     Status,
     /// A consumer of telemetry in SI units, which prints it
     Consumer,
-    /// The same in C
+    /// A consumer of telemetry in SI units, in C
     CConsumer,
-    /// The same in Python
+    /// A consumer of telemetry in SI units, in Python
     PythonConsumer,
 }
 

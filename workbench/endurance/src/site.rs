@@ -26,7 +26,7 @@ pub const CLEAN_UP_LIMIT: Duration = Duration::from_secs(30);
 
 /// What a consumer that is to be killed, stopped or left alone prints.
 pub const ECHO_DSP: &str = "echo dsp --json --field sequence --timeout 80s";
-/// The same of telemetry in SI units.
+/// What a consumer of telemetry in SI units that is to be killed, stopped or left alone prints.
 pub const ECHO_HERO: &str = "echo hero --json --field sequence --timeout 80s";
 
 /// A measurement: what it finds it shows, row by row.
@@ -163,7 +163,7 @@ impl Site {
         [sim, bridge, status]
     }
 
-    /// The same, four times as fast, and the helicopter takes off.
+    /// Starts the chain four times as fast, and has the helicopter take off.
     #[track_caller]
     pub fn start_flight(&self) -> [Process; 3] {
         let chain = self.start_chain(4);

@@ -41,7 +41,7 @@ enum Kind {
     Page,
     /// Foxglove, with all topics.
     Foxglove,
-    /// The same, which reads 50 kB/s.
+    /// Foxglove, with all topics, which reads 50 kB/s.
     Throttled,
 }
 

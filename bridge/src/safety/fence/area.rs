@@ -85,7 +85,7 @@ impl Default for Band {
     }
 }
 
-/// As the table that it was made of.
+/// An area is written as the table that it was made of.
 impl Serialize for Area {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         self.config.serialize(to)

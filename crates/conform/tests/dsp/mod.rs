@@ -149,7 +149,7 @@ impl Dsp {
         dsp
     }
 
-    /// The same with a clock that will wrap soon.
+    /// Has the DSP's clock wrap soon.
     pub fn near_wrap(mut self) -> Dsp {
         self.clock_start = u32::MAX - 8_000;
         self

@@ -20,7 +20,7 @@ const FILL: usize = SUBSCRIBER_BUFFER / 4;
 /// How long no sample comes until the flow is over: two of the longest times, so that topics of 12.5 Hz and more are a flow.
 const LINGER: Duration = LONGEST.saturating_mul(2);
 
-/// See the module's documentation.
+/// When the recorder looks for samples: by the time while samples flow, else when the next one wakes it.
 #[derive(Debug, Default)]
 pub(crate) struct Gather(Option<Flow>);
 

@@ -177,7 +177,7 @@ impl RecorderTopic {
         RecorderTopic::with_text(topic, type_name, text, qos)
     }
 
-    /// The same with messages of a type that `schema_text` defines.
+    /// A topic whose messages have the type that `schema_text` defines.
     pub fn with_text(
         topic: String,
         type_name: &str,

@@ -23,7 +23,7 @@ const TRACK_PERIOD: Duration = Duration::from_secs(10);
 const ORIGIN_ERROR_M: f64 = 1.0;
 const ORIGIN_ERROR: f64 = 0.01;
 
-/// See the module's documentation.
+/// The path that the bridge holds and the track that was flown, as lines in the frame `map`.
 #[derive(Debug)]
 pub struct Paths {
     offset: UnixOffset,

@@ -105,7 +105,7 @@ impl LossEvents {
 /// Ends the keys of the topics on which modules publish their states, at least once a second.
 const STATE_END: &str = "/state";
 
-/// See the module's documentation.
+/// Says when the process behind a topic has ended.
 #[derive(Debug)]
 pub(crate) struct ProcessWatch {
     feed: Feed,

@@ -11,7 +11,7 @@ use ipc_types::{MonotonicNs, RobotId};
 pub struct Anchor {
     /// The moment by the host's monotonic clock.
     pub monotonic: MonotonicNs,
-    /// The same moment by the wall clock: Unix time, ns.
+    /// What the wall clock showed then: Unix time, ns.
     pub unix_ns: u64,
 }
 

@@ -49,7 +49,7 @@ enum WriterState {
     On { since: MonotonicNs, length: u64 },
 }
 
-/// See the module's documentation.
+/// Turns entries into pieces of at most `room` bytes.
 #[derive(Clone, Debug)]
 pub struct JournalWriter {
     room: usize,

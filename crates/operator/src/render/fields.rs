@@ -79,7 +79,8 @@ impl Selection {
         Some(format!("{last}{DEGREES}"))
     }
 
-    /// The same with the failure of a command that was asked for a field which the topic `key` does not have.
+    /// Selects the fields `names` of the topic `key`, or gives the failure of a command that was asked for a field
+    /// which the topic does not have.
     ///
     /// # Errors
     ///
@@ -262,7 +263,7 @@ impl Tree {
             .map_or(Tree::NULL, |tree| std::mem::replace(tree, Tree::NULL))
     }
 
-    /// The same with this value of the field `name`, which is added if there is none.
+    /// Sets the field `name` to this value; the field is added if there is none.
     #[must_use]
     pub fn with(mut self, name: &str, value: impl Into<Tree>) -> Tree {
         let value = value.into();
@@ -274,7 +275,7 @@ impl Tree {
         self
     }
 
-    /// The same without the field `name`.
+    /// Removes the field `name`.
     #[must_use]
     pub fn without(mut self, name: &str) -> Tree {
         if let Tree::Nested(inner) = &mut self {
@@ -283,7 +284,8 @@ impl Tree {
         self
     }
 
-    /// The same with ages for times: `age_ms` of `last_message_ns` is `last_message_age_ms`, that of `since_ns` is `since_ms`.
+    /// Replaces times by ages: `age_ms` of `last_message_ns` is `last_message_age_ms`, that of `since_ns` is
+    /// `since_ms`.
     #[must_use]
     pub fn with_ages(mut self, age_ms: impl Fn(u64) -> Option<u64>) -> Tree {
         if let Tree::Nested(inner) = &mut self {

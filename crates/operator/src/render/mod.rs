@@ -19,7 +19,7 @@ pub fn print(report: &(impl Serialize + Display), is_json: bool) -> Result<(), F
     print_as(is_json, report, report)
 }
 
-/// The same of what has its JSON and its text apart.
+/// Prints a report on standard output that has its JSON and its text apart.
 pub fn print_as(is_json: bool, object: &impl Serialize, text: impl Display) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     match is_json {

@@ -63,7 +63,7 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-/// The same with tenths of a second below a minute, such as `4.5s`.
+/// A duration in words, with tenths of a second below a minute, such as `4.5s`.
 pub fn duration_with_tenths(seconds: f64) -> String {
     match seconds < 60.0 {
         true => format!("{seconds:.1}s"),

@@ -44,7 +44,7 @@ pub fn read_mps(session: &Session, timeout: Duration) -> Result<Option<f64>, Fai
     Ok(value.filter(|speed_mps| *speed_mps > 0.0))
 }
 
-/// See the module's documentation.
+/// The speed of one flight, written to the DSP before it; what was there before is written again at the end.
 pub struct CruiseSpeed<'a> {
     session: &'a Session,
     timeout: Duration,

@@ -51,19 +51,19 @@ pub enum Wakers {
 /// What became of an order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OrderNews {
-    /// As [`RobotPorts::send`] has given it.
+    /// The number that [`RobotPorts::send`] has given it.
     pub number: u64,
-    /// As the bridge calls its request.
+    /// The request's id for the bridge.
     pub request_id: u64,
     /// How far it is, and why; `None` if that cannot be known, because the bridge did not answer.
     pub stage: Option<(Stage, Reason)>,
-    /// The same in words.
+    /// Stage and reason in words.
     pub text: String,
     /// Whether nothing more follows.
     pub is_final: bool,
 }
 
-/// See the module's documentation.
+/// The ports of one robot: what a screen or a page knows of it comes in, and orders go out.
 pub struct RobotPorts {
     ipc: Ipc,
     state: Subscriber<ModuleState>,
@@ -402,7 +402,7 @@ fn count(result: Result<usize, ReceiveError>) -> usize {
     }
 }
 
-/// See the module's documentation.
+/// An order from a screen or a page.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum RobotOrder {
     /// Hover on the spot; replaces a path, as `ril hold`.
@@ -432,7 +432,7 @@ pub enum OrderRequest {
 }
 
 impl OrderRequest {
-    /// The same order, given at `issued` or later.
+    /// The request as it is given at `issued` or later.
     fn issued_at(self, issued: MonotonicNs, config: &RequestConfig) -> OrderRequest {
         let (issued_ns, begin_by_ns) = (issued.0, begin_by_ns(issued.0, config.deadline_ms));
         match self {

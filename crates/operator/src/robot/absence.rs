@@ -39,7 +39,8 @@ fn link(session: &Session, key: &str) -> Result<Option<LinkReport>, Failure> {
     Ok(Some(LinkReport::new(&sample, MonotonicNs::now())))
 }
 
-/// The same for `robot`, whose `link` is known. Other robots that are alive are named.
+/// The failure that no process of `robot`, whose `link` is known, provides `key`. Other robots that are alive are
+/// named.
 fn not_provided(key: &str, robot: RobotId, link: Option<&LinkReport>) -> Failure {
     if let Some((trouble, next_step)) = link.and_then(LinkReport::trouble) {
         let text = format!("{key} of robot {robot} is not there: {trouble}");

@@ -167,7 +167,7 @@ pub enum Change {
     Ended(Alarm),
 }
 
-/// See the module's documentation.
+/// What is wrong now: each alarm is reported once when it begins and once when it is over.
 #[derive(Clone, Debug, Default)]
 pub struct Alarms {
     alarms: Vec<Alarm>,

@@ -24,12 +24,12 @@ impl Clocks {
         self.zero_unix_ns.saturating_add(at.0)
     }
 
-    /// The same in ms.
+    /// A moment by the wall clock, ms since 1970-01-01 UTC.
     pub fn unix_ms(self, at: MonotonicNs) -> u64 {
         self.unix_ns(at) / 1_000_000
     }
 
-    /// The same in seconds.
+    /// A moment by the wall clock, seconds since 1970-01-01 UTC.
     pub fn unix_s(self, at: MonotonicNs) -> u64 {
         self.unix_ns(at) / 1_000_000_000
     }

@@ -81,9 +81,9 @@ pub struct Provided {
 /// The namespace of another process, beside the one of this process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Namespace {
-    /// The same.
+    /// The namespace of this process.
     Ours,
-    /// Another one.
+    /// A namespace other than this process'.
     Other,
     /// The other process did not say.
     Unknown,
@@ -101,7 +101,7 @@ impl<T: Send + 'static> Looking<T> {
         Looking::attempt(move || Ok::<T, Infallible>(look()))
     }
 
-    /// The same of a look that may fail.
+    /// Begins a look that may fail.
     pub fn attempt<E: Into<Box<dyn Error + Send + Sync>>>(
         look: impl FnOnce() -> Result<T, E> + Send + 'static,
     ) -> Looking<T> {

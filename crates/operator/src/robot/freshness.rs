@@ -13,7 +13,7 @@ use crate::render::fields::Tree;
 /// A topic is overdue when nothing has come for so long; then its process is looked for. Twice the bridge's period.
 pub const OVERDUE_AFTER: Duration = Duration::from_millis(500);
 
-/// The same of the state of status, of the relay and of other modules, which comes once a second.
+/// When the state of status, of the relay and of other modules is overdue, which comes once a second.
 pub const MODULE_OVERDUE_AFTER: Duration = Duration::from_millis(1500);
 
 /// A module's state older than this says nothing of the present: every module publishes it at least once a second, and this is three
@@ -71,7 +71,7 @@ struct Heard {
     arrived: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// How old the newest sample of a topic is, whether its process lives, and when to look again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Feed {
     stale_after: Duration,
@@ -187,7 +187,7 @@ impl SampleAge {
         SampleAge::with_limit(sequence, time, now, STALE_AFTER)
     }
 
-    /// The same of a sample that is stale when it is older than `limit`.
+    /// The age of a sample that is stale when it is older than `limit`.
     pub fn with_limit(
         sequence: u64,
         time: MonotonicNs,

@@ -77,7 +77,7 @@ pub fn plane_m(origin: Place, place: Place) -> (f64, f64) {
     )
 }
 
-/// The same as [`moved`] with the curvature at a latitude.
+/// The place so many metres east and north of `from`, with the Earth's curvature at `latitude_deg`.
 fn moved_at(latitude_deg: f64, from: Place, east_m: f64, north_m: f64) -> Option<Place> {
     let (east_radius_m, north_radius_m) = radii_m(latitude_deg);
     let longitude_deg = from.longitude_deg + (east_m / east_radius_m).to_degrees();

@@ -23,7 +23,7 @@ pub struct EventLine {
     pub text: String,
 }
 
-/// See the module's documentation.
+/// The last events of a robot, in order.
 #[derive(Clone, Debug, Default)]
 pub struct EventLog {
     lines: VecDeque<EventLine>,
@@ -97,7 +97,7 @@ pub struct PastPhase {
     pub text: &'static str,
 }
 
-/// See the module's documentation.
+/// The last minutes of a robot, for plots and sparklines: values five times a second, and the phases of its flight.
 #[derive(Clone, Debug, Default)]
 pub struct Past {
     points: VecDeque<PastPoint>,

@@ -75,9 +75,9 @@ pub struct Home {
 /// What a bridge holds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeldOutline {
-    /// As it says it.
+    /// Fence and path in the bridge's words.
     pub outline: Outline,
-    /// The same as it is drawn.
+    /// Fence and path as they are drawn.
     pub chart: Chart,
 }
 

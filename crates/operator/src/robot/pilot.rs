@@ -54,7 +54,7 @@ impl fmt::Display for GpsFix {
     }
 }
 
-/// See the module's documentation.
+/// What a pilot asks first. `None` is what was not measured, and a number that cannot be.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PilotView {
     /// Whether the helicopter is in the air; `None` without telemetry.
@@ -150,7 +150,7 @@ impl PilotView {
         (!parts.is_empty()).then(|| parts.join(", "))
     }
 
-    /// The same without numbers that cannot be.
+    /// Drops numbers that cannot be.
     fn plausible(self) -> PilotView {
         let within = |value: Option<f64>, limit: f64| value.filter(|value| value.abs() <= limit);
         let circle =

@@ -18,7 +18,7 @@ use crate::session::{Latest, Session, Topics};
 /// A sample of the relay older than this says nothing of the present: the relay publishes once a second, so this is three of them.
 pub const STALE_AFTER: Duration = Duration::from_secs(3);
 
-/// The same of the stations, which come to other machines every two seconds.
+/// A sample of the stations older than this says nothing of the present: it comes to other machines every two seconds.
 pub const STATIONS_STALE_AFTER: Duration = STALE_AFTER.saturating_mul(2);
 
 /// The link of this machine to a robot on another one.

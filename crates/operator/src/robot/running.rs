@@ -70,7 +70,7 @@ impl RunningBridge {
         })
     }
 
-    /// The same, if it has come.
+    /// The configuration, if it has come.
     pub fn take(&mut self) -> Option<BridgeConfig> {
         self.config.take()
     }

@@ -80,7 +80,7 @@ pub struct Vertex {
     pub latitude_deg: f64,
     /// Degrees.
     pub longitude_deg: f64,
-    /// As the file's own rules say.
+    /// Altitude by the file's own rules.
     pub altitude: Altitude,
 }
 

@@ -23,7 +23,7 @@ use setting::{Setting, put, settings, settings_of_file};
 /// Column of the origins, characters; a longer value moves its own.
 const ORIGIN_COLUMN: usize = 48;
 
-/// See the module's documentation.
+/// What a process runs with, value by value, and where each value comes from.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resulting {
     /// The file that was read, and whether it is there.
@@ -60,7 +60,7 @@ impl Resulting {
         })
     }
 
-    /// The same with the value `key` from the command line or the environment, if one of them gave it.
+    /// Adds the value `key` from the command line or the environment, if one of them gave it.
     #[must_use]
     pub fn with(mut self, key: &str, given: Option<(Value, Origin)>) -> Resulting {
         if let Some((value, origin)) = given {

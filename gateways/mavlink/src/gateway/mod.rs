@@ -59,7 +59,7 @@ const TIME_PERIOD: Duration = Duration::from_millis(200);
 /// The first opcode of a file's messages that is an answer.
 const FILE_ANSWERS: u8 = 128;
 
-/// See the module's documentation.
+/// The whole gateway: datagrams, samples, reports and the time in; datagrams, orders and tasks out.
 #[derive(Clone, Debug)]
 pub struct Gateway {
     settings: Settings,
@@ -131,7 +131,7 @@ impl Gateway {
         }
     }
 
-    /// The same, which signs its frames, and takes none of other machines without a signature.
+    /// Has the gateway sign its frames, and take none of other machines without a signature.
     #[must_use]
     pub fn signing(mut self, signing: Signing) -> Gateway {
         self.signing = Some(signing);

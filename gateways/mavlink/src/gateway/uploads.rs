@@ -320,7 +320,7 @@ impl Gateway {
     /// Puts a mission on the disk, so that it is in force.
     pub(super) fn save(&mut self, mission: Mission, now: MonotonicNs) {
         if self.missions.mission == mission && self.missions.saving.is_none() {
-            // The same again: only its progress is forgotten.
+            // The mission in force has come again: only its progress is forgotten.
             self.missions.saving = Some(now + SAVE_LIMIT);
             return self.saved(mission, Ok(()), now);
         }

@@ -120,7 +120,7 @@ pub struct Starting {
     pub until: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// The mission in force, how far it is flown, and the transfer of another one.
 #[derive(Clone, Debug)]
 pub struct Missions {
     pub mission: Mission,

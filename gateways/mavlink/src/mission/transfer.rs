@@ -74,7 +74,7 @@ struct Receiving {
     limit: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// The transfer of a mission or a fence from a station, item by item, and to stations.
 #[derive(Clone, Debug)]
 pub struct Transfer {
     max_items: usize,

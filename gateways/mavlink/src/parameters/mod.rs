@@ -106,7 +106,7 @@ struct InFlight {
     until: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// Reads and writes of the DSP's ports that stations have asked for, one at a time.
 #[derive(Clone, Debug, Default)]
 pub struct Parameters {
     /// Who asks for which. None twice, so that there are at most as many as stations have parameters.

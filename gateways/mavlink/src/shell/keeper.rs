@@ -71,7 +71,7 @@ pub(crate) struct KeptFiles {
     pub timestamp: StateFile,
 }
 
-/// See the module's documentation.
+/// The thread that writes what the gateway keeps, and the jobs that wait for it.
 pub(crate) struct Keeper {
     thread: Helper<Job, Written>,
     is_busy: bool,

@@ -58,7 +58,7 @@ impl From<Failure> for MavlinkError {
     }
 }
 
-/// See the module's documentation.
+/// The gateway's loop: its socket, the robot's ports and the deadlines in one wait.
 pub(crate) struct MavlinkShell {
     socket: StampedSocket,
     ports: Ports,

@@ -32,7 +32,7 @@ const WAYPOINT_LIMIT: Duration = Duration::from_secs(5);
 /// Of another order the gateway itself knows when it gives up; this bounds what is remembered.
 const ORDER_LIMIT: Duration = Duration::from_secs(86_400);
 
-/// See the module's documentation.
+/// What the gateway reads of the robot, and the requests that its orders become.
 pub(crate) struct Ports {
     ipc: Ipc,
     telemetry: Subscriber<HeroTelemetry>,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use ipc_types::RobotId;
 use runtime::durable;
 
-/// See the module's documentation.
+/// A file of what the gateway keeps over restarts; without a path nothing is kept.
 pub(crate) struct StateFile {
     path: Option<PathBuf>,
 }

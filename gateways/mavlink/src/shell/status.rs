@@ -63,7 +63,7 @@ pub fn status(args: &SampleArgs) -> Result<(), Failure> {
 /// Name of the JSON object's layout.
 pub const SCHEMA: &str = "ril.Mavlink.v1";
 
-/// See the module's documentation.
+/// What `ril mavlink status` shows, made of a sample and the time.
 #[derive(Clone, Debug)]
 pub struct MavlinkReport {
     robot: RobotId,

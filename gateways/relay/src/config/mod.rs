@@ -171,7 +171,7 @@ impl NetworkConfig {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Through {
-    /// The other side.
+    /// The relay of the other side, directly.
     Peers,
     /// Zenoh routers, as a star.
     Router,

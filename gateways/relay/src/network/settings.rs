@@ -19,15 +19,17 @@ const BATCH_BYTES: u16 = 4352;
 /// dropped. 2 · 4,352 bytes are 0.7 s of a link of 100 kbit/s.
 const SAMPLE_BATCHES: usize = 2;
 
-/// The same in a router, where samples of many robots go to one station: as many as Zenoh takes. With 20 robots at 50 samples a second
-/// of two topics, 16 batches are full when the router's sender does not run for some tens of milliseconds.
+/// Batches of samples that may wait in a router, where samples of many robots go to one station: as many as Zenoh
+/// takes. With 20 robots at 50 samples a second of two topics, 16 batches are full when the router's sender does not
+/// run for some tens of milliseconds.
 const ROUTER_SAMPLE_BATCHES: usize = 16;
 
 /// How long a sample that finds no room waits for it, µs, once in each congestion: a thread of Zenoh that does not run for a moment
 /// on a busy machine is no slow link.
 const WAIT_FOR_ROOM_US: u32 = 20_000;
 
-/// The same in a router, whose receiving thread would wait: one station that is stalled must not hold up all robots.
+/// How long a sample waits for room in a router, µs. The router's receiving thread would wait: one station that is
+/// stalled must not hold up all robots.
 const ROUTER_WAIT_FOR_ROOM_US: u32 = 1000;
 
 /// Batches of other messages that may wait to be sent, the most that Zenoh takes: four of the longest requests, which have 16 KiB, or

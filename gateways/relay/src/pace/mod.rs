@@ -53,7 +53,8 @@ const LONGEST_DEBT: Duration = Duration::from_secs(2);
 /// Decisions in a row without a sample that was held back, after which all goes out.
 const FREE_AFTER: u32 = 20;
 
-/// The same while a link begins: the rate has doubled to more than what is published.
+/// Decisions in a row without a sample that was held back, after which all goes out while a link begins: the rate has
+/// doubled to more than what is published.
 const FREE_AT_FIRST: u32 = 2;
 
 /// What goes out may be paid for so much later: topics that are published together go out together.
@@ -62,7 +63,7 @@ const CREDIT: Duration = Duration::from_millis(20);
 /// Most stations that are remembered.
 const STATIONS: usize = 16;
 
-/// See the module's documentation.
+/// How many bytes of samples a second go out, by what stations say of the delay.
 #[derive(Clone, Debug, Default)]
 pub struct Pace {
     /// Bytes a second; `None` if all goes out.
@@ -241,7 +242,7 @@ impl Pace {
         })
     }
 
-    /// The same as it is published: 0 if all do.
+    /// The rate as it is published, bytes a second: 0 if all samples go out.
     pub fn shown(&self, now: MonotonicNs) -> u32 {
         let rate = self.rate(now).unwrap_or_default();
         u32::try_from(rate).unwrap_or(u32::MAX)

@@ -118,7 +118,7 @@ fn read<M: DeserializeOwned>(
 /// descriptions, of each of 128 services at once when they are short; for more parts it waits.
 const ASKS: (u64, u64) = (50, 256);
 
-/// The same of all others together: eight stations.
+/// Messages a second of all other stations together, and at once: eight stations.
 const ASKS_OF_OTHERS: (u64, u64) = (100, 512);
 
 /// Orders a second of a station that may command, and at once: 32 open ones, each a few times a second.

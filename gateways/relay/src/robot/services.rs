@@ -40,7 +40,7 @@ struct Carried {
 enum CarriedPort {
     Topic(Box<CarriedTopic>),
     Requests(Box<CarriedRequests>),
-    /// Another one has taken its place.
+    /// A service of another layout has taken its place.
     Replaced,
 }
 

@@ -155,7 +155,7 @@ fn collect<'a>(message: &'a Message, packages: &mut Packages<'a>) -> Result<(), 
     Ok(())
 }
 
-/// The other packages that the messages of `package` name.
+/// The packages that the messages of `package` name, other than `package`.
 fn needed_packages<'a>(package: &str, messages: &Messages<'a>) -> BTreeSet<&'a str> {
     let fields = messages.values().flat_map(|message| &message.fields);
     let packages = fields.filter_map(|field| match &field.kind {

@@ -12,8 +12,9 @@ use crate::message::{MAX_SERVICES, Part, Service, ServicesPage};
 /// How long a part may take at first, before it is asked for again.
 const PART_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// The same at most: each part that was asked for twice and comes twice doubles the time, and each new one takes an eighth off. Over
-/// 64 kbit/s a part takes half a second and waits behind others; over a link that loses parts none comes twice.
+/// How long a part may take at most: each part that was asked for twice and comes twice doubles the time, and each new
+/// one takes an eighth off. Over 64 kbit/s a part takes half a second and waits behind others; over a link that loses
+/// parts none comes twice.
 const LONGEST_PART_TIMEOUT: Duration = Duration::from_secs(4);
 
 /// The pages that a robot says it has.

@@ -24,8 +24,8 @@ use crate::orders::message::{NO_PLACE, NOT_PERMITTED};
 /// How often the robot is asked for its time. A loss is noticed after some of these, and the clocks need no more.
 pub const PING_PERIOD: Duration = Duration::from_millis(500);
 
-/// The same while no answer comes, so that a link that is back is up at once, and until all is described: over a link that loses much,
-/// TCP and QUIC find a loss by what comes after it.
+/// How often the robot is asked while no answer comes, so that a link that is back is up at once, and until all is
+/// described: over a link that loses much, TCP and QUIC find a loss by what comes after it.
 const SEARCH_PERIOD: Duration = Duration::from_millis(200);
 
 /// Pings without an answer that are remembered. The oldest says how late the answer is, and of the others some come to be the oldest.

@@ -360,7 +360,8 @@ fn translate(sample: &mut [u8], moments: &[usize], clock: &Clock, now: Monotonic
     }
 }
 
-/// The same of a report.
+/// Turns the moment of a report into that of this machine's clock: `now` without an estimate, and never later than
+/// `now`.
 pub fn translate_report(report: &mut RequestReport, clock: &Clock, now: MonotonicNs) {
     let local = clock.to_local(RemoteNs(report.reported_ns)).unwrap_or(now);
     report.reported_ns = local.min(now).0;

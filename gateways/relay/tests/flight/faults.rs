@@ -52,7 +52,7 @@ fn a_robot_relay_that_is_killed_in_mid_path_and_started_again_reports_the_true_e
             await_link(&rig.station, 1);
         }
     }
-    // The same publisher at the station, with newer samples.
+    // The publisher at the station is the one of before, with newer samples.
     let after = consumer.until("newer samples", |sample| {
         sample.source_sequence > before.source_sequence + 10
     });

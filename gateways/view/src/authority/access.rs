@@ -24,7 +24,7 @@ pub(crate) struct Permit {
     pub name: Option<String>,
 }
 
-/// See the module's documentation.
+/// What a peer may do, by the names and the page that its request gives, where it is, and its token.
 #[derive(Debug)]
 pub(crate) struct Access {
     names: Vec<String>,

@@ -35,7 +35,7 @@ pub(crate) struct Asker {
     pub at: MonotonicNs,
 }
 
-/// See the module's documentation.
+/// Which page commands a robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Lease {
     /// No page commands.

@@ -20,7 +20,7 @@ pub const MAX_CHANNELS: usize = 2048;
 /// A topic and its layout.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Channel {
-    /// As in recordings.
+    /// Its name in recordings.
     pub topic: String,
     /// Of the samples, such as `cdr`.
     pub encoding: String,
@@ -42,7 +42,7 @@ pub(crate) struct Sample {
     pub is_line: bool,
 }
 
-/// See the module's documentation.
+/// What is offered, under numbers that never mean something else.
 #[derive(Debug)]
 pub(crate) struct Offers<T> {
     /// The numbers of all that was ever offered, at most `most`. What is more is not offered.
@@ -108,7 +108,7 @@ impl<T: Clone + Ord> Offers<T> {
     }
 }
 
-/// See the module's documentation.
+/// What a client knows of the offers.
 #[derive(Debug, Default)]
 pub(crate) struct KnownOffers {
     ids: BTreeSet<u32>,
@@ -149,7 +149,7 @@ impl KnownOffers {
 /// Most parameters: 64 of 32 robots. Further ones are not kept.
 pub const MAX_PARAMETERS: usize = 2048;
 
-/// See the module's documentation.
+/// The values that clients are shown, by name.
 #[derive(Debug, Default)]
 pub(crate) struct ParameterSubscriptions {
     values: BTreeMap<String, Value>,

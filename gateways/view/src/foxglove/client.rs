@@ -75,7 +75,7 @@ struct Wanted {
     id: Option<String>,
 }
 
-/// See the module's documentation.
+/// One Foxglove client: what it knows and subscribes to, and what waits for it.
 #[derive(Debug)]
 pub(crate) struct FoxgloveClient {
     pub peer: Peer,

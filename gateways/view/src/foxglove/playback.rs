@@ -78,7 +78,7 @@ struct OpenControl {
     did_seek: bool,
 }
 
-/// See the module's documentation.
+/// A recording under the controls of Foxglove's time line.
 #[derive(Debug, Default)]
 pub(super) struct Playback {
     /// Unix time of the beginning and the end, ns; `None` without a replay, or if the recording has no wall time.

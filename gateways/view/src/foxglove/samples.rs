@@ -19,7 +19,7 @@ pub const MAX_WAIT: Duration = Duration::from_millis(250);
 /// Lines of logs that wait. At the bound the oldest is left out.
 pub const MAX_LINES: usize = 256;
 
-/// See the module's documentation.
+/// Samples that wait for one client: in order while its line is good, else the newest of each channel.
 #[derive(Debug, Default)]
 pub(crate) struct Samples {
     lines: VecDeque<Sample>,

@@ -48,7 +48,7 @@ pub struct HttpRequest {
     pub upgrade: Option<Result<Upgrade, Refusal>>,
 }
 
-/// See the module's documentation.
+/// Reads the heads of requests out of bytes that come in any pieces.
 #[derive(Debug, Default)]
 pub struct RequestReader {
     waiting: Vec<u8>,

@@ -22,7 +22,7 @@ const JUMP_PERIOD: Duration = Duration::from_millis(200);
 /// How often pages get the position although nothing has changed.
 const SAY_PERIOD: Duration = Duration::from_secs(1);
 
-/// See the module's documentation.
+/// The one playhead of a recording for all viewers.
 pub(crate) struct Playback {
     recording: Recording,
     head: Playhead,
@@ -247,7 +247,7 @@ impl FileChannels {
     }
 }
 
-/// See the module's documentation.
+/// The recorded topics for Foxglove clients, with the bytes and times of the file.
 #[derive(Default)]
 pub(crate) struct ReplayTopics(BTreeMap<String, ChannelId>);
 

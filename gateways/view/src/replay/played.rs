@@ -22,7 +22,7 @@ const LOOK_PERIOD: Duration = Duration::from_millis(50);
 /// when its clock was damaged.
 const QUIET: Duration = Duration::from_secs(60);
 
-/// See the module's documentation.
+/// A recorded robot as a live screen showed it, by the clock of the recording.
 #[derive(Clone, Debug)]
 pub struct PlayedRobot {
     /// The model that the live screens use.

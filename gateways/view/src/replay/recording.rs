@@ -43,7 +43,7 @@ struct KeptRobot {
     mark: FlightMark,
 }
 
-/// See the module's documentation.
+/// The recorded robot at any moment of its file.
 pub(crate) struct Recording {
     stream: FlightStream,
     /// Where the message in `pending` lies.
@@ -203,7 +203,8 @@ impl Recording {
         self.run(until, seen);
     }
 
-    /// The same, but `seen` sees at least those of the time from one robot that is kept to the next, as far as there are some.
+    /// Goes to a position; `seen` sees at least the messages of the time from one robot that is kept to the next, as
+    /// far as there are some.
     pub fn jump_to(&mut self, position: Duration, seen: impl FnMut(&RecordedMessage)) {
         let until = self.at(position);
         self.restore(self.kept_before(until).saturating_sub(1));
@@ -285,7 +286,7 @@ const MAX_PHASES: usize = 500;
 /// Most events, of 120 bytes in a message of 1 MiB. At the bound those that are only good to know go; further ones are left out.
 const MAX_EVENTS: usize = 2000;
 
-/// See the module's documentation.
+/// The phases and events of the whole recording.
 pub(crate) struct Course {
     begin: MonotonicNs,
     phases: Vec<Phase>,

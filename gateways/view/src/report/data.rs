@@ -130,7 +130,7 @@ fn plain(text: &str) -> String {
     text.chars().map(shown).collect()
 }
 
-/// The same with at most `most` characters; what is cut off is an ellipsis.
+/// The text as the page may show it, at most `most` characters of it; what is cut off is an ellipsis.
 pub fn short(text: &str, most: usize) -> String {
     let text = plain(text);
     if text.chars().count() <= most {

@@ -62,7 +62,7 @@ impl Bucket {
     }
 }
 
-/// See the module's documentation.
+/// A value over time in bounded memory: first, last, least and greatest value of each span of time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Envelope {
     width_s: f64,
@@ -167,7 +167,7 @@ pub const MAX_BINS: usize = 480;
 /// Length of a bin at first, s.
 const FIRST_BIN_S: f64 = 1.0;
 
-/// See the module's documentation.
+/// How often something happened, over time, in bounded memory.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bins {
     width_s: f64,

@@ -91,7 +91,7 @@ pub fn page(flight: &FlightReport) -> String {
     page
 }
 
-/// As the policy of a page names a script or a style sheet.
+/// The hash by which the policy of a page names a script or a style sheet.
 fn hash(text: &str) -> String {
     format!("sha256-{}", BASE64.encode(&Sha256::digest(text)))
 }

@@ -40,7 +40,7 @@ struct PendingPreflight {
     preflight: Preflight,
 }
 
-/// See the module's documentation.
+/// Checks that pages have asked for before a take-off, while `ril preflight` runs.
 #[derive(Default)]
 pub(crate) struct Checks {
     asked: Vec<PendingPreflight>,

@@ -40,7 +40,7 @@ pub(crate) struct TileFolder {
     pub range: TileRange,
 }
 
-/// See the module's documentation.
+/// Reads from a disk in a thread of its own: imagery, and the report of the recording.
 pub(crate) struct Files {
     wanted: SyncSender<(ConnectionId, FileRequest)>,
     found: Receiver<Found>,

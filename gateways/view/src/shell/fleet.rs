@@ -48,7 +48,7 @@ impl ShownRobot {
     }
 }
 
-/// See the module's documentation.
+/// The robots that are shown, each with its ports, its model and its last minutes.
 pub(crate) struct Fleet {
     domain: Domain,
     shown: Vec<ShownRobot>,
@@ -82,7 +82,7 @@ impl Fleet {
         }
         fleet.look(MonotonicNs::now());
         if fleet.shown.is_empty() {
-            // As for all verbs: robot 1 is the default, and the page shows what it lacks.
+            // Robot 1 is the default of every command; the page shows what it lacks.
             fleet.add(RobotId::DEFAULT)?;
         }
         Ok(fleet)

@@ -49,7 +49,7 @@ use crate::{BUSY, ConnectionId, Event, Peer, Server};
 /// Time between two looks at the robots while a page looks.
 const WATCHED_PERIOD: Duration = Duration::from_millis(50);
 
-/// The same when none does.
+/// Time between two looks at the robots while no page looks.
 const UNWATCHED_PERIOD: Duration = Duration::from_millis(200);
 
 /// The sockets are read at least every [`UNWATCHED_PERIOD`]: after more than this time the process, or its machine, has stood still.
@@ -73,7 +73,7 @@ pub(crate) enum ViewError {
     Sockets(#[from] io::Error),
 }
 
-/// See the module's documentation.
+/// The server's loop: sockets, robots and what pages want, in one wait.
 pub(crate) struct ViewShell {
     sockets: Sockets,
     /// What each connection is called in the server.

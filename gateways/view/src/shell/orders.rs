@@ -38,7 +38,7 @@ pub(crate) struct GivenOrder<'a> {
 /// An order that has no final report yet.
 struct Followed {
     robot: u32,
-    /// As the robot's ports call it.
+    /// The number that the robot's ports gave it.
     number: u64,
     order: String,
     kind: OrderKind,
@@ -46,7 +46,7 @@ struct Followed {
     from: String,
 }
 
-/// See the module's documentation.
+/// Orders from pages that have no final report yet.
 #[derive(Default)]
 pub(crate) struct Orders {
     followed: VecDeque<Followed>,
@@ -201,7 +201,7 @@ fn log(robot: u32, kind: OrderKind, order: &str, from: &str, stage: page::OrderS
     tracing::info!(robot, ?kind, order, from, ?stage, "order: {text}");
 }
 
-/// See the module's documentation.
+/// When a robot that a page has set in motion, and that no page commands any more, is to hold.
 #[derive(Debug)]
 pub(crate) struct PageLost {
     /// How long a robot may go on without a page; `None` for ever.

@@ -65,7 +65,7 @@ enum Layer {
     Tls(TlsSession),
 }
 
-/// See the module's documentation.
+/// The listeners and all connections in one epoll descriptor.
 pub(crate) struct Sockets {
     epoll: OwnedFd,
     listeners: Vec<TcpListener>,

@@ -22,7 +22,7 @@ const KEY_BYTES: usize = 32;
 /// Bits of a token, in bytes.
 const TOKEN_BYTES: usize = 16;
 
-/// See the module's documentation.
+/// The secret from which the tokens of `[tokens]` are made.
 pub(crate) struct TokenKey(String);
 
 impl TokenKey {

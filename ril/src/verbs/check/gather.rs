@@ -271,7 +271,7 @@ pub(super) fn view(explicit: Option<&Path>) -> (Option<FileFacts>, Option<Look<V
     of_process(explicit, config::DEFAULT_FILE, "view", config::load, setup)
 }
 
-/// The same of the gateway to MAVLink.
+/// The configuration of the gateway to MAVLink, unless there is none, and what it is set up with, if that is right.
 pub(super) fn mavlink(explicit: Option<&Path>) -> (Option<FileFacts>, Option<Look<MavlinkFacts>>) {
     let (default, load) = (mavlink_config::DEFAULT_FILE, mavlink_config::load);
     of_process(explicit, default, "mavlink", load, mavlink_of)

@@ -52,7 +52,7 @@ const LIMIT_PER_ROBOT: Duration = Duration::from_secs(30);
 /// further ones: a process whose message is lost would never count as ready.
 const STARTING: usize = 8;
 
-/// See the module's documentation.
+/// A demonstration under way: its robots' processes, its station, and how far each robot has flown.
 pub(super) struct Fleet<'a> {
     args: &'a DemoArgs,
     folder: &'a Path,

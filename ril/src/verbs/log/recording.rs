@@ -95,7 +95,7 @@ impl LogFormat {
 /// End of the name of the topic with the raw telemetry; the robot's number stands before it.
 const TOPIC: &str = "/dsp/telemetry";
 
-/// Reads a record. See the module's documentation.
+/// Reads the telemetry of a flight record (MCAP) row by row.
 pub struct McapReader {
     messages: Messages<'static>,
     table: Table,
@@ -141,7 +141,7 @@ impl McapReader {
         })
     }
 
-    /// The same without all but the last `rows` rows, and what is damaged among them.
+    /// Keeps only the last `rows` rows, and what is damaged among them.
     ///
     /// # Errors
     ///

@@ -24,7 +24,7 @@ use crate::new_file::new_file;
 /// name, so that none removes the file to make room.
 const RECOVERED: &str = "recovered.mcap";
 
-/// The same of a part of a record.
+/// How the name of a file ends that is a part of a record, behind the record's name.
 const PART: &str = "part.mcap";
 
 /// `ril log check`

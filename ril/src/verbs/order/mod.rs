@@ -46,7 +46,7 @@ pub struct TakeoffArgs {
         allow_negative_numbers = true, value_parser = take_off_height)]
     pub to: Option<f64>,
 
-    /// The same as an option
+    /// Height above take-off, as an option
     #[arg(long, value_name = "ALTITUDE", allow_hyphen_values = true, value_parser = take_off_height)]
     pub altitude: Option<f64>,
 

@@ -24,7 +24,8 @@ const MIN_SPEED_MPS: f64 = 0.5;
 /// A helicopter whose speed has not risen by this part for [`STEADY`] has the speed at which it flies the path.
 const RISE: f64 = 1.1;
 
-/// See [`RISE`]. It speeds up by some tenths of a metre per second in a second at least.
+/// Time without a rise by [`RISE`] after which the speed is steady. A helicopter speeds up by some tenths of a metre
+/// per second in a second at least.
 const STEADY: Duration = Duration::from_secs(2);
 
 /// A turn takes no longer. A speed that is not reached again in that time is not the one of this path: the path before it was faster.
@@ -104,7 +105,7 @@ fn to_go(metres: f64, speed_mps: Option<f64>) -> String {
     format!("{} to go{time}", distance(metres))
 }
 
-/// See the module's documentation.
+/// Prints how far a path is flown, with distance and time to go.
 pub struct ProgressLine {
     telemetry: Subscriber<DspTelemetry>,
     states: Subscriber<ModuleState>,

@@ -92,7 +92,8 @@ impl StateReport {
         }
     }
 
-    /// The same of a robot on another machine, to which `link` leads; `None` if the relay said nothing of it.
+    /// Makes it the report of a robot on another machine, to which `link` leads; `None` if the relay said nothing of
+    /// it.
     #[must_use]
     pub fn relayed(self, link: Option<LinkReport>) -> StateReport {
         StateReport {

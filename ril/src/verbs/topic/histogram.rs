@@ -65,7 +65,7 @@ impl Unit {
     }
 }
 
-/// See the module's documentation.
+/// A quantity with its percentiles, in bounded memory.
 #[derive(Clone, Debug)]
 pub struct Histogram {
     values: hdrhistogram::Histogram<u64>,

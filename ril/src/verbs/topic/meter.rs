@@ -77,7 +77,8 @@ pub struct Relayed {
     pub air: Option<(u64, u64)>,
 }
 
-/// See the module's documentation. Whatever it reports, it measures all: pages of histograms that are not used take no memory.
+/// Measures one topic for `ril hz`, `ril delay` and `ril bw`. Whatever it reports, it measures all: pages of histograms
+/// that are not used take no memory.
 #[derive(Clone, Debug)]
 pub struct Meter {
     quantity: Quantity,

@@ -24,7 +24,7 @@ use rustix::fs::{FileType, fstat};
 
 /// Reads the key or the short name of a topic.
 pub(super) fn topic_key(text: &str) -> Result<String, String> {
-    // As in a recording, which has the robot in the name.
+    // The name that a recording has for the topic, with the robot in front.
     let in_recording = text
         .strip_prefix("/robot")
         .and_then(|rest| rest.split_once('/'));

@@ -20,7 +20,7 @@ const HOVER_MPS: f32 = 0.5;
 /// What is so, or is not.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Condition {
-    /// As the operator wrote it.
+    /// What the operator wrote.
     text: String,
     kind: ConditionKind,
 }
@@ -196,7 +196,7 @@ impl Condition {
     }
 }
 
-/// As the operator wrote it.
+/// The condition in the operator's own words.
 impl fmt::Display for Condition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.text)

@@ -54,7 +54,7 @@ pub(super) fn refuse_others() -> Result<(), Failure> {
     Ok(())
 }
 
-/// See the module's documentation.
+/// The terminal while it is taken. Writing never waits; dropping gives the terminal back as it was.
 pub(super) struct Terminal {
     guard: Guard,
     output: OwnedFd,

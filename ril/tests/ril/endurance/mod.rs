@@ -26,7 +26,7 @@ fn rows(name: &str, limit_s: u64, measure: Measure, options: &str) -> Vec<Outcom
     rows
 }
 
-/// The same of what shows one row on every machine.
+/// Runs a measurement that shows one row on every machine, and gives that row.
 #[track_caller]
 fn row(name: &str, limit_s: u64, measure: Measure, options: &str) -> Outcome {
     let mut rows = rows(name, limit_s, measure, options);

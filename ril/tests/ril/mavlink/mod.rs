@@ -29,7 +29,7 @@ fn gateway(rig: &Sandbox, port: u16, lost_s: f64) -> Process {
     gateway_with(rig, port, lost_s, "")
 }
 
-/// The same, with more lines of `mavlink.toml`.
+/// A gateway for this station with more lines of `mavlink.toml`.
 fn gateway_with(rig: &Sandbox, port: u16, lost_s: f64, more: &str) -> Process {
     let config = format!(
         "port = 0\nstations = ['127.0.0.1:{port}']\nlost_s = {lost_s}\nanswer_s = 60.0\nstate = 'state'\n{more}"

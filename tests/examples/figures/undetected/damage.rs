@@ -154,7 +154,8 @@ impl Line {
         true
     }
 
-    /// The same with the bits that frame a byte. A pause follows the frame, as between two messages.
+    /// Flips bits of a frame, those that frame a byte on the line included. A pause follows the frame, as between two
+    /// messages.
     fn flip_line_bits(&mut self, rate: f64, sent: &[u8], random: &mut Rng, bytes: &mut Vec<u8>) {
         self.bits.clear();
         sent.iter()

@@ -123,16 +123,16 @@ impl Ordered {
 struct Asked {
     life: u32,
     order: usize,
-    /// As the sender knows it.
+    /// Its id for the sender.
     id: u64,
-    /// As the bridge got it.
+    /// Its id for the bridge.
     told_id: u64,
     times: u32,
     finals: u32,
     is_killed: bool,
 }
 
-/// See the module's documentation.
+/// Judges the order machine by orders, reports and what went over the wire.
 #[derive(Debug, Default)]
 pub struct Judge {
     pub now_ms: u64,

@@ -565,7 +565,7 @@ struct Machine {
 }
 
 impl Machine {
-    /// As of this moment.
+    /// Both times at this moment.
     fn now() -> Machine {
         let stat = fs::read_to_string("/proc/stat").unwrap_or_default();
         let line = stat.lines().next().unwrap_or_default();

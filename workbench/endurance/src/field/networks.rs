@@ -57,7 +57,7 @@ pub struct Networks {
     pub rig: Rig,
     /// Share of the packets that is lost in fine weather, 0 … 1.
     pub loss: f64,
-    /// The same at this moment, each packet by itself.
+    /// Share of the packets that is lost at this moment, each packet by itself.
     lost: Arc<Mutex<f64>>,
     /// Last: the namespaces end with them.
     _holders: [Process; 2],

@@ -56,7 +56,7 @@ pub fn upload(station: &mut Station, items: &[MessageWriter]) -> u8 {
     upload_until(station, items, None).expect("a result")
 }
 
-/// The same; `None` as soon as `stop` items were sent.
+/// Sends a mission as it is asked for, and gives the result; `None` as soon as `stop` items were sent.
 #[track_caller]
 pub fn upload_until(
     station: &mut Station,

@@ -83,7 +83,7 @@ impl Received {
     }
 }
 
-/// See the module's documentation.
+/// A ground station with a UDP socket. Each wait ends with a panic after [`WAIT_LIMIT`].
 pub struct Station {
     socket: UdpSocket,
     vehicle: Option<SocketAddr>,
@@ -125,7 +125,7 @@ impl Station {
         self.until("telemetry", |message| message.is(30));
     }
 
-    /// The same with another gateway, after the messages of the one before.
+    /// Waits for another gateway's helicopter and telemetry, after the messages of the one before.
     #[track_caller]
     pub fn reconnect(&mut self) {
         let before = self.vehicle;

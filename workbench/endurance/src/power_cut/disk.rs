@@ -51,7 +51,7 @@ struct Version {
     bytes: Vec<u8>,
 }
 
-/// See the module's documentation.
+/// What was written to files and names, and from it what a power cut can leave.
 #[derive(Debug, Default)]
 pub struct Disk {
     files: Vec<DiskFile>,
@@ -229,7 +229,7 @@ impl Disk {
         let found = *self.tree(state.names).get(path)?;
         Some(match found == index {
             true => self.files[index].content(state),
-            // Another one had the name.
+            // The name belonged to another file, which was forced onto the disk.
             false => self.files[found].durable.clone(),
         })
     }

@@ -191,7 +191,7 @@ pub struct RecordFacts {
 }
 
 impl RecordFacts {
-    /// As the recorder writes it into each file.
+    /// What the recorder writes into each file.
     pub fn flight_info(self, robot: RobotId, start: Anchor) -> FlightInfo {
         let mut flight: BTreeMap<String, String> = [
             ("robot", robot.to_string()),

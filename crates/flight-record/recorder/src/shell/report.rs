@@ -51,7 +51,7 @@ struct TopicObject {
     publisher_restarts: u64,
 }
 
-/// See the module's documentation.
+/// Prints each file when it is complete, and what went wrong with the disk.
 pub(crate) struct Reporter {
     robot: RobotId,
     is_json: bool,

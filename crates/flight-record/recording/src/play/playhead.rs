@@ -8,7 +8,7 @@ use ipc_types::MonotonicNs;
 /// cannot read as fast as samples come.
 pub const SPEEDS: std::ops::RangeInclusive<f64> = 0.01..=100.0;
 
-/// See the module's documentation.
+/// Where in a flight a replay is, for viewers that go to and fro in it.
 #[derive(Clone, Debug)]
 pub struct Playhead {
     length: Duration,

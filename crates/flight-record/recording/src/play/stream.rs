@@ -11,7 +11,7 @@ use super::timeline::FlightNs;
 use crate::read::{FileMark, Messages, ReadError, RecordFile, RecordedMessage, messages};
 use crate::settings::Anchor;
 
-/// See the module's documentation.
+/// The messages of a flight one after the other, from any place of the file; one chunk of it is in memory.
 pub struct FlightStream {
     messages: Messages<'static>,
     robot: RobotId,

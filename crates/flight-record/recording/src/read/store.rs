@@ -44,7 +44,7 @@ impl RecordFile {
         self.len == 0
     }
 
-    /// The same file with the bytes that it has now.
+    /// This file with the bytes that it has now.
     ///
     /// # Errors
     /// The system does not say how many these are.

@@ -59,7 +59,7 @@ pub(crate) struct KeptFlight {
     /// The journal of the bridge, with a [`Beginning`] in the place of each snapshot and a [`Digest`](super::Digest) in that of each
     /// output, and inputs that refer to what is in the file already.
     pub bridge: Vec<u8>,
-    /// The same of status.
+    /// The journal of status, in the form that `bridge` has.
     pub status: Vec<u8>,
 }
 

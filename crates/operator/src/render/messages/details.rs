@@ -48,7 +48,7 @@ pub struct BrokenRule {
     pub severity: Severity,
     /// All of it in plain words, with the rule's name at the end.
     pub words: String,
-    /// The same without the amount, which is another one at every look.
+    /// The words without the amount, which changes at every look.
     pub words_without_amount: String,
 }
 

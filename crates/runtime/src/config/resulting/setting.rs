@@ -47,7 +47,7 @@ impl fmt::Display for Origin {
 pub(super) struct Setting {
     /// With the names of its tables, such as `serial.port` or `log[0].groups`.
     pub key: String,
-    /// As the file has it.
+    /// What the file has.
     pub value: Value,
     /// Where it comes from.
     pub origin: Origin,

@@ -275,7 +275,7 @@ impl Sky {
         self.at(self.now + held_up, Event::Ordered(who, bytes));
     }
 
-    /// As the station's relay does with a request.
+    /// Makes an order of a request as the station's relay does, and sends it.
     fn order(&mut self, slot: usize, mut bytes: Vec<u8>) {
         let now = station_clock(self.now);
         let Slot {
@@ -417,7 +417,7 @@ impl Sky {
         }
     }
 
-    /// As the bridge does with an order.
+    /// Judges and executes an order as the bridge does.
     fn carry_out(&mut self, index: usize, bytes: &[u8]) -> Reason {
         let at = MonotonicNs(word(bytes, ISSUED));
         let issued = Issued {

@@ -36,7 +36,7 @@ struct RobotTopics {
     topics: BTreeMap<String, OfferedTopic>,
 }
 
-/// See the module's documentation.
+/// Every topic of every robot for Foxglove clients, subscribed to while a client wants it.
 #[derive(Default)]
 pub(crate) struct Channels {
     robots: BTreeMap<RobotId, RobotTopics>,

@@ -30,7 +30,7 @@ const CONDITIONS_PERIOD: Duration = Duration::from_secs(1);
 /// Time between two tracks: each has all places.
 const TRACK_PERIOD: Duration = Duration::from_secs(1);
 
-/// See the module's documentation.
+/// Topics that no process publishes, for panels of Foxglove and Lichtblick.
 #[derive(Default)]
 pub(crate) struct Derived {
     robots: BTreeMap<RobotId, RobotTopics>,
@@ -250,7 +250,7 @@ fn log_line(line: &EventLine, unix_ns: u64) -> Vec<u8> {
 /// Most alarms that are remembered when they are over. There are fewer kinds, but for DSP errors. The oldest goes.
 const MAX_KNOWN: usize = 64;
 
-/// See the module's documentation.
+/// What `/diagnostics` says of a robot.
 #[derive(Debug, Default)]
 pub(crate) struct Diagnostics {
     /// Names of alarms that there were.

@@ -39,7 +39,7 @@ struct OfRobot {
     epoch_ns: Option<u64>,
 }
 
-/// See the module's documentation.
+/// The DSP's ports of each robot for Foxglove clients, from a cache.
 #[derive(Default)]
 pub(crate) struct Parameters {
     robots: BTreeMap<RobotId, OfRobot>,
@@ -257,7 +257,7 @@ enum QueryStep {
     Rest,
 }
 
-/// See the module's documentation.
+/// The ports of one DSP as they were last read, and what to ask next.
 #[derive(Debug, Default)]
 pub(crate) struct Cache {
     ports: Vec<PortValue>,

@@ -55,7 +55,7 @@ pub(crate) struct ServiceCall {
     pub from: String,
 }
 
-/// See the module's documentation.
+/// Orders of Foxglove clients, and those that wait for the bridge's first report.
 #[derive(Default)]
 pub(crate) struct Services {
     /// The robots whose services are offered.

@@ -90,7 +90,7 @@ struct Before {
     view: PilotView,
 }
 
-/// See the module's documentation.
+/// Takes the samples of a flight one after the other and keeps none: curves, phases, events and track, all bounded.
 #[derive(Debug)]
 pub struct Collector {
     clock: FlightClock,

@@ -13,7 +13,7 @@ use crate::verbs::log::summary::GAP_S;
 /// An altitude that was asked for beyond this is none, m.
 const MAX_ALTITUDE_M: f32 = 100_000.0;
 
-/// See the module's documentation.
+/// The values of a flight over time, in bounded memory.
 #[derive(Clone, Debug)]
 pub struct Curves {
     altitude: Envelope,

@@ -68,7 +68,7 @@ struct LoggedEvent {
     place: Option<Place>,
 }
 
-/// See the module's documentation.
+/// What happened in a flight: at most [`MAX_OF_A_KIND`] events of each kind; the others are counted.
 #[derive(Clone, Debug, Default)]
 pub struct EventLog {
     all: Vec<LoggedEvent>,

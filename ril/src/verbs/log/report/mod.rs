@@ -211,7 +211,7 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let write = || -> io::Result<File> {
         let mut new = tempfile::Builder::new()
             .prefix(".ril-report-")
-            // As for any file that a program writes: the user's mask takes the rest away.
+            // The process' umask applies to these permissions.
             .permissions(Permissions::from_mode(0o666))
             .tempfile_in(&folder)?;
         new.write_all(bytes)?;

@@ -35,7 +35,7 @@ struct OpenRow {
     reason: String,
 }
 
-/// See the module's documentation.
+/// What the robot was asked for, and how each request ended.
 #[derive(Clone, Debug, Default)]
 pub struct RequestLog {
     /// In the order of arrival.
