@@ -620,8 +620,8 @@ impl Bridge {
     }
 }
 
-/// Whether something changed that must not wait for the next period. Counters and distances may, and which of the processes of one
-/// sender was the last.
+/// Whether something changed that must not wait for the next period. Counters, distances and the last process of the
+/// same sender may wait.
 fn differs(a: &ModuleState, b: &ModuleState) -> bool {
     let named = |sender: ControlSender| [sender.origin, sender.session];
     let key = |state: &ModuleState| {

@@ -3,9 +3,9 @@
 //!
 //! It was written from that page alone. Where the page leaves a choice:
 //!
+//!
 //! * *Stray* bytes and *truncated* messages are only counted: what they were cannot be known, and error 102 is kept
-//!   for a
-//!   checksum that is wrong.
+//!   for a checksum that is wrong.
 //! * A waypoint outside the limits of section 9, or lower than 0.5 m above the home, is discarded with error 30.
 //! * The first status and the first flow control come one period after they were switched on; a shorter period takes
 //!   effect at once.
@@ -14,8 +14,7 @@
 //!   hovers on the spot.
 //! * A copy of a command is acknowledged as the command was, a read with the value of the first time.
 //! * While the pilot's switch stands on manual, flow control asks for no waypoint, waypoints are still taken, and an
-//!   order
-//!   to take off or to land is refused with error 30.
+//!   order to take off or to land is refused with error 30.
 //! * An acknowledgement that finds its queue full is dropped with error 5.
 //!
 //! Time is simulated: a [`Duration`] since the start of the simulator. The DSP's own clock starts when it boots.

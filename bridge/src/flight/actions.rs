@@ -114,7 +114,7 @@ impl Flight {
                 let position = self.observation.position(cx.now);
                 match position.is_some_and(|position| self.route.tracker.is_at_end(&position)) {
                     true => self.settled(cx),
-                    // It has overshot, or the position that said so was damaged: the path goes on.
+                    // The helicopter has overshot, or the position that said so was damaged: the path goes on.
                     false => self.set_path_step(PathStep::Flying),
                 }
             }
@@ -140,7 +140,7 @@ impl Flight {
         let verdict = Verdict::ended(stage, reason, error);
         self.give_up(&verdict, Rest::Aborted(error), cx);
         cx.link.forget_path();
-        // When there is no room, the DSP's errors stay: they are counted, and nothing else.
+        // Without room for the command the DSP's errors stay in its queue; the bridge only counts them.
         self.clear_errors(cx);
     }
 
@@ -193,7 +193,7 @@ impl Flight {
     fn begin(&mut self, motion: Motion, waypoints: usize, cx: &mut Context<'_>) {
         self.break_path(Reason::PathReplaced, cx);
         let requester = motion.requester().copied();
-        // One that was deferred was accepted when it came.
+        // A deferred movement was accepted when it came.
         let is_accepted =
             requester.is_some_and(|header| header.request_id == self.movement.request_id);
         self.change_motion(motion);
@@ -332,7 +332,7 @@ impl Flight {
         }
         match cx.link.path() {
             DspPath::Empty => self.begin_path(cx),
-            // The link is emptying it.
+            // The link is emptying the path buffer.
             DspPath::Unknown => {}
             DspPath::Ours => cx.link.forget_path(),
         }
@@ -396,7 +396,7 @@ impl Flight {
         self.end(&Verdict::DONE.about(detail), Rest::Done, cx);
     }
 
-    /// The DSP's path buffer is empty: before the first waypoint goes, the DSP's count is read.
+    /// The DSP's path buffer is empty. Before the first waypoint goes, the DSP's count is read.
     fn begin_path(&mut self, cx: &mut Context<'_>) {
         self.set_path_step(PathStep::Ready);
         self.count_waypoints(cx);
@@ -409,7 +409,7 @@ impl Flight {
         self.command(read, FlightCommand::CountWaypoints, cx);
     }
 
-    /// Flow control grants one waypoint. A grant that finds nothing to send is not kept: the DSP repeats it.
+    /// Flow control grants one waypoint. A grant that finds nothing to send is dropped: the DSP repeats it.
     fn send_waypoint(&mut self, cx: &mut Context<'_>) {
         let Some(step @ (PathStep::Ready | PathStep::Flying)) = self.motion.path_step() else {
             return;
@@ -472,7 +472,7 @@ impl Flight {
         self.movement.waypoints_reached = reached as u32;
         let is_unseen = !self.route.ahead().is_empty();
         if has_arrived && is_unseen && self.route.verification.is_unverified() {
-            // Not seen to be reached, and perhaps never with the DSP.
+            // The bridge did not see the waypoint reached, and the DSP may never reach it.
             let detail = Detail {
                 waypoint: reached as u32 + 1,
                 ..Detail::default()

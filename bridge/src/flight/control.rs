@@ -69,7 +69,7 @@ impl Who {
         }
     }
 
-    /// As it is published.
+    /// The sender as it is published.
     pub fn published(&self) -> ControlSender {
         ControlSender {
             origin: self.origin,
@@ -87,18 +87,18 @@ impl PartialEq for Who {
     }
 }
 
-/// What a request is to the control.
+/// What a request means for control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asks {
     /// A movement that is not everyone's, or a write of a parameter.
     Order,
-    /// Control.
+    /// It asks for control.
     Take,
-    /// Not to have control any more.
+    /// It gives control up.
     Release,
-    /// To hand control over to who has asked for it.
+    /// It hands control over to the sender that has asked for it.
     Pass,
-    /// What is everyone's.
+    /// Every sender may make it.
     Everyones,
 }
 
@@ -223,7 +223,7 @@ impl Control {
         self.held.and_then(|held| held.by.lives_as())
     }
 
-    /// As it is published.
+    /// The state of control as it is published.
     pub fn published(&self) -> ControlState {
         let exclusive = u32::from(self.is_exclusive);
         let Some(held) = self.held else {

@@ -52,7 +52,7 @@ pub struct Doubt {
 /// What follows from a sign of the DSP.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Next {
-    /// Nothing.
+    /// Nothing follows.
     Wait,
     /// The port of the movement is to be read.
     Look,
@@ -96,7 +96,8 @@ impl DspOrder {
     /// The time for the next look has come.
     pub fn look_due(&self, now: MonotonicNs) -> Next {
         match self {
-            // Without an answer about the port nothing speaks against it: commands before that one may have been repeated.
+            // Without an answer about the port nothing speaks against the order: commands before the reading may have
+            // been repeated.
             DspOrder::Confirming { until, doubt } if now >= *until && doubt.reads_zero => {
                 doubt.refusal()
             }

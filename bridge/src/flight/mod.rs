@@ -99,7 +99,7 @@ pub struct Flight {
     /// The bridge is ending: no request is taken any more.
     is_ending: bool,
     is_changed: bool,
-    /// The fence in force or the path under way is another one.
+    /// Whether the fence in force or the path under way has changed since the last publication.
     is_outline_changed: bool,
 }
 
@@ -209,12 +209,12 @@ impl Flight {
         }
     }
 
-    /// Something that no request ordered, and that no step of a command outlives.
+    /// An event that no request ordered. No step of an earlier command may follow it.
     fn happened(&mut self, what: CameBetween, cx: &Context<'_>) {
         self.answers.take_event(LastOrder::event(what), cx.now);
     }
 
-    /// What the DSP was doing has an outcome, and at rest nothing is lost.
+    /// The DSP is gone, or is not the one it was: open paths and parameter requests end, and the motion gets the event.
     fn dsp_vanished(&mut self, error: ImiError, reason: Reason, cx: &mut Context<'_>) {
         self.break_path(reason, cx);
         self.end_parameter_requests(reason, cx);
@@ -335,7 +335,7 @@ impl Flight {
     }
 
     fn stop(&mut self, header: &RequestHeader, cx: &mut Context<'_>) -> Result<(), Verdict> {
-        // It counts even when it is refused.
+        // The order counts even when it is refused.
         self.answers.take(header, CameBetween::Stop);
         in_time(header, cx.now)?;
         let then = self.motion.standing().stop()?;
@@ -395,7 +395,7 @@ impl Flight {
                 let newest = self.assembler.newest();
                 self.answers.may_begin_after(newest, header, cx.now)?;
             }
-            // They count even when they are refused.
+            // These orders count even when they are refused.
             Movement::Land | Movement::Hold => {
                 let what = match movement {
                     Movement::Land => CameBetween::Land,
@@ -611,7 +611,7 @@ impl Flight {
         }
     }
 
-    /// The holder's silence is counted from another moment, or there is none.
+    /// Restarts the timer of the holder's silence, or stops it if no silence counts.
     fn arm_control(&mut self) {
         match self.control.silent_from() {
             Some(from) => self.timers.arm(FlightTimer::Control, from),
@@ -619,7 +619,7 @@ impl Flight {
         }
     }
 
-    /// Who commands.
+    /// The control of the module.
     pub(crate) fn control(&self) -> &Control {
         &self.control
     }

@@ -374,7 +374,7 @@ impl Motion {
             (M::Stopping { then, .. }, E::Undelivered(FlightCommand::ClearErrors)) => {
                 Action::End(unknown, then.with_fatal(lost))
             }
-            // It was sent because of another error, which is shown.
+            // The command was sent because of another error, which is shown.
             (_, E::Undelivered(FlightCommand::ClearErrors)) => Action::None,
             (_, E::Undelivered(_)) => Action::Fatal(lost, reason),
             (M::Stopping { then, .. }, E::Vanished(error, reason)) => {
@@ -409,7 +409,7 @@ impl Motion {
                 _ => Action::GiveUp(Verdict::aborted(Reason::SenderLost), Rest::Ready),
             },
             (M::Following { step, .. }, E::WindDown) => match step {
-                // The DSP has nothing of it.
+                // The DSP has no waypoint of the path.
                 PathStep::AwaitingEmpty | PathStep::Ready => {
                     Action::GiveUp(Verdict::aborted(Reason::BridgeEnding), Rest::Ready)
                 }
@@ -429,7 +429,7 @@ impl Motion {
                     M::Stopping { then, .. } => then,
                     _ => Rest::Ready,
                 };
-                // A take-off or landing goes on; its end will not be seen.
+                // A take-off or landing goes on; the bridge will not see its end.
                 let stage = Stage::Unknown;
                 Action::End(Verdict::aborted(Reason::BridgeEnding).at(stage), then)
             }
@@ -484,14 +484,14 @@ impl Motion {
             {
                 Action::GiveUp(aborted, Rest::Ready)
             }
-            // An order that is on its way is decided by its acknowledgement, which comes or fails soon.
+            // The acknowledgement of an order that is on its way decides; it comes or fails soon.
             Motion::TakingOff { .. } => Action::Withdraw(FlightCommand::TakeOff, aborted),
             Motion::Landing { .. } => Action::Withdraw(FlightCommand::Land, aborted),
             Motion::Following { step, .. } if step.has_begun() => Action::None,
             Motion::Following { .. } => Action::GiveUp(aborted, Rest::Ready),
             Motion::Holding { .. } => Action::End(unknown, Rest::Ready),
             Motion::Stopping { then, .. } => Action::End(unknown, then),
-            // The DSP could not be reached: it has nothing of it.
+            // The DSP could not be reached, so it has nothing of the movement.
             Motion::Deferred { .. } => Action::End(aborted, Rest::Ready),
             Motion::Idle(_) => Action::None,
         }
@@ -516,7 +516,7 @@ impl Motion {
             (FlightCommand::ReadTakeOffAltitude, Motion::TakingOff { height_m, .. }) => {
                 match data == AckData::Bits32(*height_m) {
                     true => Action::OrderTakeOff,
-                    // A DSP that has another altitude than the one that was asked for must not take off.
+                    // A DSP that has another altitude than the requested one must not take off.
                     false => refused_by_dsp(Some(DspErrorCode::INVALID_COMMAND)),
                 }
             }
@@ -531,7 +531,7 @@ impl Motion {
                 let is_under_way = data != AckData::Bits16(0);
                 self.order(|signs| signs.port_read(is_under_way), facts)
             }
-            // Of a movement that has ended meanwhile.
+            // The answer belongs to a movement that has ended meanwhile.
             _ => Action::None,
         }
     }

@@ -71,7 +71,7 @@ impl IssueMark {
         });
     }
 
-    /// Takes an order. One by another clock that is surely not the last changes nothing.
+    /// Takes an order. An order by another clock that is surely not the last changes nothing.
     pub fn take(&mut self, issued: &Issued) {
         if issued.origin != self.origin && issued.latest <= self.floor_same {
             return;
@@ -126,13 +126,13 @@ pub struct WhenLost {
 }
 
 impl WhenLost {
-    /// Nothing is lost with the sender.
+    /// A lost sender changes nothing.
     pub const NOTHING: WhenLost = WhenLost {
         then: SenderLost::Continue,
         lease: None,
     };
 
-    /// As a movement says; without an action, it is the default.
+    /// Reads what the movement says; without an action, it is the default.
     fn read(data: &MovementData, default: SenderLost) -> Result<WhenLost, Reason> {
         let lease = Duration::from_millis(data.lease_ms.into());
         let then = match data.sender_lost {
@@ -238,7 +238,7 @@ pub enum Request {
 }
 
 impl Request {
-    /// What it is to the control.
+    /// What the request means for control.
     pub fn asks(&self) -> Asks {
         match self {
             Request::Control(asks) => *asks,
@@ -280,7 +280,7 @@ pub fn parse_control(
         sender,
         after: control.after,
         begin_by: begin_by(control.begin_by_ns, issued.at, within),
-        // To start or stop a module twice is the same as once.
+        // A second start or stop has no further effect.
         repeat: false,
         preempt: false,
         lost: WhenLost::NOTHING,
@@ -358,7 +358,7 @@ pub fn parse_parameter(
         sender,
         after: request.after,
         begin_by: begin_by(request.begin_by_ns, issued.at, limits.begin_within()),
-        // To read or write a port twice is the same as once.
+        // A second read or write of a port has no further effect.
         repeat: false,
         preempt: false,
         lost: WhenLost::NOTHING,

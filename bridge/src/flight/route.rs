@@ -42,7 +42,7 @@ const REFUSALS: u32 = 2;
 /// So many points are never sent for one path: fifty a second for a day. A snapshot with more is none.
 const MAX_ADVANCED: u64 = 50 * 86_400;
 
-/// What stands in a route until [`Route::configure`].
+/// The trajectory of a route until [`Route::configure`].
 fn no_trajectory() -> Box<dyn Trajectory> {
     Box::new(PassThrough::default())
 }

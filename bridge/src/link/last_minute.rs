@@ -1,4 +1,4 @@
-//! [`LastMinute`]: what the line lost of late, so that an outage is not counted against it for ever.
+//! [`LastMinute`]: what the line lost in the last minute, so that an old outage does not count for ever.
 
 use std::time::Duration;
 

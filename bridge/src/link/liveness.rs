@@ -29,9 +29,9 @@ impl Link {
         }
     }
 
-    /// The DSP has lost our mask, or says nothing but answers.
+    /// The DSP has lost our mask, or answers commands and sends nothing else.
     pub(super) fn lost_its_mask(&mut self, now: MonotonicNs) {
-        // Its clock has restarted as well; that must not be taken for a second reboot.
+        // The DSP's clock has restarted as well; that must not be taken for a second reboot.
         self.coherence.reset();
         self.rebooted(now);
     }
@@ -198,7 +198,8 @@ impl Link {
         self.events.push_back(LinkEvent::PathEmptied);
     }
 
-    /// Three attempts failed. The DSP says other things, or the link would be silent: the next attempts follow at once.
+    /// Three attempts failed. The DSP still sends other messages, else the link would be silent: the next attempts
+    /// follow at once.
     pub(super) fn path_not_emptied(&mut self) {
         self.cannot_empty_path = true;
         self.events.push_back(LinkEvent::PathNotEmptied);
@@ -227,7 +228,7 @@ impl Link {
         }
     }
 
-    /// After so long a pause of the bridge no path goes on. There is an input at least for each state that is published.
+    /// After so long a pause of the bridge no path goes on. Each published state brings at least one input.
     fn standstill(&self) -> Duration {
         (self.config.link.pc_timeout()).max(2 * self.config.state.period())
     }
@@ -248,7 +249,7 @@ impl Link {
     /// First of every input, before a flow control that waited is answered.
     pub fn begin_input(&mut self, now: MonotonicNs) {
         if self.may_have_dropped_path(now) {
-            // Waypoints may be among them.
+            // Waypoints may be among the discarded bytes.
             self.discard_waiting_bytes();
             self.forget_path();
             self.events.push_back(LinkEvent::PathDropped);

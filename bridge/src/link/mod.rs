@@ -214,7 +214,7 @@ impl Link {
         self.command_until(command, purpose, ALWAYS)
     }
 
-    /// As [`Link::command`], of which no attempt goes out after `until`.
+    /// Queues a command for the flight, of which no attempt goes out after `until`.
     ///
     /// # Errors
     /// [`NotQueued`]; nothing has changed.

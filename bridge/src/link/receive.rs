@@ -100,7 +100,7 @@ impl Link {
             received: now,
         };
         let Some(time_ms) = status.time_ms else {
-            // Without the DSP's time the order of the line has to do.
+            // Without the DSP's time, the order of the line decides.
             return self.events.push_back(LinkEvent::Sample(sample));
         };
         let verdict = self.coherence.arrive(time_ms, sample);

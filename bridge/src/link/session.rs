@@ -47,7 +47,7 @@ impl DspPath {
         }
     }
 
-    /// How it is published.
+    /// The path buffer as it is published.
     pub fn published(self) -> DspPathState {
         match self {
             DspPath::Unknown => DspPathState::Unknown,
@@ -142,7 +142,7 @@ pub enum StartupStep {
     Following,
     /// The parameter of this index is written.
     WriteParameter(usize),
-    /// It is read back: the DSP may have refused it.
+    /// The parameter is read back: the DSP may have refused it.
     ReadParameter(usize),
 }
 

@@ -108,7 +108,7 @@ impl Breach {
         })
     }
 
-    /// What cannot be judged.
+    /// The breach of a leg that cannot be judged.
     const UNJUDGEABLE: Breach = Breach {
         rule: FenceRule::Unjudgeable,
         amount_m: 0.0,
@@ -240,12 +240,12 @@ impl Fence {
         self.check_leg(at, at)
     }
 
-    /// Whether everything is allowed.
+    /// Whether the fence allows everything.
     pub fn is_empty(&self) -> bool {
         self.areas.is_empty() && self.band == Band::default()
     }
 
-    /// How many areas it has.
+    /// How many areas the fence has.
     pub fn areas(&self) -> usize {
         self.areas.len()
     }

@@ -28,7 +28,7 @@ pub type AreaName = [u8; 32];
 /// A rule that is broken.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Violation {
-    /// Which.
+    /// The rule that is broken.
     pub rule: SafetyRule,
     /// What is to be done.
     pub action: SafetyAction,
@@ -94,7 +94,8 @@ pub struct Intervention {
 pub struct Safety {
     #[serde(skip)]
     config: SafetyConfig,
-    /// That of the configuration, or the one that was read since. A snapshot has it beside.
+    /// The geofence in force: that of the configuration, or the one that was read since. A snapshot has it apart from
+    /// this.
     #[serde(skip)]
     pub(crate) fence: Fence,
     battery: SupplyWatch,
@@ -149,7 +150,8 @@ impl Safety {
         }
     }
 
-    /// The DSP can be reached. When a path was lost with the link: the rule about that, with what the configuration says.
+    /// The DSP can be reached again. If a path was lost with the link, gives the rule about that, with the configured
+    /// action.
     pub(crate) fn link_back(&mut self, now: MonotonicNs) -> Option<Violation> {
         let lost = self.path_lost.take()?;
         Some(Violation {
@@ -264,8 +266,8 @@ impl Safety {
         self.interventions = self.interventions.saturating_add(1);
     }
 
-    /// Looks at the helicopter for the most severe rule that is broken, and returns whether that is another one. Amounts change all the
-    /// time.
+    /// Judges all rules, keeps the most severe one that is broken, and returns whether that is another rule or action
+    /// than before. A changed amount does not count.
     pub(crate) fn look(&mut self, facts: &SafetyFacts, now: MonotonicNs, judged: Judged) -> bool {
         let key = |violation: Violation| (violation.rule, violation.action);
         let before = self.present.map(key);
@@ -281,7 +283,7 @@ impl Safety {
             self.outside(facts).filter(|_| judged.fence),
             self.ahead(facts, judged.ahead),
         ];
-        // The first of several that are as severe.
+        // Of several rules of one severity, the first one counts: `max_by_key` gives the last.
         self.present = violations
             .into_iter()
             .rev()
@@ -290,7 +292,7 @@ impl Safety {
         before != self.present.map(key)
     }
 
-    /// Looks whether the pilot has just taken over, whatever rule is the most severe one.
+    /// Whether the pilot has just taken over, whatever rule is the most severe one.
     pub(crate) fn is_taken_over(&mut self, facts: &SafetyFacts) -> bool {
         let is_manual = self.pilot(facts).is_some();
         let was_manual = std::mem::replace(&mut self.is_manual, is_manual);
@@ -305,7 +307,7 @@ impl Safety {
         })
     }
 
-    /// Whether the position is lost. While the pilot flies, nobody else needs it.
+    /// Whether the position is lost. While the pilot flies, the bridge does not need it.
     fn look_for_position(
         &mut self,
         facts: &SafetyFacts,
@@ -324,8 +326,8 @@ impl Safety {
         self.position.violation
     }
 
-    /// Whether the helicopter stops before it is outside of the fence. It is held, and not landed: it is inside. What was found of a path
-    /// is shown until it is over.
+    /// Whether the helicopter would leave the fence if it flew on and then stopped. It is held and not landed, because
+    /// it is still inside. A breach that was found on a path is shown until it is over.
     fn ahead(&self, facts: &SafetyFacts, is_judged: bool) -> Option<Violation> {
         let was_found =
             self.present.map(|violation| violation.rule) == Some(SafetyRule::FenceAhead);
@@ -352,7 +354,7 @@ impl Safety {
         })
     }
 
-    /// As published.
+    /// What is published about the rules.
     pub fn published(&self, facts: &SafetyFacts) -> SafetyState {
         SafetyState {
             amount: self.present.map_or(0.0, |violation| violation.amount),
@@ -366,14 +368,14 @@ impl Safety {
     }
 }
 
-/// Whether the position is lost: it was not known for a time. It is found when it was known for as long.
+/// Whether the position is lost: unknown for a configured time. It is found again when it was known for that long.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 struct PositionWatch {
     /// Since when it is lost, or seems to be.
     missing_since: Option<MonotonicNs>,
     /// Since when it is known; `None` while it is not.
     known_since: Option<MonotonicNs>,
-    /// It was known once: what never was cannot be lost.
+    /// Whether it was ever known: only then can it be lost.
     was_known: bool,
     is_lost: bool,
     /// What the rule says now.
@@ -419,8 +421,8 @@ impl SupplyWatch {
         }
     }
 
-    /// The most severe limit that `value` has been below for `hold_for`. Without a value nothing changes: a group that is
-    /// missing for a while neither saves nor condemns.
+    /// The most severe limit that `value` has been below for `hold_for`. Without a value nothing changes: a missing
+    /// group neither starts an action nor ends one.
     fn look(
         &mut self,
         value: Option<f64>,

@@ -1,4 +1,4 @@
-//! [`SetUp`]: the start of every process: logging, configuration, signals, domain. [`run`]: its loop: one wait over all that may wake it, its deadlines, the supervisor and the end.
+//! [`SetUp`] starts a process. [`run`] is its loop: one wait, deadlines, watchdog, end.
 //!
 //! Whatever wakes it, it services every source. That is also the safety net for a wake-up that the shared-memory library can
 //! lose.

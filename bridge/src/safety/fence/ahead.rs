@@ -31,8 +31,9 @@ impl Fence {
             })
     }
 
-    /// How a helicopter that flies on from `at` with this velocity would break the fence before it stands, or come nearer to it than the
-    /// part of the margin that straying does not use. One that is nearer already may fly as it likes where it breaks nothing.
+    /// How a helicopter that flies on from `at` with this velocity would break the fence before it stands, or come
+    /// nearer to it than the part of the margin that straying does not use. A helicopter that is nearer already is
+    /// judged without the margin.
     pub fn check_ahead(&self, at: &Waypoint, velocity: &Velocity) -> Option<Breach> {
         let Velocity {
             ground_mps,
@@ -62,7 +63,7 @@ impl Fence {
     }
 
     fn breach_ahead(&self, from: &Waypoint, to: &Waypoint, margin_m: f64) -> Option<Breach> {
-        // Where the fence cannot judge, it says so about the leg itself.
+        // `check_leg` reports a leg that cannot be judged.
         if self.is_empty() || !self.can_judge(from, to) {
             return None;
         }
@@ -75,7 +76,7 @@ impl Fence {
 }
 
 impl Breach {
-    /// What comes of flying on.
+    /// Turns it into the breach that flying on would be.
     fn ahead(self) -> Breach {
         Breach {
             rule: FenceRule::Ahead,

@@ -45,7 +45,7 @@ pub struct AreaConfig {
 /// A valid area of a [`Fence`](super::Fence), made from an [`AreaConfig`](super::AreaConfig).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Area {
-    /// What it was made of.
+    /// The table that it was made of.
     pub(super) config: AreaConfig,
     pub(super) plane: Plane,
     pub(super) shape: Shape,
@@ -53,7 +53,7 @@ pub struct Area {
 }
 
 impl Area {
-    /// What it was made of.
+    /// The table that it was made of.
     pub fn config(&self) -> &AreaConfig {
         &self.config
     }

@@ -33,7 +33,7 @@ pub struct Room {
 impl Default for Room {
     fn default() -> Self {
         Room {
-            // That of ArduPilot (FENCE_MARGIN).
+            // ArduPilot's value (FENCE_MARGIN).
             margin_m: 2.0,
             // Half of what the simulated helicopter does, and a little less than PX4 plans with (MPC_ACC_HOR).
             braking_mps2: 2.5,
