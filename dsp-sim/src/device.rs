@@ -3,7 +3,6 @@
 //!
 //! It was written from that page alone. Where the page leaves a choice:
 //!
-//!
 //! * *Stray* bytes and *truncated* messages are only counted: what they were cannot be known, and error 102 is kept
 //!   for a checksum that is wrong.
 //! * A waypoint outside the limits of section 9, or lower than 0.5 m above the home, is discarded with error 30.
