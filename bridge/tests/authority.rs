@@ -1,5 +1,5 @@
-//! Who may command what, and when: pre-emption, the safety rules, and the errors that the state shows (requirements D6, H5,
-//! H6, H7).
+//! Who may command what, and when: pre-emption, the safety rules, and the errors that the state shows (requirements D6,
+//! H5, H6, H7).
 
 use crate::rig::{HOME, Rig, aborted, go_to, north, refused};
 use bridge::outputs::Notice;

@@ -243,8 +243,8 @@ impl Dsp {
         &self.ports
     }
 
-    /// Sets how many simulated seconds pass in a second of the PC. The PC keeps to the time-out of port 10004 by its own
-    /// clock, so the DSP waits for that many times as long.
+    /// Sets how many simulated seconds pass in a second of the PC. The PC keeps to the time-out of port 10004 by its
+    /// own clock, so the DSP waits for that many times as long.
     pub fn set_speed(&mut self, speed: f64) {
         self.speed = speed;
     }

@@ -15,8 +15,8 @@ use crate::domain_error::DomainError;
 use crate::files;
 use crate::forked::Maker;
 
-/// An open file or folder that may be locked. Dropping it gives the lock back, even while a child process has a copy of the
-/// descriptor: one that was forked and lives on, or one that has not yet called `exec`.
+/// An open file or folder that may be locked. Dropping it gives the lock back, even while a child process has a copy of
+/// the descriptor: one that was forked and lives on, or one that has not yet called `exec`.
 #[derive(Debug)]
 pub(crate) struct LockFile {
     file: File,

@@ -17,8 +17,9 @@ impl MonotonicNs {
         MonotonicNs(now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64)
     }
 
-    /// How long the machine has been suspended since its boot: `CLOCK_BOOTTIME` − `CLOCK_MONOTONIC`, which stands still meanwhile.
-    /// Never more than it truly was; less by the time for which the process had no processor between two looks at a clock.
+    /// How long the machine has been suspended since its boot: `CLOCK_BOOTTIME` − `CLOCK_MONOTONIC`, which stands still
+    /// meanwhile. Never more than it truly was; less by the time for which the process had no processor between two
+    /// looks at a clock.
     pub fn suspended() -> Duration {
         let boot = rustix::time::clock_gettime(rustix::time::ClockId::Boottime);
         let boot = Duration::new(boot.tv_sec as u64, boot.tv_nsec as u32);

@@ -3,9 +3,9 @@
 //! * [`cli`]: the command line; [`verbs`]: the verbs, each in a file or folder;
 //! * [`completion`]: what can follow on a command line in bash, zsh and fish.
 //!
-//! What verbs share stands in the crate `operator`. The processes that `ril run` starts are rooms of their own: this crate reads their command
-//! lines and starts them. `ril relay` is a program of its own, `ril-relay`. Nothing here decides what the helicopter does: that is the
-//! bridge's.
+//! What verbs share stands in the crate `operator`. The processes that `ril run` starts are rooms of their own: this
+//! crate reads their command lines and starts them. `ril relay` is a program of its own, `ril-relay`. Nothing here
+//! decides what the helicopter does: that is the bridge's.
 
 pub mod cli;
 pub mod completion;
@@ -118,7 +118,8 @@ fn start<A: Args>(
     }
 }
 
-/// Whether the verb waits for something that a signal, or a reader that does not read, must not be held up by or hold up.
+/// Whether the verb waits for something that a signal, or a reader that does not read, must not be held up by or hold
+/// up.
 fn follows_an_order(command: &cli::Command) -> bool {
     use cli::Command::*;
     match command {
@@ -129,8 +130,8 @@ fn follows_an_order(command: &cli::Command) -> bool {
     }
 }
 
-/// Prints a failure for programs: of a verb that follows an order without waiting for a reader. Standard output may be closed; the exit
-/// code still says enough.
+/// Prints a failure for programs: of a verb that follows an order without waiting for a reader. Standard output may be
+/// closed; the exit code still says enough.
 fn print_error(error: &ErrorObject, is_followed: bool) {
     if is_followed {
         let _ = render::json_line(&mut standard_output(), error);

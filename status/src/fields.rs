@@ -3,9 +3,10 @@
 //!
 //! Values are those that the bridge published, in the DSP's own units: a log is of the input (`log.conf`).
 //!
-//! The bridge publishes no implausible values. But any bit pattern may be in shared memory when a neighbour is faulty, and status is
-//! the last check before upper layers fly by it. A group with an implausible value is treated as one that was not
-//! transmitted: not valid, zero, and reported to the operator once. The limits are those of the wire's table of groups.
+//! The bridge publishes no implausible values. But any bit pattern may be in shared memory when a neighbour is faulty,
+//! and status is the last check before upper layers fly by it. A group with an implausible value is treated as one that
+//! was not transmitted: not valid, zero, and reported to the operator once. The limits are those of the wire's table of
+//! groups.
 
 use std::fmt;
 use std::str::FromStr;

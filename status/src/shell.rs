@@ -1,7 +1,7 @@
 //! The process around the core: ports, clock, and the one wait. It decides nothing.
 //!
-//! One thread sleeps until telemetry, a subscriber, a signal or the core's next deadline wakes it. Then it services every
-//! source that may have woken it. It never touches a file: each log has a thread of its own for that.
+//! One thread sleeps until telemetry, a subscriber, a signal or the core's next deadline wakes it. Then it services
+//! every source that may have woken it. It never touches a file: each log has a thread of its own for that.
 
 mod log_thread;
 mod messages;
@@ -204,8 +204,8 @@ impl Process for Shell {
         Ok(())
     }
 
-    /// The state comes at least once a second without a wake of its own: a round is due every half second, and comes with the
-    /// next wake, [`LONGEST_SLEEP`](ipc_types::waiter::LONGEST_SLEEP) after the one before at the latest.
+    /// The state comes at least once a second without a wake of its own: a round is due every half second, and comes
+    /// with the next wake, [`LONGEST_SLEEP`](ipc_types::waiter::LONGEST_SLEEP) after the one before at the latest.
     fn round(&mut self, now: MonotonicNs) {
         self.publish_state(true, now);
     }

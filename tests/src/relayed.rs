@@ -43,8 +43,8 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// Starts everything on two machines of a test, with this `relay.toml` beside the robot, and returns when the station shows the
-    /// robot.
+    /// Starts everything on two machines of a test, with this `relay.toml` beside the robot, and returns when the
+    /// station shows the robot.
     #[track_caller]
     pub fn start(ril: &Path, name: &str, relay_toml: &str) -> Rig {
         let robot = machine(ril, name);

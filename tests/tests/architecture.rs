@@ -1,7 +1,8 @@
-//! The rules of ARCHITECTURE.md that a compiler does not know: which crate may depend on which, and what pure sources never mention.
+//! The rules of ARCHITECTURE.md that a compiler does not know: which crate may depend on which, and what pure sources
+//! never mention.
 //!
-//! A failure names the arrow, or the file and the line. An intended change begins in ARCHITECTURE.md, and then comes to the
-//! tables here.
+//! A failure names the arrow, or the file and the line. An intended change begins in ARCHITECTURE.md, and then comes to
+//! the tables here.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -147,8 +148,8 @@ const TRANSPORT: &str = "iceoryx2";
 const KNOWS_NETWORK: &str = "relay";
 const NETWORK: &str = "zenoh";
 
-/// The crate that can be built for a microcontroller: it may depend on nothing but a checksum, which can be so too, and on serde
-/// where a feature asks for it.
+/// The crate that can be built for a microcontroller: it may depend on nothing but a checksum, which can be so too, and
+/// on serde where a feature asks for it.
 const BARE: &str = "dsp-protocol";
 const BARE_MAY_HAVE: [&str; 2] = ["crc", "serde"];
 

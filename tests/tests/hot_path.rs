@@ -1,8 +1,8 @@
-//! From the bytes of the serial line to the sample of robot telemetry nothing is allocated, once the link is up: by the real shells of
-//! bridge and status, on a pseudo-terminal and shared memory, while both journals are followed.
+//! From the bytes of the serial line to the sample of robot telemetry nothing is allocated, once the link is up: by the
+//! real shells of bridge and status, on a pseudo-terminal and shared memory, while both journals are followed.
 //!
-//! iceoryx2 0.10 itself keeps a handle of 104 bytes on the heap from the loan of a sample to its sending; `ipc-types/tests/allocation.rs`
-//! has it alone.
+//! iceoryx2 0.10 itself keeps a handle of 104 bytes on the heap from the loan of a sample to its sending;
+//! `ipc-types/tests/allocation.rs` has it alone.
 
 use std::fs::File;
 use std::io::{Read, Write};

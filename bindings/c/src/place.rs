@@ -1,4 +1,5 @@
-//! Places and moments as people use them: degrees, a local frame in metres, UTC. The Python package has the same in `geo.py`.
+//! Places and moments as people use them: degrees, a local frame in metres, UTC. The Python package has the same in
+//! `geo.py`.
 
 use std::f64::consts::{PI, TAU};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -22,7 +23,8 @@ pub struct Offset {
     pub up_m: f64,
 }
 
-/// Nanoseconds since 1970 (UTC) of a moment of the host's monotonic clock, by the host's clock now; 0 of 0, which is "never".
+/// Nanoseconds since 1970 (UTC) of a moment of the host's monotonic clock, by the host's clock now; 0 of 0, which is
+/// "never".
 pub fn utc_ns(monotonic_ns: u64) -> u64 {
     let unix = SystemTime::now().duration_since(UNIX_EPOCH);
     let unix_ns = unix.map_or(0, |since| {

@@ -1,5 +1,5 @@
-//! [`Serving`]: a server that hands on its requests one at a time, and says which clients are gone; or one that hands on each request
-//! once, by the rules of [`module_kit::requests`].
+//! [`Serving`]: a server that hands on its requests one at a time, and says which clients are gone; or one that hands
+//! on each request once, by the rules of [`module_kit::requests`].
 
 use std::collections::{HashMap, VecDeque};
 use std::time::{Duration, Instant};
@@ -208,8 +208,8 @@ impl Serving {
         Ok(())
     }
 
-    /// Answers a request. A final stage closes it. A report without a client counts as sent where each request is handed on once: a client
-    /// that asks again gets it.
+    /// Answers a request. A final stage closes it. A report without a client counts as sent where each request is
+    /// handed on once: a client that asks again gets it.
     ///
     /// # Errors
     ///

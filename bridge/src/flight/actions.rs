@@ -1,5 +1,5 @@
-//! What the tables of [`motion`](super::motion) say is carried out: commands to the DSP, the beginning and the end of movements, and
-//! what safety rules do.
+//! What the tables of [`motion`](super::motion) say is carried out: commands to the DSP, the beginning and the end of
+//! movements, and what safety rules do.
 
 use std::time::Duration;
 
@@ -21,7 +21,8 @@ use crate::link::session::DspPath;
 use crate::outputs::Notice;
 use crate::safety::{AreaName, Intervention, Judged};
 
-/// Pause between two looks at the port of a take-off or landing, while the order is not confirmed or the rotor runs down.
+/// Pause between two looks at the port of a take-off or landing, while the order is not confirmed or the rotor runs
+/// down.
 const LOOK_PERIOD: Duration = Duration::from_millis(250);
 
 /// Pause between two looks at the port of a take-off that is under way: its end shows by flow control.
@@ -88,8 +89,8 @@ impl Flight {
                 self.look(cx);
             }
             Action::Look => self.look(cx),
-            // The end of a landing shows by the flying flag; that of a take-off by flow control, and by the port should that stay
-            // away.
+            // The end of a landing shows by the flying flag; that of a take-off by flow control, and by the port should
+            // that stay away.
             Action::UnderWay => {
                 self.timers.stop(FlightTimer::Step);
                 if let Motion::TakingOff { .. } = self.motion {
@@ -237,8 +238,8 @@ impl Flight {
         self.begin(Motion::Holding { order }, 0, cx);
     }
 
-    /// Orders the landing, for a request or for a safety rule. A path under way ends as replaced. The order goes out first;
-    /// it empties the DSP's path buffer, which the link makes sure of.
+    /// Orders the landing, for a request or for a safety rule. A path under way ends as replaced. The order goes out
+    /// first; it empties the DSP's path buffer, which the link makes sure of.
     pub(super) fn order_landing(&mut self, order: MovementOrder, cx: &mut Context<'_>) {
         self.pre_empt(cx);
         let until = order.requester.map_or(ALWAYS, |header| header.begin_by);
@@ -260,7 +261,8 @@ impl Flight {
         self.begin(Motion::Deferred { order, lands }, 0, cx);
     }
 
-    /// The DSP can be reached again: a hold or a landing that waited for it is carried out, within the time that it had.
+    /// The DSP can be reached again: a hold or a landing that waited for it is carried out, within the time that it
+    /// had.
     fn undefer(
         &mut self,
         order: MovementOrder,
@@ -347,8 +349,8 @@ impl Flight {
         self.is_changed = true;
     }
 
-    /// The movement is about to begin on the DSP. False when a later order has come since it was accepted, or its moment has
-    /// passed: it then ends.
+    /// The movement is about to begin on the DSP. False when a later order has come since it was accepted, or its
+    /// moment has passed: it then ends.
     fn begins_in_time(&mut self, cx: &mut Context<'_>) -> bool {
         let Some(requester) = self.motion.requester().copied() else {
             return true;

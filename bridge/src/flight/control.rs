@@ -1,10 +1,10 @@
 //! [`Control`]: who commands, and whose movements are taken (requirement H11).
 //!
-//! Courtesy among programs of one user, which trust one another: it keeps two operators from flying one helicopter by mistake. `hold`,
-//! `land` and `stop` are everyone's, always; so are a start, a new fence, and what reads.
+//! Courtesy among programs of one user, which trust one another: it keeps two operators from flying one helicopter by
+//! mistake. `hold`, `land` and `stop` are everyone's, always; so are a start, a new fence, and what reads.
 //!
-//! A *sender* is a station of the relay, or on the robot's machine a session of processes: all that an operator runs in one terminal, or
-//! all processes of a service. One whose session is not known is its process.
+//! A *sender* is a station of the relay, or on the robot's machine a session of processes: all that an operator runs in
+//! one terminal, or all processes of a service. One whose session is not known is its process.
 //!
 //! | event | free | held by the sender | held by another |
 //! |---|---|---|---|
@@ -16,8 +16,8 @@
 //! | the sender is gone | – | → free | it does not ask any more |
 //! | silence | – | → free | |
 //!
-//! That is with `exclusive = true`. Without it nothing is refused: a movement that is taken, a write, and a take make their sender the
-//! holder. Silence counts from the holder's last request, and from the end of any movement under way.
+//! That is with `exclusive = true`. Without it nothing is refused: a movement that is taken, a write, and a take make
+//! their sender the holder. Silence counts from the holder's last request, and from the end of any movement under way.
 
 use std::time::Duration;
 
@@ -140,7 +140,8 @@ impl Control {
         (self.is_exclusive, self.silence) = (config.exclusive, config.silence());
     }
 
-    /// Judges a request before anything else is made of it. What takes control by being taken does so by [`Control::took`].
+    /// Judges a request before anything else is made of it. What takes control by being taken does so by
+    /// [`Control::took`].
     ///
     /// # Errors
     /// [`Reason::NotInControl`].

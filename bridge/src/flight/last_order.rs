@@ -1,4 +1,5 @@
-//! [`LastOrder`]: what last told the helicopter what to do, and whether the next step of a command may follow (requirement H13).
+//! [`LastOrder`]: what last told the helicopter what to do, and whether the next step of a command may follow
+//! (requirement H13).
 //!
 //! A step names the request that was the step before. It is taken only if nothing came between the two:
 //!

@@ -1,8 +1,9 @@
 //! The functionality of the module: movements from the request to the final report.
 //!
-//! [`Flight`] is given requests, events of the link and the time, and answers through the link's commands and [`Outputs`]. What the
-//! module does is one value, [`Motion`]: its file has the tables of states, orders and events. This file has what comes
-//! in and what is answered; `actions` carries out what the tables say; the other files are values that both ask.
+//! [`Flight`] is given requests, events of the link and the time, and answers through the link's commands and
+//! [`Outputs`]. What the module does is one value, [`Motion`]: its file has the tables of states, orders and events.
+//! This file has what comes in and what is answered; `actions` carries out what the tables say; the other files are
+//! values that both ask.
 
 mod actions;
 pub mod arrival;
@@ -92,7 +93,8 @@ pub struct Flight {
     #[serde(with = "raw")]
     movement: MovementState,
     timers: TimerTable<FlightTimer>,
-    /// The error of the last control request that was refused, until the module's motion changes or a request is accepted.
+    /// The error of the last control request that was refused, until the module's motion changes or a request is
+    /// accepted.
     refusal: ImiError,
     refused_requests: u32,
     escalated: u32,
@@ -361,7 +363,8 @@ impl Flight {
         Ok(())
     }
 
-    /// The geofence of the configuration was read again, or could not be. What is left of the path under way is checked against it.
+    /// The geofence of the configuration was read again, or could not be. What is left of the path under way is checked
+    /// against it.
     fn new_fence(
         &mut self,
         header: &RequestHeader,
@@ -539,8 +542,8 @@ impl Flight {
         self.observation.flying(cx.now).ok_or(Reason::NoPosition)
     }
 
-    /// The sender of a request is gone, or has given it up. A path that it was still sending is broken, and of one that is flown the
-    /// sender is lost. Another movement goes on to its end, which is a hover or the ground.
+    /// The sender of a request is gone, or has given it up. A path that it was still sending is broken, and of one that
+    /// is flown the sender is lost. Another movement goes on to its end, which is a hover or the ground.
     pub fn sender_gone(&mut self, key: RequestKey, cx: &mut Context<'_>) {
         if self
             .assembler
@@ -624,8 +627,8 @@ impl Flight {
         &self.control
     }
 
-    /// The bridge is about to end: the DSP's path buffer is emptied, and no request is taken any more. What is under way gets its
-    /// final report when the DSP has acknowledged that, or from [`Flight::close`].
+    /// The bridge is about to end: the DSP's path buffer is emptied, and no request is taken any more. What is under
+    /// way gets its final report when the DSP has acknowledged that, or from [`Flight::close`].
     pub fn wind_down(&mut self, cx: &mut Context<'_>) {
         self.is_ending = true;
         self.break_path(Reason::BridgeEnding, cx);
@@ -688,8 +691,8 @@ impl Flight {
         cx.link.forget_parameter();
     }
 
-    /// Gives up the path under assembly, if there is one. Its newest waypoint gets the reason; those before it were done when
-    /// they became part of it.
+    /// Gives up the path under assembly, if there is one. Its newest waypoint gets the reason; those before it were
+    /// done when they became part of it.
     fn break_path(&mut self, reason: Reason, cx: &mut Context<'_>) {
         self.answer_newest(&Verdict::aborted(reason), cx);
         if self.assembler.open_path().is_some() {
@@ -795,7 +798,8 @@ impl Flight {
         }
     }
 
-    /// Whether [the fence](Flight::fence) or [the path](Flight::held_path) changed since the last time; asking resets it.
+    /// Whether [the fence](Flight::fence) or [the path](Flight::held_path) changed since the last time; asking resets
+    /// it.
     pub(crate) fn take_outline_changed(&mut self) -> bool {
         std::mem::take(&mut self.is_outline_changed)
     }

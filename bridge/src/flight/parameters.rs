@@ -1,7 +1,7 @@
 //! The DSP's virtual ports at run time (requirement C8): requests to read, write and list them.
 //!
-//! One request at a time is with the DSP; the others wait. A write is read back, because the DSP acknowledges commands that
-//! it cannot carry out. What was written is written again after each reboot of the DSP, until the bridge ends.
+//! One request at a time is with the DSP; the others wait. A write is read back, because the DSP acknowledges commands
+//! that it cannot carry out. What was written is written again after each reboot of the DSP, until the bridge ends.
 
 use std::collections::VecDeque;
 

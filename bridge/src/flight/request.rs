@@ -1,12 +1,13 @@
-//! Requests as they are read from shared memory, parsed once into what the core works with, and which of two was issued later.
+//! Requests as they are read from shared memory, parsed once into what the core works with, and which of two was issued
+//! later.
 //!
-//! Any bit pattern may lie in a request: here it becomes either a typed value or a refusal with its reason. Inside the core nothing
-//! is checked again, but for what depends on the state of the flight.
+//! Any bit pattern may lie in a request: here it becomes either a typed value or a refusal with its reason. Inside the
+//! core nothing is checked again, but for what depends on the state of the flight.
 //!
-//! **Order of issue.** An order says by its sender's clock when it was issued ([`Issued`]), because two orders may take ways of
-//! different lengths. Orders by one clock are compared as they are. Those by two clocks are compared on the safe side: an order is
-//! the later one only when it surely is. The bridge keeps one [`IssueMark`], of all orders that it has taken, and carries out no
-//! movement that lies before it.
+//! **Order of issue.** An order says by its sender's clock when it was issued ([`Issued`]), because two orders may take
+//! ways of different lengths. Orders by one clock are compared as they are. Those by two clocks are compared on the
+//! safe side: an order is the later one only when it surely is. The bridge keeps one [`IssueMark`], of all orders that
+//! it has taken, and carries out no movement that lies before it.
 
 use std::time::Duration;
 
@@ -62,7 +63,8 @@ impl IssueMark {
         issued.at < self.floor(issued)
     }
 
-    /// Something came between at `now` that no request ordered: orders that were issued before are not carried out any more.
+    /// Something came between at `now` that no request ordered: orders that were issued before are not carried out any
+    /// more.
     pub fn take_event(&mut self, now: MonotonicNs) {
         self.take(&Issued {
             origin: 0,
@@ -116,7 +118,8 @@ pub struct RequestHeader {
     pub lost: WhenLost,
 }
 
-/// What becomes of a path when its sender is lost: its process ends, or it gives the path up, or does not renew its lease.
+/// What becomes of a path when its sender is lost: its process ends, or it gives the path up, or does not renew its
+/// lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct WhenLost {
     /// What follows.
@@ -259,7 +262,8 @@ impl Request {
 /// A request as it was read, with what is asked for or why that cannot be.
 pub type Parsed<R> = (RequestHeader, Result<R, Reason>);
 
-/// Reads a control request of `sender`; `fence` is the geofence of the configuration, for the request that asks to read it again.
+/// Reads a control request of `sender`; `fence` is the geofence of the configuration, for the request that asks to read
+/// it again.
 pub fn parse_control(
     (key, sender): (RequestKey, Sender),
     control: &ModuleControl,
@@ -372,8 +376,9 @@ pub fn parse_parameter(
     (header, operation.map(port).ok_or(Reason::InvalidRequest))
 }
 
-/// What becomes of a request by the clock that its sender reads. Its moments mean nothing by another clock, nor do those from the future, nor
-/// none at all: they have no place among the orders. A hold, a landing or a stop is taken all the same, as issued when it is read.
+/// What becomes of a request by the clock that its sender reads. Its moments mean nothing by another clock, nor do
+/// those from the future, nor none at all: they have no place among the orders. A hold, a landing or a stop is taken
+/// all the same, as issued when it is read.
 pub fn judged_by_clock(asked: Parsed<Request>, now: MonotonicNs) -> Parsed<Request> {
     let (mut header, request) = asked;
     let clock = header.sender.clock;

@@ -1,9 +1,9 @@
-//! The rules of flight safety that the bridge enforces itself, whatever a module asks for (requirement H7; `docs/safety.md`): the pilot's
-//! switch, the geofence, battery and fuel, and the reaction to a lost position or link.
+//! The rules of flight safety that the bridge enforces itself, whatever a module asks for (requirement H7;
+//! `docs/safety.md`): the pilot's switch, the geofence, battery and fuel, and the reaction to a lost position or link.
 //!
 //! A pure judge: it is given positions, supplies and requests, and says which rule is broken and what is to be done.
-//! [`Flight`](crate::flight::Flight) does it. `config` has the limits; [`fence`] judges points and legs. Nothing is enforced against a landing
-//! but the pilot's switch: the ground is where a helicopter in trouble belongs.
+//! [`Flight`](crate::flight::Flight) does it. `config` has the limits; [`fence`] judges points and legs. Nothing is
+//! enforced against a landing but the pilot's switch: the ground is where a helicopter in trouble belongs.
 
 mod config;
 pub mod fence;
@@ -202,7 +202,8 @@ impl Safety {
         }
     }
 
-    /// Whether the geofence, and the ground of the take-off, allow the leg, which leads to the waypoint `leg`, counted from 1.
+    /// Whether the geofence, and the ground of the take-off, allow the leg, which leads to the waypoint `leg`, counted
+    /// from 1.
     ///
     /// # Errors
     /// The refusal, with the rule, the leg and by how much the rule would be broken.
@@ -244,7 +245,8 @@ impl Safety {
         }
     }
 
-    /// The area of the geofence, if that is the rule that is broken now: the one that the helicopter is in or left, or comes near to.
+    /// The area of the geofence, if that is the rule that is broken now: the one that the helicopter is in or left, or
+    /// comes near to.
     pub(crate) fn present_area(&self, facts: &SafetyFacts) -> AreaName {
         let is_fence = |violation: &Violation| violation.reason() == Reason::FenceBreach;
         let breach = self.present.filter(is_fence).zip(facts.position);

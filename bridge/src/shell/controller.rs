@@ -1,8 +1,9 @@
-//! Who sends, as the kernel knows it, and the end of the one who commands and of the one who ordered the path: a descriptor of its
-//! process, which wakes the bridge.
+//! Who sends, as the kernel knows it, and the end of the one who commands and of the one who ordered the path: a
+//! descriptor of its process, which wakes the bridge.
 //!
-//! Numbers of processes mean something in one PID namespace only. A process in another one, whose number may be another's here, is
-//! not known: it is a sender by itself, silence ends its control, and the end of its path's client is noticed within two seconds.
+//! Numbers of processes mean something in one PID namespace only. A process in another one, whose number may be
+//! another's here, is not known: it is a sender by itself, silence ends its control, and the end of its path's client
+//! is noticed within two seconds.
 
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 

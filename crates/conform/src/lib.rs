@@ -1,17 +1,20 @@
-//! The conformance kit for firmware of the DSP: it plays the PC and judges which sentences of `docs/protocol.md` a DSP keeps.
+//! The conformance kit for firmware of the DSP: it plays the PC and judges which sentences of `docs/protocol.md` a DSP
+//! keeps.
 //!
-//! Written from that page. What is sent and judged shares no code with the bridge, so what the two of them ask of a DSP is the page alone;
-//! frames are those of [`dsp_protocol`]. The serial port of [`cli`] and [`shell`], around it, is the bridge's.
+//! Written from that page. What is sent and judged shares no code with the bridge, so what the two of them ask of a DSP
+//! is the page alone; frames are those of [`dsp_protocol`]. The serial port of [`cli`] and [`shell`], around it, is the
+//! bridge's.
 //!
 //! * [`table`]: the checks, each with its sentence, what is sent, what must come back; [`checks`] has them by topic;
-//! * [`permitted`]: what may be sent, and that nothing else is: without [`permitted::RotorDisconnected`] no type can express
-//!   a message that moves a rotor;
-//! * [`wire`]: the line as a value; [`bench`](mod@bench): a check's end of it; [`monitor`]: what is judged of all messages;
-//! * [`run`]: the whole run as a value that is given time and bytes; [`report`]: what it found; [`replay`]: a dialogue that is
-//!   played again.
+//! * [`permitted`]: what may be sent, and that nothing else is: without [`permitted::RotorDisconnected`] no type can
+//!   express a message that moves a rotor;
+//! * [`wire`]: the line as a value; [`bench`](mod@bench): a check's end of it; [`monitor`]: what is judged of all
+//!   messages;
+//! * [`run`]: the whole run as a value that is given time and bytes; [`report`]: what it found; [`replay`]: a dialogue
+//!   that is played again.
 //!
-//! Nothing else has a port, a clock or a thread. A check is linear code that sends and waits, as a suspended function; the value
-//! around it goes on when time or bytes come.
+//! Nothing else has a port, a clock or a thread. A check is linear code that sends and waits, as a suspended function;
+//! the value around it goes on when time or bytes come.
 //!
 //! # Example
 //!

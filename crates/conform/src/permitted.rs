@@ -141,7 +141,8 @@ impl From<Harmless> for Permitted {
     }
 }
 
-/// Bytes that are no whole, right frame, made from frames that were permitted or from nothing that a DSP can take for one.
+/// Bytes that are no whole, right frame, made from frames that were permitted or from nothing that a DSP can take for
+/// one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Raw(Vec<u8>);
 
@@ -225,8 +226,8 @@ impl Raw {
 /// Bytes of a frame that the watch looks at: header, number, kind, code, port, value.
 const WATCHED: usize = 12;
 
-/// Sees in the stream of all bytes to the DSP whatever could be read as a message that moves a rotor: with a wrong check
-/// field, broken off or in the other profile, too. So a DSP that overlooks damage is not moved either.
+/// Sees in the stream of all bytes to the DSP whatever could be read as a message that moves a rotor: with a wrong
+/// check field, broken off or in the other profile, too. So a DSP that overlooks damage is not moved either.
 #[derive(Clone, Debug, Default)]
 pub struct MotionWatch {
     frame: Vec<u8>,

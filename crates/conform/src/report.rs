@@ -199,8 +199,8 @@ impl Report {
 }
 
 impl CheckReport {
-    /// The dialogue as a file in the format of `crates/dsp-protocol/vectors/dialogues/`, with what should have come in its first
-    /// lines.
+    /// The dialogue as a file in the format of `crates/dsp-protocol/vectors/dialogues/`, with what should have come in
+    /// its first lines.
     pub fn vector(&self, profile: Profile) -> String {
         let mut text = format!(
             "# {} (section {}): {}\n# expected: {}\n",

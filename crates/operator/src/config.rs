@@ -1,6 +1,7 @@
 //! Configuration of the operator's commands, `ril.toml`.
 //!
-//! Every value has a default; the annotated example `crates/operator/ril.toml` shows them all and is tested to parse to them.
+//! Every value has a default; the annotated example `crates/operator/ril.toml` shows them all and is tested to parse to
+//! them.
 
 use std::time::Duration;
 

@@ -1,5 +1,5 @@
-//! What a person sees of a robot, and how an order is followed: the ground that the operator's tool `ril`, the live view, the MAVLink
-//! gateway and the recorder stand on.
+//! What a person sees of a robot, and how an order is followed: the ground that the operator's tool `ril`, the live
+//! view, the MAVLink gateway and the recorder stand on.
 //!
 //! * [`robot`]: where it is and was, what is wrong, who commands it;
 //! * [`request`]: follows a request to its final report;

@@ -17,7 +17,8 @@ pub enum Step {
         /// Height above take-off, m.
         height_m: f64,
     },
-    /// Fly a path, at most [`MAX_WAYPOINTS`](bridge::flight::assembly::MAX_WAYPOINTS); afterwards the helicopter hovers.
+    /// Fly a path, at most [`MAX_WAYPOINTS`](bridge::flight::assembly::MAX_WAYPOINTS); afterwards the helicopter
+    /// hovers.
     Path(Vec<PathPoint>),
     /// Hover.
     Wait {

@@ -1,7 +1,7 @@
 //! [`Finding`]: one thing that was looked at, how bad it is, and what to do about it.
 //!
-//! The checks of a machine, of a robot before its flight, of a plan and of a demonstration find such things, and so do alarms in flight.
-//! Each has the fields of its own JSON object.
+//! The checks of a machine, of a robot before its flight, of a plan and of a demonstration find such things, and so do
+//! alarms in flight. Each has the fields of its own JSON object.
 
 use serde::Serialize;
 
@@ -24,7 +24,8 @@ pub struct Finding {
     pub severity: Severity,
     /// Its name for programs, in lower kebab case; it stays the same from version to version.
     pub id: &'static str,
-    /// Which of several things with this name, in order, such as the items of a plan or the code of an error; empty if there is one.
+    /// Which of several things with this name, in order, such as the items of a plan or the code of an error; empty if
+    /// there is one.
     pub items: Vec<u32>,
     /// The leg of a plan, from 1: leg 1 leads to the first waypoint.
     pub leg: Option<u32>,

@@ -1,5 +1,5 @@
-//! The protocol as the PC sees it: every test speaks in bytes and looks at what comes back. The sentences of docs/protocol.md are judged one
-//! by one in `crates/conform/tests/right.rs`; here is what those do not say.
+//! The protocol as the PC sees it: every test speaks in bytes and looks at what comes back. The sentences of
+//! docs/protocol.md are judged one by one in `crates/conform/tests/right.rs`; here is what those do not say.
 
 mod extended;
 mod firmware;

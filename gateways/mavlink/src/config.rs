@@ -1,6 +1,7 @@
 //! Configuration of `ril run mavlink`, `mavlink.toml`.
 //!
-//! Every value has a default; the annotated example `gateways/mavlink/mavlink.toml` shows them all and is tested to parse to them.
+//! Every value has a default; the annotated example `gateways/mavlink/mavlink.toml` shows them all and is tested to
+//! parse to them.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::{Path, PathBuf};

@@ -19,7 +19,8 @@ use crate::verdict::CommandAck;
 /// Speeds that the DSP takes, m/s.
 const SPEED_MPS: std::ops::RangeInclusive<f64> = 0.1..=20.0;
 
-/// From where on a place is another one than that of the helicopter, m: what GPS and the resolution of a float leave open.
+/// From where on a place is another one than that of the helicopter, m: what GPS and the resolution of a float leave
+/// open.
 const ELSEWHERE_M: f64 = 20.0;
 
 /// A change of height that is none, m: the second half of QGroundControl's pause.

@@ -1,4 +1,5 @@
-//! [`Home`]: where the helicopter stands, and in the air where it took off, as the bridge says; or what an operator has set as home.
+//! [`Home`]: where the helicopter stands, and in the air where it took off, as the bridge says; or what an operator has
+//! set as home.
 //!
 //! [`KeptHome`], an operator's, outlives the gateway as long as the bridge lives.
 

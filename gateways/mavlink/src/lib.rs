@@ -1,10 +1,11 @@
 //! The helicopter as a MAVLink vehicle, for ground stations and scripts as they are.
 //!
-//! The process is [`cli`], `shell` and [`config`]. Everything else has no socket, no clock, no thread and no file: [`Gateway`] is given
-//! datagrams, samples, reports and times, and gives datagrams, [`Order`]s, [`Event`]s and a deadline. `docs/mavlink.md` describes what
-//! stations see.
+//! The process is [`cli`], `shell` and [`config`]. Everything else has no socket, no clock, no thread and no file:
+//! [`Gateway`] is given datagrams, samples, reports and times, and gives datagrams, [`Order`]s, [`Event`]s and a
+//! deadline. `docs/mavlink.md` describes what stations see.
 //!
-//! * [`wire`]: frames and their checksums; [`message`]: the messages; `received`: what is read of one; [`number`]: the protocol's numbers;
+//! * [`wire`]: frames and their checksums; [`message`]: the messages; `received`: what is read of one; [`number`]: the
+//!   protocol's numbers;
 //! * `mission`: the mission: its items, how it comes, whether it can be flown;
 //! * `signing`: whose frames they are;
 //! * `vehicle`, `home`, `mode`: what is known of the helicopter; `telemetry`: the same in messages;

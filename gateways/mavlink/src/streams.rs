@@ -1,11 +1,12 @@
 //! [`Streams`]: when which message goes to a station that was heard.
 //!
-//! A message that is made of a sample is sent when that sample comes, so that it is new: of the samples it is the one that comes nearest to
-//! the moment at which the message is due. No sample is sent twice. When the next sample does not come, the one that is there is sent.
+//! A message that is made of a sample is sent when that sample comes, so that it is new: of the samples it is the one
+//! that comes nearest to the moment at which the message is due. No sample is sent twice. When the next sample does not
+//! come, the one that is there is sent.
 //!
-//! The moments are a period apart, whenever the messages go: a late sample does not delay the one after it. Moments that have passed
-//! without a message are left out, so that a machine that stalls makes up for nothing; only the last one is still good for a sample that
-//! comes less than an interval of samples later.
+//! The moments are a period apart, whenever the messages go: a late sample does not delay the one after it. Moments
+//! that have passed without a message are left out, so that a machine that stalls makes up for nothing; only the last
+//! one is still good for a sample that comes less than an interval of samples later.
 
 use std::time::Duration;
 
@@ -108,7 +109,8 @@ impl StreamId {
         self.row().2
     }
 
-    /// The period that param2 of SET_MESSAGE_INTERVAL asks for, µs: −1 for none, 0 for the default. The heartbeat cannot be switched off.
+    /// The period that param2 of SET_MESSAGE_INTERVAL asks for, µs: −1 for none, 0 for the default. The heartbeat
+    /// cannot be switched off.
     ///
     /// # Errors
     ///
@@ -139,9 +141,9 @@ struct Beat {
 }
 
 impl Beat {
-    /// When it is due again, after a sample was sent now. The moments drift to those of the samples, so that samples which come as often as
-    /// the message is wanted are all sent, also those that are a little early or late. A stall moves them no farther than that, so that the
-    /// rate stays what it is.
+    /// When it is due again, after a sample was sent now. The moments drift to those of the samples, so that samples
+    /// which come as often as the message is wanted are all sent, also those that are a little early or late. A stall
+    /// moves them no farther than that, so that the rate stays what it is.
     fn next_after_sample(&self, period: Duration, now: MonotonicNs) -> MonotonicNs {
         const SHARE: u32 = 8;
         let drift = |off: Duration| off.min(MIN_PERIOD / 2) / SHARE;
@@ -302,8 +304,8 @@ mod tests {
         assert_eq!(sent(1_000), rare);
     }
 
-    /// Of 200 samples every 20 ms, up to 4 ms early or late, the first `phase_ms` after the station: how old each was when ATTITUDE was
-    /// made of it, ms. The station wants one every `period_ms`.
+    /// Of 200 samples every 20 ms, up to 4 ms early or late, the first `phase_ms` after the station: how old each was
+    /// when ATTITUDE was made of it, ms. The station wants one every `period_ms`.
     fn ages(phase_ms: u64, period_ms: u64) -> Vec<u64> {
         let mut streams = Streams::new(MonotonicNs(0));
         let period = Duration::from_millis(period_ms);

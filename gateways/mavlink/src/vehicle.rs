@@ -216,7 +216,8 @@ impl Known<'_> {
         }
     }
 
-    /// Why a take-off would not be taken now; `None` if it would. That the module is not started does not count: arming ends it.
+    /// Why a take-off would not be taken now; `None` if it would. That the module is not started does not count: arming
+    /// ends it.
     pub fn not_ready(&self) -> Option<&'static str> {
         if self.state.is_replayed() {
             Some("this is a recorded flight")

@@ -1,7 +1,7 @@
 //! Frames of MAVLink 2, and of MAVLink 1 as far as they are read: <https://mavlink.io/en/guide/serialization.html>.
 //!
-//! A datagram holds whole frames. What is not a frame ends the datagram: there is nothing behind it that could be trusted. A signature is
-//! read and not checked: [`Signing`](crate::Signing) does.
+//! A datagram holds whole frames. What is not a frame ends the datagram: there is nothing behind it that could be
+//! trusted. A signature is read and not checked: [`Signing`](crate::Signing) does.
 
 use arrayvec::ArrayVec;
 use crc::{CRC_16_MCRF4XX, Crc};

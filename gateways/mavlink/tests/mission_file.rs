@@ -1,4 +1,5 @@
-//! Any bytes as the file of a mission, and as its items: for the fuzz target `mission`, and for the short play in `chance`.
+//! Any bytes as the file of a mission, and as its items: for the fuzz target `mission`, and for the short play in
+//! `chance`.
 
 use ipc_types::MonotonicNs;
 use mavlink_gateway::{Gateway, Mission, Settings, Task};

@@ -1,8 +1,9 @@
 //! What relays say to one another, and how it is written: a version, then the message as `postcard` has it.
 //!
-//! `docs/network.md` shows the same for other languages. A station asks for a [`ServicesPage`] of descriptions in [`Part`]s, one after the
-//! other, because a slow link has no room for a schema of 256 KiB at once. Every message fits into [`MAX_BYTES`], and bytes of any kind are read
-//! without a panic: what is no message is an error that the receiver counts.
+//! `docs/network.md` shows the same for other languages. A station asks for a [`ServicesPage`] of descriptions in
+//! [`Part`]s, one after the other, because a slow link has no room for a schema of 256 KiB at once. Every message fits
+//! into [`MAX_BYTES`], and bytes of any kind are read without a panic: what is no message is an error that the receiver
+//! counts.
 
 use ipc_types::schema::MAX_TEXT_LEN;
 use miniz_oxide::deflate::compress_to_vec_zlib;
@@ -30,8 +31,8 @@ pub const MAX_REQUEST_BYTES: usize = 16 * 1024;
 /// Longest order, bytes: a request, and eight numbers of at most ten bytes.
 pub const MAX_ORDER_BYTES: usize = MAX_REQUEST_BYTES + 96;
 
-/// Bytes of a page in one part. With the rest of its message (at most 30 bytes), its key expression (at most 55) and Zenoh's
-/// headers it fits into a batch of 4,352 bytes, so that the loss of one datagram loses one part.
+/// Bytes of a page in one part. With the rest of its message (at most 30 bytes), its key expression (at most 55) and
+/// Zenoh's headers it fits into a batch of 4,352 bytes, so that the loss of one datagram loses one part.
 pub const PART_BYTES: usize = 4096;
 
 /// Most services of a robot: three of its own, and some of each of some twenty modules. It has as many pages at most.
@@ -58,8 +59,8 @@ pub struct Service {
     pub schema: String,
 }
 
-/// Services of the robot, packed: those that its relay has found together. Of similar texts hardly more than one is left, and over a
-/// narrow or far link a station needs few questions.
+/// Services of the robot, packed: those that its relay has found together. Of similar texts hardly more than one is
+/// left, and over a narrow or far link a station needs few questions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ServicesPage(Vec<u8>);
 
@@ -151,8 +152,8 @@ pub struct Ping {
     pub wants_latest: bool,
     /// Whether the station has had all descriptions once. Before, samples are of no use to it.
     pub has_all: bool,
-    /// By how much longer the last exchange took than the quickest one of late, or is overdue, ms: what waits on the way. `None` if it
-    /// does not know.
+    /// By how much longer the last exchange took than the quickest one of late, or is overdue, ms: what waits on the
+    /// way. `None` if it does not know.
     pub late_ms: Option<u32>,
 }
 
@@ -198,7 +199,8 @@ pub struct Pong {
 pub struct SampleHeader {
     /// Instance of the robot's relay.
     pub robot_instance: u64,
-    /// Counts the samples of this topic that the robot's relay has sent, from 1. A sample that is sent again keeps its number.
+    /// Counts the samples of this topic that the robot's relay has sent, from 1. A sample that is sent again keeps its
+    /// number.
     pub number: u64,
     /// Samples of this topic that the robot's relay has left out so far, because of the configured rate.
     pub left_out: u64,

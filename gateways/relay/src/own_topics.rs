@@ -10,7 +10,8 @@ use ipc_types::{
 };
 use module_kit::process::Sources;
 
-/// How often both are published though nothing has changed, and services that another process provided here are tried again.
+/// How often both are published though nothing has changed, and services that another process provided here are tried
+/// again.
 const PUBLISH_PERIOD: Duration = Duration::from_millis(900);
 
 /// The state of a relay, and the topic `T` with its details.

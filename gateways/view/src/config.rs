@@ -1,6 +1,7 @@
 //! Configuration of `ril run view`, `view.toml`.
 //!
-//! Every value has a default; the annotated example `gateways/view/view.toml` shows them all and is tested to parse to them.
+//! Every value has a default; the annotated example `gateways/view/view.toml` shows them all and is tested to parse to
+//! them.
 
 use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};

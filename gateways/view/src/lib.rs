@@ -1,8 +1,8 @@
 //! The live view's transport: a page in a browser, Foxglove and Lichtblick on one port.
 //!
-//! The process is [`cli`], [`shell`] and [`config`]; [`start`] is `ril view`, which finds or starts it. Everything else has no socket, no
-//! clock, no thread and no file: [`Server`] is given bytes and times, and gives bytes, [`Event`]s and a deadline. `docs/view-protocol.md`
-//! describes what goes over the wire.
+//! The process is [`cli`], [`shell`] and [`config`]; [`start`] is `ril view`, which finds or starts it. Everything else
+//! has no socket, no clock, no thread and no file: [`Server`] is given bytes and times, and gives bytes, [`Event`]s and
+//! a deadline. `docs/view-protocol.md` describes what goes over the wire.
 //!
 //! * `messages`: what a page gets of a robot, `speaker`: when; `replay`: a recording in the place of the robots;
 //! * `invitation`: the address of the page for another machine;

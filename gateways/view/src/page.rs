@@ -1,8 +1,8 @@
-//! The messages of `hero.view.v1`, between the server and its page: one JSON object in a text frame, whose `type` says what it is. First
-//! what the server says, then what a page says, then the words: fields that have one of a few values.
+//! The messages of `hero.view.v1`, between the server and its page: one JSON object in a text frame, whose `type` says
+//! what it is. First what the server says, then what a page says, then the words: fields that have one of a few values.
 //!
-//! `docs/view-protocol.md` describes them. Field names carry units. What is not known is `None`, which is null in JSON, and never 0; a
-//! number that is not finite is null, too.
+//! `docs/view-protocol.md` describes them. Field names carry units. What is not known is `None`, which is null in JSON,
+//! and never 0; a number that is not finite is null, too.
 
 pub use operator::robot::changes::Weight;
 pub use operator::robot::chart::ChartArea;
@@ -264,8 +264,8 @@ pub struct Now {
     pub fix: Option<String>,
     /// `None` if it is not known.
     pub flying: Option<bool>,
-    /// How many were replaced by newer ones since the last one that this viewer was sent, because it is slow. The server fills it in,
-    /// so it must stay the last field.
+    /// How many were replaced by newer ones since the last one that this viewer was sent, because it is slow. The
+    /// server fills it in, so it must stay the last field.
     pub left_out: u64,
 }
 

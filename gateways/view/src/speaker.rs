@@ -1,4 +1,5 @@
-//! [`Speaker`]: which messages pages get, and when: values 20 times a second, words at changes and once a second, events as they happen.
+//! [`Speaker`]: which messages pages get, and when: values 20 times a second, words at changes and once a second,
+//! events as they happen.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -57,7 +58,8 @@ impl Speaker {
         }
     }
 
-    /// A replay has jumped: the next call sends everything again. Events before that moment are in the `past` that pages get.
+    /// A replay has jumped: the next call sends everything again. Events before that moment are in the `past` that
+    /// pages get.
     pub fn moved<'a>(&mut self, robots: impl Iterator<Item = SpokenRobot<'a>>) {
         for seen in robots {
             let id = seen.robot.id.get();

@@ -7,8 +7,8 @@ use tungstenite::protocol::frame::coding::CloseCode;
 use tungstenite::protocol::{Role, WebSocketConfig, WebSocketContext};
 use tungstenite::{Error, Message};
 
-/// Most bytes of a message from a viewer, whole or in fragments. The longest that a page means has 300; a service call of a Foxglove
-/// client may be longer. More is answered with close code 1009.
+/// Most bytes of a message from a viewer, whole or in fragments. The longest that a page means has 300; a service call
+/// of a Foxglove client may be longer. More is answered with close code 1009.
 pub const MAX_MESSAGE_BYTES: usize = 64 << 10;
 
 /// What the library takes for each viewer at once; by itself it would be 128 KiB.
@@ -107,8 +107,8 @@ impl WebSocket {
         self.is_open
     }
 
-    /// Takes the next message out of `input`; `None` if no whole one is left. `input` is shortened by what was taken. An error is what
-    /// was sent to the client before the end.
+    /// Takes the next message out of `input`; `None` if no whole one is left. `input` is shortened by what was taken.
+    /// An error is what was sent to the client before the end.
     pub fn receive(
         &mut self,
         input: &mut &[u8],

@@ -1,4 +1,5 @@
-//! [`BridgeJournal`] and [`StatusJournal`]: pieces of the input journals, from which a recording replays a module's decisions.
+//! [`BridgeJournal`] and [`StatusJournal`]: pieces of the input journals, from which a recording replays a module's
+//! decisions.
 //!
 //! What the bytes of a piece mean is the module's own matter; `docs/journal.md` has it.
 

@@ -1,7 +1,8 @@
 //! Requests to the bridge and the reports that answer them (`ModuleControl`, `MovementData`).
 //!
-//! Each carries the moment when its order was issued and the moment until which it may begin, both on the robot's clock. The
-//! bridge judges by them which of two orders is the newer one, whatever way they came; see `docs/ipc.md` section 4.
+//! Each carries the moment when its order was issued and the moment until which it may begin, both on the robot's
+//! clock. The bridge judges by them which of two orders is the newer one, whatever way they came; see `docs/ipc.md`
+//! section 4.
 
 use super::module_state::ControlSender;
 use super::number::given;
@@ -374,8 +375,8 @@ impl RequestReport {
         given(self.value_valid != 0, self.value)
     }
 
-    /// What came between the request and the step before, in words that end a sentence such as "before it came …"; `None` if the
-    /// report says nothing of it.
+    /// What came between the request and the step before, in words that end a sentence such as "before it came …";
+    /// `None` if the report says nothing of it.
     pub fn in_between(&self) -> Option<String> {
         let what = self.between()?;
         let ControlSender {

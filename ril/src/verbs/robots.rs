@@ -1,7 +1,7 @@
 //! `ril robots`: all robots of this user, and how each of them is.
 //!
-//! What lives comes from the doctor's look at the domain; how a robot is, from its newest samples. A robot in which no process is
-//! is not joined.
+//! What lives comes from the doctor's look at the domain; how a robot is, from its newest samples. A robot in which no
+//! process is is not joined.
 
 use std::collections::BTreeSet;
 use std::fmt;

@@ -1,5 +1,5 @@
-//! `ril conform` against the simulator at a pseudo-terminal. What each check finds is tested in the crate `conform`, in virtual
-//! time; here a machine that stalls for seconds changes nothing.
+//! `ril conform` against the simulator at a pseudo-terminal. What each check finds is tested in the crate `conform`, in
+//! virtual time; here a machine that stalls for seconds changes nothing.
 
 use std::fs;
 

@@ -1,5 +1,5 @@
-//! The examples of the documents. Every fenced block of every page has a rule by its language; what a reader can run is run, in the
-//! order of the page, beside a simulated robot.
+//! The examples of the documents. Every fenced block of every page has a rule by its language; what a reader can run is
+//! run, in the order of the page, beside a simulated robot.
 //!
 //! | first line of the block | rule |
 //! |---|---|
@@ -158,7 +158,8 @@ fn pages() -> BTreeMap<String, Vec<Block>> {
     pages.collect()
 }
 
-/// Whether the lines of `block` stand one after the other in `file`, however far they are indented, or in an example in its front page.
+/// Whether the lines of `block` stand one after the other in `file`, however far they are indented, or in an example in
+/// its front page.
 fn is_part_of(block: &Block, file: &str) -> bool {
     let trimmed = |line: &str| {
         line.trim_start()

@@ -1,5 +1,5 @@
-//! A log that nobody reads stops no process: standard error is a full pipe from the beginning, or its reader stops in flight. Orders are
-//! done, telemetry goes on, and each process ends at a signal.
+//! A log that nobody reads stops no process: standard error is a full pipe from the beginning, or its reader stops in
+//! flight. Orders are done, telemetry goes on, and each process ends at a signal.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,8 +18,8 @@ use crate::common::{FOR_SLOW_MACHINES, place, sandbox};
 use crate::view::page::Page;
 use crate::view::{order, token};
 
-/// Longest gap of telemetry, longest time until an order is acknowledged, and until a process has ended after SIGTERM: what waits for this
-/// log does so for ever, and a machine with much to do hardly so long.
+/// Longest gap of telemetry, longest time until an order is acknowledged, and until a process has ended after SIGTERM:
+/// what waits for this log does so for ever, and a machine with much to do hardly so long.
 const GAP_LIMIT: Duration = Duration::from_secs(3);
 const ANSWER_LIMIT: Duration = Duration::from_secs(3);
 const END_LIMIT: Duration = Duration::from_secs(5);

@@ -1,5 +1,6 @@
-//! Measures the figures of `docs/reliability.md` that need no process: missions, deliveries, random bytes, replays and damaged frames,
-//! all of them in virtual time. Every mission is verified by replaying its journals. Prints the rows of its table.
+//! Measures the figures of `docs/reliability.md` that need no process: missions, deliveries, random bytes, replays and
+//! damaged frames, all of them in virtual time. Every mission is verified by replaying its journals. Prints the rows of
+//! its table.
 //!
 //! ```sh
 //! cargo run --release -p ril-tests --example figures -- missions [--seeds 0..10000] [--kind noise]

@@ -1,6 +1,7 @@
-//! Flights of chance along the boundaries of a fence: polygons and circles, floor and ceiling, in wind and gusts, with a speed that is
-//! raised in the middle of a path, and by DSPs that fly beside the path. The helicopter never leaves the fence, judged by where it truly
-//! is and by other formulas than the bridge's; and a path that stays well inside is never held.
+//! Flights of chance along the boundaries of a fence: polygons and circles, floor and ceiling, in wind and gusts, with
+//! a speed that is raised in the middle of a path, and by DSPs that fly beside the path. The helicopter never leaves
+//! the fence, judged by where it truly is and by other formulas than the bridge's; and a path that stays well inside is
+//! never held.
 
 use std::time::Duration;
 

@@ -153,8 +153,8 @@ impl World {
         self.sees_everything
     }
 
-    /// Whether nothing goes wrong any more: the bridge and its port are there, no trouble waits, and every fault of the script
-    /// is over.
+    /// Whether nothing goes wrong any more: the bridge and its port are there, no trouble waits, and every fault of the
+    /// script is over.
     pub fn is_calm(&self) -> bool {
         self.is_alive()
             && self.port_opens.is_none()

@@ -20,8 +20,8 @@ pub struct Hostile {
 }
 
 impl Hostile {
-    /// Begins to send `per_second`, each thread a row of so many at a time. `sender` makes what sends a row, and says how many of it were
-    /// sent.
+    /// Begins to send `per_second`, each thread a row of so many at a time. `sender` makes what sends a row, and says
+    /// how many of it were sent.
     pub fn start<S: FnMut(&mut Rng) -> u64 + Send + 'static>(
         site: &Site,
         per_second: u32,

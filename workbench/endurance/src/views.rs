@@ -1,4 +1,5 @@
-//! What viewers cost `ril run view`, how old what they get is, and what a slow or hostile one does to the others and to the robot.
+//! What viewers cost `ril run view`, how old what they get is, and what a slow or hostile one does to the others and to
+//! the robot.
 
 use std::fs;
 use std::io::{self, Read, Write};

@@ -137,7 +137,8 @@ impl Area {
         }
     }
 
-    /// How far a point is inside the area grown by `margin_m`: metres to the nearest side, floor or ceiling; 0 when it is outside.
+    /// How far a point is inside the area grown by `margin_m`: metres to the nearest side, floor or ceiling; 0 when it
+    /// is outside.
     pub(super) fn depth_m(&self, at: &Waypoint, margin_m: f64) -> f64 {
         let (beside_m, above_m) = self.inward_m(at);
         (beside_m.min(above_m) + margin_m).max(0.0)

@@ -1,4 +1,5 @@
-//! The serial port around a run: one wait for bytes, for room, for a signal and for the next deadline. [`shown`]: how a run is shown.
+//! The serial port around a run: one wait for bytes, for room, for a signal and for the next deadline. [`shown`]: how a
+//! run is shown.
 
 pub mod shown;
 
@@ -82,8 +83,8 @@ pub fn serve<P: Player>(
         }
         let before = began.elapsed();
         let count = serial.read(&mut buffer).or_fail(ExitCode::LinkDown)?;
-        // Nothing had come at the time before the read. A later time would let a deadline pass that bytes in the port keep, after this
-        // computer stood still.
+        // Nothing had come at the time before the read. A later time would let a deadline pass that bytes in the port
+        // keep, after this computer stood still.
         let now = match count {
             0 => before,
             _ => began.elapsed(),

@@ -1,8 +1,9 @@
 //! `ril record`: every topic of the robot in files, until a signal.
 //!
-//! The crate [`recording`] decides what becomes of a message and of its file. Here is the process around it. Pure: `sinks`, what is made of some
-//! topics, with `journal`, `log` and `paths`; `publisher`, what becomes of the processes behind topics; `gather`, when the loop looks at them.
-//! `shell`: the loop, with the ports, the one thread that writes, what the files say of the flight, and what is printed.
+//! The crate [`recording`] decides what becomes of a message and of its file. Here is the process around it. Pure:
+//! `sinks`, what is made of some topics, with `journal`, `log` and `paths`; `publisher`, what becomes of the processes
+//! behind topics; `gather`, when the loop looks at them. `shell`: the loop, with the ports, the one thread that writes,
+//! what the files say of the flight, and what is printed.
 
 pub mod cli;
 mod gather;
@@ -41,8 +42,8 @@ use crate::sinks::Sinks;
 ///
 /// # Errors
 ///
-/// Code 2 when the options do not fit together or the folder may not be written, 8 when the disk did not take every message, 1 when it
-/// did not answer at the end.
+/// Code 2 when the options do not fit together or the folder may not be written, 8 when the disk did not take every
+/// message, 1 when it did not answer at the end.
 pub fn record(args: &RecordArgs) -> Result<(), Failure> {
     let max_total_bytes = args.max_total_bytes().map_err(Failure::usage)?;
     configuration(&args.common)?;

@@ -1,4 +1,5 @@
-//! [`RequestEvent`]: the message that the recorder makes of a request in the bridge's journal, and of each report about one.
+//! [`RequestEvent`]: the message that the recorder makes of a request in the bridge's journal, and of each report about
+//! one.
 
 use ros_messages::cdr::{Reader, Writer};
 

@@ -1,9 +1,9 @@
 //! The fields of samples by name, and how they are shown.
 //!
-//! Names use dots, as in `geographic.latitude_deg`, and brackets for elements of arrays, as in `cells[2].voltage_v`. What a
-//! sample holds is said by its schema, so samples of any module can be shown. Of the robot's own, [`tables`] says more: a
-//! value that means nothing, because its group was not transmitted or the thing has not happened yet, is shown as nothing
-//! and never looks like data; and numbers that stand for something have their names.
+//! Names use dots, as in `geographic.latitude_deg`, and brackets for elements of arrays, as in `cells[2].voltage_v`.
+//! What a sample holds is said by its schema, so samples of any module can be shown. Of the robot's own, [`tables`]
+//! says more: a value that means nothing, because its group was not transmitted or the thing has not happened yet, is
+//! shown as nothing and never looks like data; and numbers that stand for something have their names.
 
 pub mod tables;
 
@@ -53,8 +53,9 @@ fn instead(suggestions: &[String], known: &[String]) -> String {
 }
 
 impl Selection {
-    /// The fields `names` of what `schema` describes; all of them when there is no name. A field that no other one ends like may be named
-    /// by its last part, and an angle in radians in degrees: `latitude_deg` is `geodetic.latitude_rad`.
+    /// The fields `names` of what `schema` describes; all of them when there is no name. A field that no other one ends
+    /// like may be named by its last part, and an angle in radians in degrees: `latitude_deg` is
+    /// `geodetic.latitude_rad`.
     ///
     /// # Errors
     ///
@@ -160,7 +161,8 @@ fn quantity(name: &str) -> &str {
     last.rsplit_once('_').map_or(last, |(quantity, _)| quantity)
 }
 
-/// Names with the same last part, or else those that are nearest by their letters, as a whole or as a quantity without its unit.
+/// Names with the same last part, or else those that are nearest by their letters, as a whole or as a quantity without
+/// its unit.
 fn suggestions(unknown: &str, known: &[String]) -> Vec<String> {
     let those = |is_meant: &dyn Fn(&str) -> bool| -> Vec<String> {
         known

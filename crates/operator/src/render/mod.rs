@@ -1,4 +1,5 @@
-//! How things are shown: JSON and the fields of samples by name, numbers and paragraphs in words, reports as messages, the terminal.
+//! How things are shown: JSON and the fields of samples by name, numbers and paragraphs in words, reports as messages,
+//! the terminal.
 
 pub mod fields;
 pub mod finding;

@@ -1,5 +1,5 @@
-//! [`CruiseSpeed`]: the speed of one flight. It is a port of the DSP, which flies every path with what was written last, so what was
-//! there before is written again at the end.
+//! [`CruiseSpeed`]: the speed of one flight. It is a port of the DSP, which flies every path with what was written
+//! last, so what was there before is written again at the end.
 
 use std::time::Duration;
 
@@ -100,8 +100,9 @@ impl<'a> CruiseSpeed<'a> {
             .map(drop)
     }
 
-    /// Writes the speed from before, which would otherwise be lost, and says on standard error when that is not possible. After a
-    /// signal the path goes on, and so does its speed. Another command may have written a speed of its own meanwhile, which stays.
+    /// Writes the speed from before, which would otherwise be lost, and says on standard error when that is not
+    /// possible. After a signal the path goes on, and so does its speed. Another command may have written a speed of
+    /// its own meanwhile, which stays.
     pub fn restore(&self) {
         let Some(written_mps) = self.written_mps else {
             return;

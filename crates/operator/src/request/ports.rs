@@ -1,5 +1,5 @@
-//! The ports of one robot, which feed what a screen or a page knows of it, and the orders that were sent from there: [`RobotOrder`] and the
-//! requests that it makes.
+//! The ports of one robot, which feed what a screen or a page knows of it, and the orders that were sent from there:
+//! [`RobotOrder`] and the requests that it makes.
 
 use std::collections::VecDeque;
 
@@ -33,8 +33,8 @@ pub const DETAIL_TOPICS: usize = 3;
 /// Most orders of a robot that are followed at a time. A further one is refused: the operator sees why nothing goes on.
 const MAX_ORDERS: usize = 4;
 
-/// Most news of orders that are kept until they are taken: more than all open orders make at a time. The oldest goes; the terminal, which
-/// shows the journal, takes none.
+/// Most news of orders that are kept until they are taken: more than all open orders make at a time. The oldest goes;
+/// the terminal, which shows the journal, takes none.
 const MAX_NEWS: usize = 64;
 
 /// What wakes the screen.
@@ -222,8 +222,8 @@ impl RobotPorts {
         due.min()
     }
 
-    /// Sends `order`, which was given at `issued` or later, and gives its number, or why it was not sent. That, and what becomes of it, is
-    /// written into the journal of `robot`.
+    /// Sends `order`, which was given at `issued` or later, and gives its number, or why it was not sent. That, and
+    /// what becomes of it, is written into the journal of `robot`.
     ///
     /// # Errors
     ///

@@ -1,7 +1,8 @@
-//! What is in the shared memory of a user: its robots, their live providers, and what dead processes left. Nothing is joined.
+//! What is in the shared memory of a user: its robots, their live providers, and what dead processes left. Nothing is
+//! joined.
 //!
-//! Each look happens on a thread of its own and is given up at a deadline, because whatever stands in the place of a file, such as a
-//! pipe or a file system that does not answer, may keep a process that opens it waiting without end.
+//! Each look happens on a thread of its own and is given up at a deadline, because whatever stands in the place of a
+//! file, such as a pipe or a file system that does not answer, may keep a process that opens it waiting without end.
 
 use std::convert::Infallible;
 use std::error::Error;
@@ -191,9 +192,9 @@ fn namespace(number: u64, is_ours: bool) -> Namespace {
 
 /// Live processes of the domain that are stopped.
 ///
-/// A member does not say in which PID namespace its process id means something; its provider does, and where the provider
-/// is in another one, so are perhaps the others of its service. What is then left must have something of the domain open:
-/// the operator may kill it, and must not be led to a process that happens to have the same number.
+/// A member does not say in which PID namespace its process id means something; its provider does, and where the
+/// provider is in another one, so are perhaps the others of its service. What is then left must have something of the
+/// domain open: the operator may kill it, and must not be led to a process that happens to have the same number.
 fn stopped(root: &Path, inspection: &Inspection, providers: &[Provided]) -> Vec<u32> {
     let mut pids = Vec::new();
     for robot in &inspection.robots {

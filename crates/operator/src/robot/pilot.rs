@@ -1,6 +1,7 @@
 //! [`PilotView`]: what a pilot asks first, of the newest telemetry. `ril status` prints it, `ril watch` draws it.
 //!
-//! A pure value. What was not measured, and a number that cannot be, is nothing: any bit pattern may lie in shared memory.
+//! A pure value. What was not measured, and a number that cannot be, is nothing: any bit pattern may lie in shared
+//! memory.
 
 use std::fmt;
 
@@ -122,7 +123,8 @@ impl From<&HeroTelemetry> for PilotView {
     }
 }
 
-/// By the code of status, with its default calibration: it is about sonar, barometer, camera and servos, which a pilot does not ask for.
+/// By the code of status, with its default calibration: it is about sonar, barometer, camera and servos, which a pilot
+/// does not ask for.
 impl From<&DspTelemetry> for PilotView {
     fn from(dsp: &DspTelemetry) -> PilotView {
         (&translate(dsp, &Calibration::default(), dsp.received())).into()

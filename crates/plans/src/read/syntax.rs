@@ -1,5 +1,5 @@
-//! The syntax of files: JSON is parsed; XML is looked through before its reader does, so that mistakes get their line, and depth and
-//! number of elements are bounded.
+//! The syntax of files: JSON is parsed; XML is looked through before its reader does, so that mistakes get their line,
+//! and depth and number of elements are bounded.
 
 use quick_xml::Reader;
 use quick_xml::events::Event;

@@ -25,7 +25,8 @@ pub(super) fn read_within(
     within(limit, read).unwrap_or(Err(ConfigError::NotInTime { file, limit }))
 }
 
-/// What `work` gives, if it does so within `limit`. A thread does it, which is left behind where it hangs: the process ends without it.
+/// What `work` gives, if it does so within `limit`. A thread does it, which is left behind where it hangs: the process
+/// ends without it.
 fn within<R: Send + 'static>(
     limit: Duration,
     work: impl FnOnce() -> R + Send + 'static,
@@ -107,8 +108,9 @@ enum Opened {
 
 /// Opens `file` without waiting.
 ///
-/// A pipe would keep its opener waiting until a process writes into it, and a serial port restarts some autopilots when it
-/// is opened: therefore the look before. What comes to the place after that look is opened without waiting, and not read.
+/// A pipe would keep its opener waiting until a process writes into it, and a serial port restarts some autopilots when
+/// it is opened: therefore the look before. What comes to the place after that look is opened without waiting, and not
+/// read.
 fn open(file: &Path) -> io::Result<Opened> {
     let kind = fs::metadata(file)?.file_type();
     if !kind.is_file() {

@@ -1,7 +1,7 @@
 //! [`Resulting`]: what a process runs with, value by value, and where each value comes from, for `--check-config`.
 //!
-//! The built-in values are those of the annotated example: a test of each process says that its example is its default. So no
-//! configuration has to be written back from its Rust structs, and a comment cannot differ from what is shown.
+//! The built-in values are those of the annotated example: a test of each process says that its example is its default.
+//! So no configuration has to be written back from its Rust structs, and a comment cannot differ from what is shown.
 
 mod setting;
 

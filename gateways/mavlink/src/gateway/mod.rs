@@ -10,9 +10,10 @@
 //!
 //! What becomes of it later is a text to all stations.
 //!
-//! `missions`: the steps of a mission; `uploads`: how it comes; `orders`: commands become orders, and reports become answers; `fence`: the geofence;
-//! `home`: what is kept of home; `lost`: what becomes of those of a station that is lost; `output`: what is sent, and what the gateway
-//! says of itself; `parameters`: what is asked about them; `pending`: an order on its way.
+//! `missions`: the steps of a mission; `uploads`: how it comes; `orders`: commands become orders, and reports become
+//! answers; `fence`: the geofence; `home`: what is kept of home; `lost`: what becomes of those of a station that is
+//! lost; `output`: what is sent, and what the gateway says of itself; `parameters`: what is asked about them;
+//! `pending`: an order on its way.
 
 mod fence;
 mod home;
@@ -251,7 +252,8 @@ impl Gateway {
         false
     }
 
-    /// Lets a station whose clock lies behind what an earlier gateway may have taken know our timestamp, so that its next ones are newer.
+    /// Lets a station whose clock lies behind what an earlier gateway may have taken know our timestamp, so that its
+    /// next ones are newer.
     fn answer_of_before(&mut self, to: SocketAddr, now: MonotonicNs) {
         let is_due = self.told_time.is_none_or(|at| now.since(at) >= TIME_PERIOD);
         if is_due {
@@ -274,7 +276,8 @@ impl Gateway {
             return;
         };
         if frame.system == self.settings.system || frame.system == 0 {
-            // Our own frame came back, or a stranger has our number; or none has sent it: an answer would be one to all.
+            // Our own frame came back, or a stranger has our number; or none has sent it: an answer would be one to
+            // all.
             return;
         }
         let is_station = self.stations.touch(sender, self.frame.came);

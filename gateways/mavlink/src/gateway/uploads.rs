@@ -21,8 +21,8 @@ use crate::wire::MessageWriter;
 pub(super) const MISSION: u8 = 0;
 const ALL: u8 = 255;
 
-/// How long the disk has for a mission: shorter than the check of a transfer may take, so that the answer tells why. A mission that it
-/// takes later is not in force, and is replaced there.
+/// How long the disk has for a mission: shorter than the check of a transfer may take, so that the answer tells why. A
+/// mission that it takes later is not in force, and is replaced there.
 const SAVE_LIMIT: Duration = Duration::from_secs(4);
 
 impl Gateway {
@@ -144,7 +144,8 @@ impl Gateway {
         }
     }
 
-    /// Whether a message that changes something was sent before a newer one of its station, or has waited too long to be read.
+    /// Whether a message that changes something was sent before a newer one of its station, or has waited too long to
+    /// be read.
     fn is_mission_message_late(
         &mut self,
         sender: StationAddress,
@@ -205,7 +206,8 @@ impl Gateway {
         self.send(to.address, &message.u8(mission_type).u32(id));
     }
 
-    /// A station has sent MISSION_ITEM, whose degrees are floats: it is told at once that this is not supported, and its transfer ends.
+    /// A station has sent MISSION_ITEM, whose degrees are floats: it is told at once that this is not supported, and
+    /// its transfer ends.
     fn refuse_float_item(&mut self, sender: StationAddress, mission_type: u8, now: MonotonicNs) {
         if matches!(mission_type, MISSION | FENCE) {
             self.transfer_of(mission_type).cancel(sender);
@@ -336,8 +338,8 @@ impl Gateway {
         self.ask(Task::Save(mission));
     }
 
-    /// A [`Task::Save`] was done, or the reason why it was not. One that was given up, and has come onto the disk all the same, is replaced
-    /// there by the one in force.
+    /// A [`Task::Save`] was done, or the reason why it was not. One that was given up, and has come onto the disk all
+    /// the same, is replaced there by the one in force.
     pub fn saved(&mut self, mission: Mission, result: Result<(), String>, now: MonotonicNs) {
         self.moment = now;
         if self.missions.saving.take().is_none() {

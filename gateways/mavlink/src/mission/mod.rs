@@ -1,5 +1,5 @@
-//! The mission of the helicopter: `store`: its items and their file; `transfer`: how it comes from a station; `check`: whether it can be
-//! flown. [`Missions`]: the one in force, and how far it is.
+//! The mission of the helicopter: `store`: its items and their file; `transfer`: how it comes from a station; `check`:
+//! whether it can be flown. [`Missions`]: the one in force, and how far it is.
 //!
 //! | how far | it is begun | its steps are done | a hold, another movement | a refusal | a new mission |
 //! |---|---|---|---|---|---|

@@ -1,7 +1,8 @@
-//! [`Mission`]: the items of a mission, bit by bit as a station has uploaded them, and the file that keeps them over restarts.
+//! [`Mission`]: the items of a mission, bit by bit as a station has uploaded them, and the file that keeps them over
+//! restarts.
 //!
-//! The file is written as a whole beside the old one, synced and renamed, so that there is always the old mission or the new one. Its
-//! layout, numbers in little-endian:
+//! The file is written as a whole beside the old one, synced and renamed, so that there is always the old mission or
+//! the new one. Its layout, numbers in little-endian:
 //!
 //! | bytes | content |
 //! |--:|---|

@@ -1,12 +1,13 @@
-//! [`Keeper`]: the thread that writes what the gateway keeps, and the fence of a station, and may wait for the disk as long as that takes.
-//! The loop hands it one job after the other, and hears how each went; it never waits for it.
+//! [`Keeper`]: the thread that writes what the gateway keeps, and the fence of a station, and may wait for the disk as
+//! long as that takes. The loop hands it one job after the other, and hears how each went; it never waits for it.
 //!
 //! | a job comes | the thread is idle | it is busy |
 //! |---|---|---|
 //! | a mission, a fence, its restoration, the timestamp, home, the progress | it begins | waits, in place of an older one of its kind that waits |
 //!
-//! So at most one job is being done and one of each kind waits. A disk that does not come back keeps them there: what a station waits for
-//! the gateway gives up by itself ([`Gateway`](crate::Gateway)), and the process ends without them after [`END_LIMIT`].
+//! So at most one job is being done and one of each kind waits. A disk that does not come back keeps them there: what a
+//! station waits for the gateway gives up by itself ([`Gateway`](crate::Gateway)), and the process ends without them
+//! after [`END_LIMIT`].
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
@@ -22,7 +23,8 @@ use super::state::{StateError, StateFile, warn_of_timestamp, write_timestamp};
 use crate::Mission;
 use crate::number::MissionRefusal;
 
-/// How long the end of the process waits for what is not on the disk yet: some hundred times as long as a disk needs that works.
+/// How long the end of the process waits for what is not on the disk yet: some hundred times as long as a disk needs
+/// that works.
 pub(crate) const END_LIMIT: Duration = Duration::from_millis(500);
 
 /// What is to be written.

@@ -1,8 +1,9 @@
-//! [`MavlinkShell`]: the gateway's loop: its socket, the robot's ports and the deadlines in the one wait of every process. [`OwnTopic`]:
-//! what it publishes of itself.
+//! [`MavlinkShell`]: the gateway's loop: its socket, the robot's ports and the deadlines in the one wait of every
+//! process. [`OwnTopic`]: what it publishes of itself.
 //!
 //! * [`ports`]: what it reads and orders of the robot;
-//! * [`state`]: what it keeps over restarts; [`keeper`]: the thread that writes that; [`fence`]: a fence of a station in the bridge's file;
+//! * [`state`]: what it keeps over restarts; [`keeper`]: the thread that writes that; [`fence`]: a fence of a station
+//!   in the bridge's file;
 //! * [`key`]: the key of signatures, from its file;
 //! * [`status`]: `ril mavlink status`.
 
@@ -38,7 +39,8 @@ const MAX_BYTES: usize = 2048;
 /// How often orders and datagrams that came of others are looked at before the process sleeps.
 const RETRY: Duration = Duration::from_millis(10);
 
-/// Most answers that wait for a socket that is full. Of more the oldest go: stations repeat what they get no answer for.
+/// Most answers that wait for a socket that is full. Of more the oldest go: stations repeat what they get no answer
+/// for.
 const MAX_WAITING: usize = 16;
 
 /// Why a gateway cannot go on.

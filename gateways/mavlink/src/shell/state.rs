@@ -1,4 +1,5 @@
-//! [`StateFile`]: what the gateway keeps over restarts, a file for each thing: the mission, the home of a flight, the timestamp of signatures.
+//! [`StateFile`]: what the gateway keeps over restarts, a file for each thing: the mission, the home of a flight, the
+//! timestamp of signatures.
 
 use std::fs::File;
 use std::io::{self, ErrorKind, Read};

@@ -85,8 +85,9 @@ pub struct TopicPlan {
 impl TopicsConfig {
     /// How the topic `key` is relayed. `None` if it is not.
     ///
-    /// The relay's own topics are not, but for [the robot's stations](is_carried), now and then. The journals are not unless `include`
-    /// has their whole key: they are for a recorder beside the robot, and have more bytes than all other topics together.
+    /// The relay's own topics are not, but for [the robot's stations](is_carried), now and then. The journals are not
+    /// unless `include` has their whole key: they are for a recorder beside the robot, and have more bytes than all
+    /// other topics together.
     pub fn plan(&self, key: &str) -> Option<TopicPlan> {
         let is_in = |keys: &[String]| keys.iter().any(|pattern| fits(pattern, key));
         if !is_carried(key) || !is_in(&self.include) || is_in(&self.exclude) {

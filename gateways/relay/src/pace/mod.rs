@@ -10,11 +10,12 @@
 //! | paced | faster | those of a station are not late: an eighth more; near the rate that was too much, a little more |
 //! | starting, paced | all goes out | nothing was held back for some time, or no station speaks any more |
 //!
-//! A link that is too slow collects what is sent in buffers that the relay does not see: of the kernel, of QUIC, of a radio. Orders and
-//! their reports would wait behind it. Samples that are held back cost nothing, because the newest is sent when there is room again.
+//! A link that is too slow collects what is sent in buffers that the relay does not see: of the kernel, of QUIC, of a
+//! radio. Orders and their reports would wait behind it. Samples that are held back cost nothing, because the newest is
+//! sent when there is room again.
 //!
-//! A sample goes to all stations alike, so the one with the best link decides: one on a bad link holds up no other one. The copies for
-//! ROS 2 nodes do not count: they go to other sessions.
+//! A sample goes to all stations alike, so the one with the best link decides: one on a bad link holds up no other one.
+//! The copies for ROS 2 nodes do not count: they go to other sessions.
 
 use std::time::Duration;
 
@@ -35,10 +36,12 @@ const PERIOD: Duration = Duration::from_millis(500);
 /// A station that has said nothing for so long does not decide.
 const SILENT: Duration = Duration::from_millis(3000);
 
-/// Rate at which a link begins, bytes a second: beside it a link of 64 kbit/s still carries the descriptions of the services.
+/// Rate at which a link begins, bytes a second: beside it a link of 64 kbit/s still carries the descriptions of the
+/// services.
 const FIRST: u64 = 3000;
 
-/// Rate while no station has all descriptions, bytes a second: it can use no sample, and each is in the way of what it needs.
+/// Rate while no station has all descriptions, bytes a second: it can use no sample, and each is in the way of what it
+/// needs.
 const DESCRIBING: u64 = 300;
 
 /// Least rate, bytes a second: a state every second and some telemetry.
@@ -96,8 +99,8 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// Another process was connected, and may be a station that speaks soon. What is sent until then lies in front of the answer to its first
-    /// question, and it would take that for the length of the way.
+    /// Another process was connected, and may be a station that speaks soon. What is sent until then lies in front of
+    /// the answer to its first question, and it would take that for the length of the way.
     pub fn note_newcomer(&mut self, now: MonotonicNs) {
         if now >= self.alone {
             self.alone = now + SILENT;
@@ -113,8 +116,8 @@ impl Pace {
         self.described = described;
     }
 
-    /// A station that has all descriptions says by how much longer than its quickest exchange the last one took. `None` if it does not
-    /// know.
+    /// A station that has all descriptions says by how much longer than its quickest exchange the last one took. `None`
+    /// if it does not know.
     pub fn note_exchange(&mut self, station: u64, late_ms: Option<u32>, now: MonotonicNs) {
         self.exchanges
             .retain(|(other, _, at)| *other != station && now.since(*at) < SILENT);

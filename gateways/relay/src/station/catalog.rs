@@ -1,7 +1,8 @@
-//! [`Catalog`]: which pages describe the services of a robot, and what a station still has to ask about them. A pure value.
+//! [`Catalog`]: which pages describe the services of a robot, and what a station still has to ask about them. A pure
+//! value.
 //!
-//! One part of one page is asked for at a time, so that descriptions take no more of a link than one message, and no more memory than
-//! one page.
+//! One part of one page is asked for at a time, so that descriptions take no more of a link than one message, and no
+//! more memory than one page.
 
 use std::time::Duration;
 
@@ -167,8 +168,8 @@ impl Assembly {
         self.bytes.len() as u32
     }
 
-    /// Takes the part that is missing next, and says whether it was that one. Others change nothing: they were repeated, or belong to
-    /// another page.
+    /// Takes the part that is missing next, and says whether it was that one. Others change nothing: they were
+    /// repeated, or belong to another page.
     fn take(&mut self, part: &Part) -> bool {
         let is_next = self.has(part) && part.from == self.missing_from() && !part.bytes.is_empty();
         let fits = self.bytes.len() + part.bytes.len() <= self.page.2 as usize;
@@ -219,8 +220,8 @@ mod tests {
         part.expect("it is there")
     }
 
-    /// A station learns pages over a link that loses and repeats messages, and takes none that is longer than one may be. Returns
-    /// what it learned, how many parts that were, and how long it took, ms.
+    /// A station learns pages over a link that loses and repeats messages, and takes none that is longer than one may
+    /// be. Returns what it learned, how many parts that were, and how long it took, ms.
     fn learned(pages: &[ServicesPage], lost_percent: u64) -> (Vec<Service>, u64, u64) {
         let mut catalog = Catalog::default();
         catalog.expect(pages.len() as u16);

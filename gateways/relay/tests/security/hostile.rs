@@ -257,7 +257,8 @@ impl Flood {
         })
     }
 
-    /// The first order of the station, whose session was heard: as it was, of a former floor, and under numbers to come.
+    /// The first order of the station, whose session was heard: as it was, of a former floor, and under numbers to
+    /// come.
     pub fn replay(stranger: Stranger, session: u64) -> Flood {
         let order = |number| Order {
             session,

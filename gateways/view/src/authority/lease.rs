@@ -1,4 +1,5 @@
-//! [`Lease`]: which page commands a robot. It is courtesy among pages: hold and land need none, and it binds no other program.
+//! [`Lease`]: which page commands a robot. It is courtesy among pages: hold and land need none, and it binds no other
+//! program.
 //!
 //! | | free | held by h | held by h, asked by a |
 //! |---|---|---|---|

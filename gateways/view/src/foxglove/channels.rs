@@ -1,10 +1,10 @@
-//! [`Offers`]: the channels and services that are offered, under numbers that stay the same as long as they do; [`KnownOffers`]: what a client
-//! knows of them.
+//! [`Offers`]: the channels and services that are offered, under numbers that stay the same as long as they do;
+//! [`KnownOffers`]: what a client knows of them.
 //!
 //! Clients keep what they made of a schema by the number of its channel, so a number never means another one.
 //!
-//! [`ParameterSubscriptions`]: the values that clients are shown. They are kept here because Lichtblick asks for all every 15 s, and a DSP's
-//! are read one after the other over its serial line.
+//! [`ParameterSubscriptions`]: the values that clients are shown. They are kept here because Lichtblick asks for all
+//! every 15 s, and a DSP's are read one after the other over its serial line.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -14,7 +14,8 @@ use serde_json::Value;
 use super::message::{Parameter, ServiceInfo, ServiceSide};
 use crate::event::ChannelId;
 
-/// Most channels that were ever offered, of 32 robots with 30 topics each and as many again. Further ones are not offered.
+/// Most channels that were ever offered, of 32 robots with 30 topics each and as many again. Further ones are not
+/// offered.
 pub const MAX_CHANNELS: usize = 2048;
 
 /// A topic and its layout.

@@ -1,4 +1,5 @@
-//! The messages of Foxglove's protocol: JSON with `op`, and binary ones that begin with an opcode. Numbers are little-endian.
+//! The messages of Foxglove's protocol: JSON with `op`, and binary ones that begin with an opcode. Numbers are
+//! little-endian.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;

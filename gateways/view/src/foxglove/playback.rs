@@ -1,6 +1,7 @@
 //! [`Playback`]: a recording under the controls of Foxglove's time line.
 //!
-//! Clients of the older protocol end at a message that they do not know. So the state goes to those alone that have used the controls.
+//! Clients of the older protocol end at a message that they do not know. So the state goes to those alone that have
+//! used the controls.
 
 use std::collections::BTreeMap;
 

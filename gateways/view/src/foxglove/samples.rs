@@ -1,5 +1,5 @@
-//! [`Samples`]: samples that wait for one client: all in order while its line is good, else the newest of each channel, but lines of
-//! logs, which go first and in order.
+//! [`Samples`]: samples that wait for one client: all in order while its line is good, else the newest of each channel,
+//! but lines of logs, which go first and in order.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Bound;

@@ -1,8 +1,9 @@
-//! [`Orders`]: orders from pages, by the code that sends those of `ril watch`, and what becomes of them. Each is logged.
+//! [`Orders`]: orders from pages, by the code that sends those of `ril watch`, and what becomes of them. Each is
+//! logged.
 //!
-//! [`PageLost`]: robots that a page has set in motion and that no page commands any more, and when they are to hold. A page that is loaded
-//! again, or whose network comes back, takes command again, and no hold is ordered. A page that is closed, hidden or silent loses command by
-//! the rules of its lease: until then nobody is missing.
+//! [`PageLost`]: robots that a page has set in motion and that no page commands any more, and when they are to hold. A
+//! page that is loaded again, or whose network comes back, takes command again, and no hold is ordered. A page that is
+//! closed, hidden or silent loses command by the rules of its lease: until then nobody is missing.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
@@ -17,10 +18,12 @@ use super::checks::{check_go_to, target};
 use super::fleet::ShownRobot;
 use crate::page::{self, OrderKind};
 
-/// Most orders that are followed: those that all robots may have open at a time. The oldest goes; its outcome stays in the journal.
+/// Most orders that are followed: those that all robots may have open at a time. The oldest goes; its outcome stays in
+/// the journal.
 const MAX_FOLLOWED: usize = 128;
 
-/// A hold or a landing of a page may be so late; what other orders may be, the bridge says. The page shows by then that there is no contact.
+/// A hold or a landing of a page may be so late; what other orders may be, the bridge says. The page shows by then that
+/// there is no contact.
 const CALM_WITHIN_MS: u32 = 5_000;
 
 /// An order that comes so late has waited on its way: it was given before what the bridge has taken since.
@@ -144,8 +147,8 @@ impl Orders {
     }
 }
 
-/// Whether an order has waited on its way while the bridge took another one. The bridge itself judges so of all but hold, land and stop, which
-/// are never too old for it.
+/// Whether an order has waited on its way while the bridge took another one. The bridge itself judges so of all but
+/// hold, land and stop, which are never too old for it.
 fn is_outdated(issued: MonotonicNs, taken: Option<MonotonicNs>, now: MonotonicNs) -> bool {
     now.since(issued) > LATE && taken.is_some_and(|taken| taken > issued)
 }
@@ -218,8 +221,8 @@ impl PageLost {
         }
     }
 
-    /// The robots that are to hold now, of all robots and whether each is deserted. Each is named once, until a page commands it again or
-    /// its movement has ended.
+    /// The robots that are to hold now, of all robots and whether each is deserted. Each is named once, until a page
+    /// commands it again or its movement has ended.
     pub fn due(&mut self, robots: impl Iterator<Item = (u32, bool)>, now: MonotonicNs) -> Vec<u32> {
         let Some(after) = self.after else {
             return Vec::new();

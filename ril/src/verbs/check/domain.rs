@@ -1,4 +1,5 @@
-//! Judges shared memory for the doctor: the root, the processes of each robot, what dead ones left, and other users' domains.
+//! Judges shared memory for the doctor: the root, the processes of each robot, what dead ones left, and other users'
+//! domains.
 
 use std::collections::BTreeSet;
 

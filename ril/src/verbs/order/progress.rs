@@ -1,5 +1,5 @@
-//! [`ProgressLine`]: how far a path is flown, beside the reports of its requests: distance and time to go, on a terminal as one line that is
-//! renewed. [`Way`] is the pure part.
+//! [`ProgressLine`]: how far a path is flown, beside the reports of its requests: distance and time to go, on a
+//! terminal as one line that is renewed. [`Way`] is the pure part.
 
 use std::io::{self, IsTerminal};
 use std::time::Duration;
@@ -28,7 +28,8 @@ const RISE: f64 = 1.1;
 /// per second in a second at least.
 const STEADY: Duration = Duration::from_secs(2);
 
-/// A turn takes no longer. A speed that is not reached again in that time is not the one of this path: the path before it was faster.
+/// A turn takes no longer. A speed that is not reached again in that time is not the one of this path: the path before
+/// it was faster.
 const TURN: Duration = Duration::from_secs(5);
 
 /// The way of a path, along the ground.
@@ -62,7 +63,8 @@ impl Way {
     }
 }
 
-/// At which speed the path is flown: the highest of late, once the helicopter has sped up. In turns it is slower for a while.
+/// At which speed the path is flown: the highest of late, once the helicopter has sped up. In turns it is slower for a
+/// while.
 #[derive(Debug, Default)]
 struct PathSpeed {
     /// The highest speed in this and in the last span of [`TURN`], m/s.
@@ -164,7 +166,8 @@ impl ProgressLine {
     }
 }
 
-/// The newest sample, if one came. A publisher that goes just now is no reason to end: what follows the order says how it ends.
+/// The newest sample, if one came. A publisher that goes just now is no reason to end: what follows the order says how
+/// it ends.
 fn newest<T: Topic>(port: &mut Subscriber<T>) -> Option<T> {
     port.latest().unwrap_or_else(|error| {
         tracing::debug!(%error, "samples could not be received");

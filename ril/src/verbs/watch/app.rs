@@ -1,7 +1,7 @@
 //! [`App`]: all robots that are watched, which of them is selected, and what a key does.
 //!
-//! [`Prompt`]: an order is confirmed by its whole word and Enter, within some seconds. A key that is hit by accident, a text that is
-//! pasted and a cat on the keyboard send nothing.
+//! [`Prompt`]: an order is confirmed by its whole word and Enter, within some seconds. A key that is hit by accident, a
+//! text that is pasted and a cat on the keyboard send nothing.
 
 #[cfg(test)]
 mod tests;

@@ -1,5 +1,6 @@
-//! The short form of the program `endurance`: loops of kills and of starts, attacks, floods, full memories and power cuts, bad links,
-//! stations and viewers. Each is a measurement and the options of its short form; every row that it shows must be good.
+//! The short form of the program `endurance`: loops of kills and of starts, attacks, floods, full memories and power
+//! cuts, bad links, stations and viewers. Each is a measurement and the options of its short form; every row that it
+//! shows must be good.
 
 use std::time::Duration;
 

@@ -24,7 +24,8 @@ const LAND: u32 = 0x0604_0000;
 const RETURN: u32 = 0x0504_0000;
 const OFFBOARD: u32 = 0x0006_0000;
 
-/// A gateway for this station. What a stall of the machine makes of ages and answers is no part of these tests, unless `lost_s` says so.
+/// A gateway for this station. What a stall of the machine makes of ages and answers is no part of these tests, unless
+/// `lost_s` says so.
 fn gateway(rig: &Sandbox, port: u16, lost_s: f64) -> Process {
     gateway_with(rig, port, lost_s, "")
 }

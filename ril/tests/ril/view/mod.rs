@@ -234,7 +234,8 @@ fn a_page_flies_to_a_place_that_was_checked() {
         (&chart["source"], &chart["fence"][0]["inclusion"]),
         (&json!("bridge"), &json!(false))
     );
-    // On a machine that stood still, where the helicopter is may not be known at that moment: then the pilot asks again.
+    // On a machine that stood still, where the helicopter is may not be known at that moment: then the pilot asks
+    // again.
     let mut attempts = 0..50;
     let mut number = || format!("a{}", attempts.next().expect("few attempts"));
     let mut ask = |page: &mut Page, place| loop {

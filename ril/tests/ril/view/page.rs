@@ -1,5 +1,5 @@
-//! [`Page`]: a page of the view as a browser would be one: an HTTP request, then WebSocket frames with JSON. Written by hand, so that it can
-//! ask for what no browser does.
+//! [`Page`]: a page of the view as a browser would be one: an HTTP request, then WebSocket frames with JSON. Written by
+//! hand, so that it can ask for what no browser does.
 
 use std::io::{Read, Write};
 use std::net::TcpStream;

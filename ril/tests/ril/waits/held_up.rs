@@ -1,5 +1,5 @@
-//! What a process calls beside its loop is held up: each call of a kind by three seconds, or a file that never comes. The tables' rows
-//! are the kinds.
+//! What a process calls beside its loop is held up: each call of a kind by three seconds, or a file that never comes.
+//! The tables' rows are the kinds.
 
 use std::fs;
 use std::path::PathBuf;
@@ -19,9 +19,9 @@ use ril_tests::{Process, Sandbox, TestDomain};
 use super::has_strace;
 use crate::common::sandbox;
 
-/// Longest time between two samples, until an order is acknowledged, and until a process has ended. The first two are half of what a
-/// call is held up: a loop that waits for one takes longer, and a machine with much to do hardly so long. What a machine with little to do
-/// takes is in docs/reliability.md.
+/// Longest time between two samples, until an order is acknowledged, and until a process has ended. The first two are
+/// half of what a call is held up: a loop that waits for one takes longer, and a machine with much to do hardly so
+/// long. What a machine with little to do takes is in docs/reliability.md.
 const GAP: Duration = Duration::from_millis(1500);
 const ACKNOWLEDGED: Duration = Duration::from_millis(1500);
 const ENDED: Duration = Duration::from_secs(3);
@@ -29,12 +29,12 @@ const ENDED: Duration = Duration::from_secs(3);
 /// For how long telemetry is watched: while at least one call is held up from its beginning to its end.
 const WATCHED: Duration = Duration::from_secs(4);
 
-/// How often a row is tried, of which the best counts: another program can have the processors for as long as these limits are. What
-/// waits for a call that is held up does so each time.
+/// How often a row is tried, of which the best counts: another program can have the processors for as long as these
+/// limits are. What waits for a call that is held up does so each time.
 const ATTEMPTS: usize = 3;
 
-/// Holds up by three seconds from now on: each of these calls of a process, or those that are about one of the files. Nothing if this user
-/// may not do that to a process that runs: then the row says only what it does without.
+/// Holds up by three seconds from now on: each of these calls of a process, or those that are about one of the files.
+/// Nothing if this user may not do that to a process that runs: then the row says only what it does without.
 fn hold_up(rig: &Sandbox, process: &Process, calls: &str, files: &[PathBuf]) -> Option<Process> {
     let mut command = Command::new("strace");
     command.args(["-f", "-o", "/dev/null", "-p", &process.id().to_string()]);

@@ -1,5 +1,5 @@
-//! Every act on the disk fails once, for a moment or for long, in every way; and the room on the disk that is left to other
-//! programs.
+//! Every act on the disk fails once, for a moment or for long, in every way; and the room on the disk that is left to
+//! other programs.
 
 use std::ops::Range;
 

@@ -1,12 +1,14 @@
-//! What must hold in the order machine, by what was truly ordered, what the reports said, and which waypoints went over the wire:
+//! What must hold in the order machine, by what was truly ordered, what the reports said, and which waypoints went over
+//! the wire:
 //!
-//! * no movement begins, and no waypoint of one goes, after a newer order was accepted; a hold, a landing and a stop count even when they
-//!   are refused; and what is followed is what was accepted last;
-//! * each request gets exactly one final report for each time that it was read, and is executed once at most: nothing of a path goes after
-//!   its final report;
+//! * no movement begins, and no waypoint of one goes, after a newer order was accepted; a hold, a landing and a stop
+//!   count even when they are refused; and what is followed is what was accepted last;
+//! * each request gets exactly one final report for each time that it was read, and is executed once at most: nothing
+//!   of a path goes after its final report;
 //! * nothing begins after its moment;
 //! * a step is not accepted when something came between it and the step before;
-//! * no path goes on without its sender, where its request says hold or land, for more than [`LOST_WITHIN_MS`] in which the bridge is awake.
+//! * no path goes on without its sender, where its request says hold or land, for more than [`LOST_WITHIN_MS`] in which
+//!   the bridge is awake.
 
 use ipc_types::code::{Reason, SenderLost, Stage};
 use ipc_types::payload::RequestReport;
@@ -95,8 +97,8 @@ impl Ordered {
         self.begin_by_ms.or(by_default)
     }
 
-    /// Since when it counts against older ones: what ends movements from its reading on, if it is no step, which may be refused for what
-    /// came before.
+    /// Since when it counts against older ones: what ends movements from its reading on, if it is no step, which may be
+    /// refused for what came before.
     fn counted(&self) -> Option<(u32, u64)> {
         let is_absolute = self.order.what.ends_movements() && self.after == 0;
         if is_absolute {
@@ -106,7 +108,8 @@ impl Ordered {
         }
     }
 
-    /// From when on a step may follow it. What ends movements counts although it is refused, unless it was superseded itself.
+    /// From when on a step may follow it. What ends movements counts although it is refused, unless it was superseded
+    /// itself.
     fn followed_from(&self) -> Option<(u32, u64)> {
         let is_read = !self.is_superseded && self.order.what.ends_movements();
         if is_read { self.read } else { self.accepted }

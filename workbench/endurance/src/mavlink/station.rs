@@ -1,5 +1,6 @@
-//! [`Station`]: a ground station with a UDP socket. Its frames are read and written with the gateway's own `wire`; the judges in Python
-//! have another. Each wait ends with a panic after [`WAIT_LIMIT`], as does what is sent to a helicopter that was not heard.
+//! [`Station`]: a ground station with a UDP socket. Its frames are read and written with the gateway's own `wire`; the
+//! judges in Python have another. Each wait ends with a panic after [`WAIT_LIMIT`], as does what is sent to a
+//! helicopter that was not heard.
 
 use std::collections::VecDeque;
 use std::net::{SocketAddr, UdpSocket};
@@ -236,8 +237,8 @@ impl Station {
         self.send(&long(command, params));
     }
 
-    /// Sends a command until it is answered, as stations do, and looks at all that comes meanwhile. Gives the result and how often it was
-    /// sent.
+    /// Sends a command until it is answered, as stations do, and looks at all that comes meanwhile. Gives the result
+    /// and how often it was sent.
     #[track_caller]
     pub fn send_until_answered(
         &mut self,
@@ -269,7 +270,8 @@ impl Station {
         self.answer(command).u8(2)
     }
 
-    /// Commands a return again and again, until that is refused because the helicopter is not heard: before, because it is on the ground.
+    /// Commands a return again and again, until that is refused because the helicopter is not heard: before, because it
+    /// is on the ground.
     #[track_caller]
     pub fn until_not_heard(&mut self) {
         let give_up = Instant::now() + WAIT_LIMIT;

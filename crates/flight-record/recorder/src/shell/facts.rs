@@ -1,4 +1,5 @@
-//! [`FactsOfRobot`]: what the files say of the flight, as far as they can be had: when the recording begins, and again when a process comes or goes.
+//! [`FactsOfRobot`]: what the files say of the flight, as far as they can be had: when the recording begins, and again
+//! when a process comes or goes.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -170,7 +171,8 @@ fn text_of(file: &str) -> String {
 /// Name of the record with versions, robot, machine and the clocks at the start.
 pub const FLIGHT: &str = "ril.flight";
 
-/// Name of the record with the layout of each topic that was there when the record was written, by topic: type and hash.
+/// Name of the record with the layout of each topic that was there when the record was written, by topic: type and
+/// hash.
 pub const LAYOUTS: &str = "ril.layouts";
 
 /// What is known of the robot at a moment.

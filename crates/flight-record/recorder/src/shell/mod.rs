@@ -1,6 +1,8 @@
-//! [`RecorderShell`]: the recorder between the ports of the robot's topics and the thread of the disk, in the loop of every process.
+//! [`RecorderShell`]: the recorder between the ports of the robot's topics and the thread of the disk, in the loop of
+//! every process.
 //!
-//! * `topics`: the ports; `disk`: the one thread that writes; `facts`: what the files say of the flight; `report`: what is printed.
+//! * `topics`: the ports; `disk`: the one thread that writes; `facts`: what the files say of the flight; `report`: what
+//!   is printed.
 
 pub(crate) mod disk;
 pub(crate) mod facts;
@@ -24,8 +26,8 @@ use self::topics::{RecordedTopics, Wakes};
 use crate::gather::Gather;
 use crate::sinks::Sinks;
 
-/// How long the end of the process waits for the disk. Most of what a disk does takes less; what takes longer may hang for ever,
-/// and a process that cannot be ended is worse than an unknown number of messages.
+/// How long the end of the process waits for the disk. Most of what a disk does takes less; what takes longer may hang
+/// for ever, and a process that cannot be ended is worse than an unknown number of messages.
 const END_TIMEOUT: Duration = Duration::from_secs(2);
 
 /// Why a recording cannot go on.

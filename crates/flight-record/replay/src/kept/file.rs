@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 /// The first bytes of a file.
 pub const MAGIC: [u8; 8] = *b"RIL kept";
 
-/// The version of the format, which is that of the inputs too: `bridge::Input` and `status::Input` in postcard's format.
+/// The version of the format, which is that of the inputs too: `bridge::Input` and `status::Input` in postcard's
+/// format.
 const VERSION: u32 = 1;
 
 /// Longest flight that is read, bytes before they were compressed: some ten hours.
@@ -56,8 +57,8 @@ pub(crate) struct KeptFlight {
     pub layouts: Vec<(String, u64)>,
     /// The bytes of the line, as they were received.
     pub received: Vec<u8>,
-    /// The journal of the bridge, with a [`Beginning`] in the place of each snapshot and a [`Digest`](super::Digest) in that of each
-    /// output, and inputs that refer to what is in the file already.
+    /// The journal of the bridge, with a [`Beginning`] in the place of each snapshot and a [`Digest`](super::Digest) in
+    /// that of each output, and inputs that refer to what is in the file already.
     pub bridge: Vec<u8>,
     /// The journal of status, in the form that `bridge` has.
     pub status: Vec<u8>,

@@ -1,7 +1,7 @@
 //! What a report is about: rule, leg or waypoint, amount, DSP error, port.
 //!
-//! Any bit pattern may lie in shared memory: a number that is not in the contract is shown as that number, and a name that
-//! could harm a terminal is not shown.
+//! Any bit pattern may lie in shared memory: a number that is not in the contract is shown as that number, and a name
+//! that could harm a terminal is not shown.
 
 use dsp_protocol::DspErrorCode;
 use ipc_types::code::{PortKind, Reason, SafetyAction, SafetyRule};

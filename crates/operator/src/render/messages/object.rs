@@ -1,5 +1,5 @@
-//! A report, and a failure, as one JSON object each. Codes have their names, and what a report does not say is left out. The failure is
-//! the last line of standard output when `--json` was given and the exit code is not 0.
+//! A report, and a failure, as one JSON object each. Codes have their names, and what a report does not say is left
+//! out. The failure is the last line of standard output when `--json` was given and the exit code is not 0.
 
 use ipc_types::code::{PortKind, SafetyRule, Stage};
 use ipc_types::payload::{PortInfo, RequestReport, SharedStruct};

@@ -1,5 +1,6 @@
-//! At the end the helicopter does what was ordered last, and at no moment what was ordered before something that it has done: several
-//! stations and a program on the robot, through loss, delay, repetition, reordering, outages, stalls and clocks that are not known exactly.
+//! At the end the helicopter does what was ordered last, and at no moment what was ordered before something that it has
+//! done: several stations and a program on the robot, through loss, delay, repetition, reordering, outages, stalls and
+//! clocks that are not known exactly.
 
 use std::collections::BTreeMap;
 use std::time::Duration;

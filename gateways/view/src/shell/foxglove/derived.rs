@@ -1,5 +1,6 @@
-//! [`Derived`]: topics that no process publishes, for panels of Foxglove and Lichtblick. Those that are made of telemetry are the same in
-//! [recordings](ViewerMessage); `/diagnostics`, `chart`, `track` and `log` say what a page shows.
+//! [`Derived`]: topics that no process publishes, for panels of Foxglove and Lichtblick. Those that are made of
+//! telemetry are the same in [recordings](ViewerMessage); `/diagnostics`, `chart`, `track` and `log` say what a page
+//! shows.
 //!
 //! What no client wants is not made.
 
@@ -23,8 +24,8 @@ use crate::messages;
 use crate::shell::fleet::ShownRobot;
 use crate::{Channel, ChannelId, Server, page};
 
-/// How often conditions are sent although they did not change: all robots share the topic, and a client that comes later gets its
-/// newest message alone.
+/// How often conditions are sent although they did not change: all robots share the topic, and a client that comes
+/// later gets its newest message alone.
 const CONDITIONS_PERIOD: Duration = Duration::from_secs(1);
 
 /// Time between two tracks: each has all places.
@@ -193,7 +194,8 @@ impl<T: PartialEq> DerivedTopic<T> {
         DerivedTopic { channel, said }
     }
 
-    /// The channel if a client subscribes to it. If none does, the last sample is forgotten, so that the next subscriber gets it again.
+    /// The channel if a client subscribes to it. If none does, the last sample is forgotten, so that the next
+    /// subscriber gets it again.
     fn wanted(&mut self, server: &Server) -> Option<ChannelId> {
         let wanted = self
             .channel
@@ -258,7 +260,8 @@ pub(crate) struct Diagnostics {
 }
 
 impl Diagnostics {
-    /// The conditions of `robot`: what it does, and each alarm. `is_fresh` says whether its bridge's state is of the present.
+    /// The conditions of `robot`: what it does, and each alarm. `is_fresh` says whether its bridge's state is of the
+    /// present.
     pub fn take(&mut self, robot: &page::RobotStatus, is_fresh: bool) -> Vec<Diagnostic> {
         let hardware = format!("robot{}", robot.robot);
         let condition = |name: &str, level, message: &str| Diagnostic {

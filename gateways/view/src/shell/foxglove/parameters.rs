@@ -1,5 +1,6 @@
-//! [`Parameters`]: the DSP's ports for Foxglove clients, from a cache: clients ask for all every few seconds, and the bridge reads one after
-//! the other over the serial line. [`Cache`] says what to ask next, and [`Parameters`] asks the bridges.
+//! [`Parameters`]: the DSP's ports for Foxglove clients, from a cache: clients ask for all every few seconds, and the
+//! bridge reads one after the other over the serial line. [`Cache`] says what to ask next, and [`Parameters`] asks the
+//! bridges.
 //!
 //! | step | report | no answer |
 //! |---|---|---|
@@ -137,7 +138,8 @@ impl OfRobot {
         }
     }
 
-    /// Forgets all that is known of a bridge that is gone: another one may have other ports, and their values are not known.
+    /// Forgets all that is known of a bridge that is gone: another one may have other ports, and their values are not
+    /// known.
     fn follow(&mut self, shown: &ShownRobot, server: &mut Server, now: MonotonicNs) {
         let bridge = shown.robot.process(Process::Bridge, now);
         let is_gone = matches!(bridge, Freshness::Absent | Freshness::Gone(_));

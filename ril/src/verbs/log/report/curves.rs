@@ -1,6 +1,7 @@
 //! [`Curves`]: the values of a flight over time, in bounded memory.
 //!
-//! [`FlightClock`]: seconds since the beginning of a recording; [`RelativeDelay`]: how late a sample is against the DSP's clock.
+//! [`FlightClock`]: seconds since the beginning of a recording; [`RelativeDelay`]: how late a sample is against the
+//! DSP's clock.
 
 use ipc_types::TelemetryGroup;
 use ipc_types::payload::{DspTelemetry, HeroTelemetry};

@@ -1,5 +1,5 @@
-//! [`EventLog`]: what happened in a flight, bounded: of each kind at most [`MAX_OF_A_KIND`] events are kept, so that no kind crowds
-//! out another, and the others are counted. What repeats within some seconds is one event.
+//! [`EventLog`]: what happened in a flight, bounded: of each kind at most [`MAX_OF_A_KIND`] events are kept, so that no
+//! kind crowds out another, and the others are counted. What repeats within some seconds is one event.
 
 use operator::robot::geo::Place;
 use view::page::Weight;

@@ -1,5 +1,6 @@
-//! [`RequestLog`]: what the robot was asked for and how it ended, of the topic `requests` of a record. All waypoints of a path are one
-//! request, and so are values of the DSP that one process reads one after the other, as `ril param list` does.
+//! [`RequestLog`]: what the robot was asked for and how it ended, of the topic `requests` of a record. All waypoints of
+//! a path are one request, and so are values of the DSP that one process reads one after the other, as `ril param list`
+//! does.
 
 use std::collections::BTreeMap;
 
