@@ -328,7 +328,7 @@ impl BytesClient {
         }
     }
 
-    /// Those of paths of which no request is open.
+    /// Drops the leases of paths of which no request is open.
     fn drop_leases(&mut self) {
         let open = &self.outstanding;
         self.leases.retain(|lease| {

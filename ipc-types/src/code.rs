@@ -49,7 +49,7 @@ macro_rules! codes {
             }
         }
 
-        /// As its number.
+        /// A code is written as its number.
         impl serde::Serialize for $name {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
                 serializer.serialize_u32(self.code())

@@ -254,7 +254,7 @@ impl Doorbell {
         self.ring(GENERATION);
     }
 
-    /// Another value than before: a service has another generation.
+    /// Changes whenever a service has another generation.
     pub(crate) fn generations(&self) -> u32 {
         self.page().generations.load(Ordering::SeqCst)
     }

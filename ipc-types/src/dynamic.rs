@@ -297,7 +297,8 @@ pub fn topics(ipc: &Ipc) -> Vec<ServiceFacts> {
     ipc.domain().topics(ipc.robot())
 }
 
-/// The request services of the robot, in the same way.
+/// The request services of the robot, in the alphabetical order of their keys. One whose schema cannot be read is left
+/// out.
 pub fn request_services(ipc: &Ipc) -> Vec<ServiceFacts> {
     ipc.domain().request_services(ipc.robot())
 }
@@ -314,17 +315,18 @@ pub fn schema_of(ipc: &Ipc, key: &str) -> Result<Schema, LoadError> {
 
 /// What services there are, for a process that does not take part: it only reads, and creates nothing.
 impl Domain {
-    /// As [`topics`].
+    /// The topics of `robot`, in the alphabetical order of their keys. One whose schema cannot be read is left out.
     pub fn topics(&self, robot: RobotId) -> Vec<ServiceFacts> {
         services(self, robot, Pattern::PublishSubscribe)
     }
 
-    /// As [`request_services`].
+    /// The request services of `robot`, in the alphabetical order of their keys. One whose schema cannot be read is
+    /// left out.
     pub fn request_services(&self, robot: RobotId) -> Vec<ServiceFacts> {
         services(self, robot, Pattern::RequestResponse)
     }
 
-    /// As [`schema_of`].
+    /// The schema of the topic `key` of `robot`, or of the requests of the service `key`.
     ///
     /// # Errors
     ///

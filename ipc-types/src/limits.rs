@@ -30,7 +30,7 @@ const ROBOT_FILE_BYTES: u64 = 2 << 30;
 /// A limit that is less than what may be needed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LowLimit {
-    /// As a shell and a service call it.
+    /// The name that a shell and a service give the limit.
     pub name: &'static str,
     /// What it is.
     pub value: u64,

@@ -68,7 +68,7 @@ fn set_slice(role: SchedulingRole) -> io::Result<()> {
     outcome(result)
 }
 
-/// Those of the calling thread.
+/// The scheduling attributes of the calling thread.
 fn attributes() -> io::Result<libc::sched_attr> {
     // SAFETY: numbers, for which all bits zero is a value.
     #[allow(unsafe_code)]

@@ -278,7 +278,7 @@ pub struct MavlinkVerb {
     #[command(subcommand)]
     pub command: Option<MavlinkCommand>,
 
-    /// Those of `ril run mavlink`.
+    /// The arguments of `ril run mavlink`.
     #[command(flatten)]
     pub run: ProcessArgs<MavlinkArgs>,
 }

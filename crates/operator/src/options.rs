@@ -120,7 +120,7 @@ impl SenderArgs {
         }
     }
 
-    /// Those of a command that does not wait for the end of its path, which goes on.
+    /// The arguments of a command that does not wait for the end of its path: the path goes on without it.
     ///
     /// # Errors
     ///

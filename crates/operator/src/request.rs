@@ -32,9 +32,9 @@ use crate::session::{OrderContext, Session, UrgentContext};
 /// When the exchange is over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Until {
-    /// With the final report.
+    /// The final report ends it.
     Final,
-    /// As soon as the last request was accepted.
+    /// The acceptance of the last request ends it.
     Accepted,
 }
 
@@ -226,9 +226,9 @@ fn is_failure(report: &RequestReport) -> bool {
 pub enum Format {
     /// Not at all: the command needs the answer itself.
     Silent,
-    /// As lines for people.
+    /// Lines for people.
     Text,
-    /// As JSON objects, one a line.
+    /// JSON objects, one a line.
     Json,
 }
 

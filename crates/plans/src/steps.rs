@@ -62,7 +62,7 @@ pub struct PathPoint {
 }
 
 impl PathPoint {
-    /// As a request has it.
+    /// The position in the form of a request.
     pub fn position(&self) -> WaypointPosition {
         position(&self.waypoint)
     }
@@ -146,7 +146,7 @@ pub fn ground_m(from: &Waypoint, to: &Waypoint) -> f64 {
     ground_distance_m(&from, to)
 }
 
-/// As it travels to the DSP: in steps of 10⁻⁷ degrees and 1 mm.
+/// The waypoint that arrives at the DSP: in steps of 10⁻⁷ degrees and 1 mm.
 pub fn quantised(at: Waypoint) -> Waypoint {
     let round = |value: f64, steps: f64| (value * steps).round() / steps;
     Waypoint {

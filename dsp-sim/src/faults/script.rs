@@ -152,7 +152,7 @@ pub enum Damage {
     },
     /// A run of bytes is replaced by random ones.
     Burst {
-        /// That a run begins, for each byte outside a run.
+        /// Probability that a run begins, for each byte outside a run.
         rate: f64,
         /// How long it is.
         length_bytes: u32,

@@ -50,7 +50,7 @@ pub enum Subject {
 }
 
 impl Subject {
-    /// That of a command.
+    /// The subject of a command.
     pub fn of(command: u16) -> Subject {
         match command {
             command::CHANGE_SPEED => Subject::Speed,
@@ -113,7 +113,7 @@ pub enum Copy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Since {
     Nothing,
-    /// Other commands of its sender.
+    /// Further commands of its sender.
     Own,
     /// A hold, a landing or a disarming.
     Stop,

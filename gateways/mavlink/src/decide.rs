@@ -258,7 +258,7 @@ impl VehicleFacts<'_> {
         }
     }
 
-    /// Also what "kill" and "emergency stop" send: the same bytes as a forced disarming.
+    /// Judges a disarming. "Kill" and "emergency stop" send the bytes of a forced one.
     fn disarm(&self) -> Decision {
         let Some(known) = self.known else {
             return not_heard();

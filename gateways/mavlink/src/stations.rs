@@ -238,7 +238,7 @@ impl Stations {
         &self.heard
     }
 
-    /// Those that are lost since the last call.
+    /// The stations that were lost since the last call.
     pub fn take_lost(&mut self, now: MonotonicNs) -> Vec<StationAddress> {
         let limit = self.lost_after;
         let is_late = |one: &&mut Station| !one.is_lost && now.since(one.heard) >= limit;

@@ -42,7 +42,7 @@ macro_rules! streams {
 }
 
 streams! {
-    /// That the helicopter is there. First, because stations look for it first.
+    /// The helicopter is there. First, because stations look for it first.
     Heartbeat = HEARTBEAT, 10, State;
     /// The mode, as MAVLink's own.
     CurrentMode = CURRENT_MODE, 5, State;
@@ -197,7 +197,8 @@ impl Streams {
         streams
     }
 
-    /// Those that are due and have something to say, of a sample that was measured at `sample`. They count as sent.
+    /// The messages that are due and have something to say, of a sample that was measured at `sample`. They count as
+    /// sent.
     pub fn take_due(&mut self, sample: MonotonicNs, now: MonotonicNs) -> Vec<StreamId> {
         self.looked = now;
         let has_come = sample > self.sample;

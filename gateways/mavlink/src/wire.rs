@@ -138,7 +138,7 @@ fn read(bytes: &[u8]) -> (Result<MavFrame<'_>, Rejected>, usize) {
     (Ok(frame), length)
 }
 
-/// That at the end of a frame that is whole.
+/// The signature at the end of a whole frame.
 fn signature(frame: &[u8]) -> Signature<'_> {
     let (covered, bytes) = frame.split_at(frame.len() - 6);
     let (_, stamp) = covered.split_at(covered.len() - 7);

@@ -59,7 +59,7 @@ impl Sent {
     }
 }
 
-/// That of a ground station.
+/// The heartbeat of a ground station.
 pub fn heartbeat() -> MessageWriter {
     let message = MessageWriter::new(HEARTBEAT).u32(0).u8(6).u8(8);
     message.u8(0).u8(4).u8(3)

@@ -127,7 +127,7 @@ pub fn check(config: &Config, side: Side) -> Result<Option<String>, Fault> {
 
 /// A way in for everyone on the network.
 struct Door<'a> {
-    /// As it is shown to the operator.
+    /// What the operator is shown of it.
     shown: String,
     /// Its place in the configuration.
     keys: &'static [&'static str],

@@ -214,12 +214,12 @@ pub enum NoMessage {
     /// There are too many, or none.
     #[error("it has {0} bytes; a message has 1 to {MAX_BYTES}")]
     Length(usize),
-    /// Another relay's version.
+    /// The message has the version of another relay.
     #[error(
         "it has version {0}, this relay speaks version {VERSION}: install the same version on both machines"
     )]
     Version(u8),
-    /// They mean nothing.
+    /// The bytes mean nothing.
     #[error("it cannot be read ({0})")]
     Contents(postcard::Error),
 }

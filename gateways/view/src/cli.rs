@@ -202,7 +202,7 @@ pub(crate) fn listen(config: &ViewConfig) -> Result<Sockets, Failure> {
     })
 }
 
-/// That of `ril view`, which is another one at each start, and those of the configuration.
+/// The token of `ril view`, which changes with each start, and those of the configuration.
 fn tokens(config: &ViewConfig, secret: String) -> Result<Vec<Token>, Failure> {
     let mut tokens = vec![Token {
         name: "ril view".to_owned(),

@@ -58,9 +58,9 @@ pub(crate) struct Outbox {
     /// Too much waited: no text is taken until the connection is free.
     has_overflowed: bool,
     now: Option<NowText>,
-    /// Those that were replaced since one was sent.
+    /// States of `now` that were replaced since one was sent.
     left_out: u64,
-    /// Those that were sent, with the moments when they were made: the newest last.
+    /// Numbers of the states that were sent, with the moments when they were made: the newest last.
     sent: VecDeque<(u64, MonotonicNs)>,
     /// The newest one that was drawn.
     seen: u64,

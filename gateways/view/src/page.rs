@@ -176,7 +176,7 @@ pub struct Movement {
     pub text: String,
     /// Waypoints of its path.
     pub waypoints_total: u32,
-    /// Those that were reached.
+    /// Waypoints that were reached.
     pub waypoints_reached: u32,
     /// `None` if it is not known.
     pub distance_to_go_m: Option<f64>,
@@ -426,7 +426,7 @@ pub(crate) enum Outgoing<'a> {
 }
 
 impl Outgoing<'_> {
-    /// As JSON.
+    /// The message as JSON.
     pub(crate) fn text(&self) -> String {
         // Serde fails for maps whose keys are no texts; these messages have none.
         serde_json::to_string(self).unwrap_or_default()
@@ -626,7 +626,7 @@ pub enum Role {
 pub enum Holder {
     /// This page.
     You,
-    /// Another page.
+    /// A page other than the one that gets the message.
     Other,
     /// No page.
     None,

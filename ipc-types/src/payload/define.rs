@@ -70,7 +70,7 @@ pub unsafe trait FieldType: Copy + 'static {
     /// All numbers zero.
     const ZERO: Self;
 
-    /// As `serde::Serialize`, which arrays of more than 32 elements do not have.
+    /// Serializes the field: `serde::Serialize` has no arrays of more than 32 elements.
     ///
     /// # Errors
     ///

@@ -319,7 +319,7 @@ struct Reader {
     /// What runs on: the section that started it, unless it is to the page's end, and the process.
     terminals: Vec<(Option<String>, Process)>,
     rig: Sandbox,
-    /// Another machine: the ground station, or where a recording is played.
+    /// The domain of a second machine: the ground station, or where a recording is played.
     elsewhere: TestDomain,
 }
 

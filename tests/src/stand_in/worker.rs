@@ -172,7 +172,7 @@ impl<T> Inbox<T> {
         }
     }
 
-    /// Those that have come so far.
+    /// The requests that have come so far.
     pub fn take(&self) -> Vec<T> {
         self.0.try_iter().collect()
     }

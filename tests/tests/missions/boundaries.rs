@@ -47,9 +47,9 @@ sums! {
         pub well_inside: u64,
         /// Paths that were held before the fence.
         pub held: u64,
-        /// Those of a DSP that flew beside the path.
+        /// Held paths of a DSP that flew beside the path.
         pub held_beside: u64,
-        /// Those that were flown as they were ordered, and not well inside.
+        /// Held paths that were flown as they were ordered, and not well inside.
         pub held_as_ordered: u64,
     }
     "{flights} flights; {refused} paths refused, {refused_ahead} of them because there was no room to stop; {flown} flown, \

@@ -44,7 +44,7 @@ impl WorldConfig {
         }
     }
 
-    /// Another home, with the same altitude and heading.
+    /// Moves the home, and leaves its altitude and heading.
     pub fn at(mut self, latitude_deg: f64, longitude_deg: f64) -> WorldConfig {
         let home = &mut self.simulator.model.home;
         (home.latitude_deg, home.longitude_deg) = (latitude_deg, longitude_deg);
@@ -93,7 +93,7 @@ impl WorldConfig {
         self
     }
 
-    /// Another wind.
+    /// Sets the wind.
     pub fn wind(mut self, speed_mps: f64, from_deg: f64, gust_mps: f64) -> WorldConfig {
         self.simulator.model.wind = WindModel {
             speed_mps,

@@ -38,7 +38,7 @@ pub enum Rate {
     Silent,
     /// So many.
     Hz(u32),
-    /// As many as the other end takes.
+    /// As many frames as the bridge takes.
     Flood,
 }
 

@@ -29,10 +29,10 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Those that need nothing but `ril`.
+    /// The kinds that need nothing but `ril`.
     pub const OF_RIL: [Kind; 4] = [Kind::Sim, Kind::Bridge, Kind::Status, Kind::Consumer];
 
-    /// As it is named in the tables.
+    /// The name of the kind in the tables.
     pub fn name(self) -> &'static str {
         match self {
             Kind::Sim => "sim",
@@ -49,7 +49,8 @@ impl Kind {
         !matches!(self, Kind::Sim | Kind::Bridge | Kind::Status)
     }
 
-    /// Those that this machine can start; what it lacks for the others is printed. The first call may build a library,
+    /// The kinds that this machine can start; what it lacks for the others is printed. The first call may build a
+    /// library,
     /// which can take minutes: call it before a site begins to watch the time.
     pub fn possible() -> Vec<Kind> {
         let all = Kind::value_variants().iter().copied();

@@ -64,7 +64,7 @@ const CASES: [Case; 7] = [
     ("20 pages, attacked", 20, None, true),
 ];
 
-/// Those of the peer that is measured beside the view.
+/// The cases of the peer that is measured beside the view.
 const PEER_CASES: [Case; 3] = [
     ("crate foxglove: none", 0, None, false),
     ("crate foxglove: all topics", 0, Some(Kind::Foxglove), false),

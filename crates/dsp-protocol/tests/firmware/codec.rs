@@ -879,7 +879,7 @@ const MISTAKES: [(&str, &str); 22] = [
     ),
 ];
 
-/// That the vectors and the streams would show a mistake.
+/// The vectors and the streams show a mistake.
 #[test]
 fn a_codec_with_a_mistake_is_found() {
     let Some(compiler) = compiler() else {

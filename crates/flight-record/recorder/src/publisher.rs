@@ -16,7 +16,7 @@ use recording::{Event, EventKind};
 /// Follows the samples of one topic.
 #[derive(Debug)]
 pub struct LossEvents {
-    /// As it is called in the file.
+    /// The topic's name in the file.
     topic: String,
     tracker: SequenceTracker,
     /// The time of the last sample.
@@ -155,7 +155,7 @@ pub(crate) struct Tail {
     ipc: Ipc,
     open: fn(&Ipc) -> Result<Option<LeftTail>, OpenError>,
     read: fn(&LeftTail, Option<Piece>) -> Option<Vec<u8>>,
-    /// That of the publisher that lived when it was opened.
+    /// The rest of the journal of the publisher that lived when this was opened.
     file: Option<LeftTail>,
     /// The last piece of that publisher.
     last: Option<Piece>,

@@ -37,7 +37,7 @@ impl BridgeCore {
 pub enum KeptInput<'a> {
     /// So many of the bytes of the line.
     Received(usize),
-    /// As it is.
+    /// Any other input, kept whole.
     Other(#[serde(borrow)] Input<'a>),
 }
 

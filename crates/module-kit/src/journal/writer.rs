@@ -60,7 +60,7 @@ pub struct JournalWriter {
     /// The piece that is being filled, and when it got its first byte.
     open: Piece,
     open_since: Option<MonotonicNs>,
-    /// Those that are full, oldest first, and their bytes.
+    /// Full pieces, oldest first.
     full: VecDeque<Piece>,
     waiting: usize,
     /// Memory for the next pieces.

@@ -30,7 +30,7 @@ const DEGREES: &str = "_deg";
 pub struct Selection {
     /// Names of fields, plain or nested; none stands for all.
     names: Vec<String>,
-    /// Those of them that are angles in radians and are shown in degrees.
+    /// Names of the chosen angles in radians, which are shown in degrees.
     in_degrees: Vec<String>,
 }
 

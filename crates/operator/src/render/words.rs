@@ -133,8 +133,9 @@ pub fn wrap(first: &str, words: &str, columns: usize) -> String {
     text
 }
 
-/// As a shell reads it as one word: that of a log as the original software named it has parentheses, and that of a plan
-/// may have blanks.
+/// Quotes a name so that a shell reads it as one word: a log's name of the original software has parentheses, and a
+/// plan's
+/// name may have blanks.
 pub fn shell_word(word: &str) -> String {
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "/._-+,:".contains(letter);
     match !word.is_empty() && word.chars().all(is_plain) {

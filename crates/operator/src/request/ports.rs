@@ -409,13 +409,13 @@ pub enum RobotOrder {
     Hold,
     /// Land on the spot; replaces a path, as `ril land --preempt`.
     Land,
-    /// As `ril start`.
+    /// Start the module, as `ril start`.
     Start,
-    /// As `ril stop`.
+    /// Stop the module, as `ril stop`.
     Stop,
-    /// As `ril control take`.
+    /// Take control of the robot, as `ril control take`.
     TakeControl,
-    /// As `ril control release`.
+    /// Give control up, as `ril control release`.
     ReleaseControl,
     /// Climb to this height above take-off, m, as `ril takeoff`.
     TakeOff(f64),

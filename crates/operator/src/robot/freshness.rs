@@ -211,7 +211,7 @@ impl SampleAge {
         self.stale
     }
 
-    /// As part of a JSON object.
+    /// The age as part of a JSON object.
     pub fn tree(self) -> Tree {
         Tree::nested([
             ("sequence", self.sequence.into()),

@@ -85,7 +85,7 @@ impl LinkReport {
         Some((text, next_step))
     }
 
-    /// As part of a JSON object.
+    /// The link as part of a JSON object.
     pub fn tree(&self) -> Tree {
         let link = &self.link;
         let clock = Tree::nested([

@@ -79,7 +79,7 @@ impl Resulting {
         write!(std::io::stdout().lock(), "{self}").map_err(Failure::output)
     }
 
-    /// As an object for programs; `of` is the process, or `ril` for the operator's commands.
+    /// The configuration as an object for programs; `of` is the process, or `ril` for the operator's commands.
     pub fn object<'a>(&'a self, of: &'a str) -> ResultingObject<'a> {
         ResultingObject {
             schema: "ril.Configuration.v1",

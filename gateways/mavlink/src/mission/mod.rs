@@ -202,7 +202,7 @@ impl Missions {
         }
     }
 
-    /// Another mission is in force.
+    /// Puts another mission in force.
     pub fn set(&mut self, mission: Mission) {
         self.mission = mission;
         (self.run, self.next, self.primed, self.starting) = (None, 1, None, None);

@@ -121,7 +121,7 @@ impl ParameterValue {
         }
     }
 
-    /// As a number.
+    /// The value as a number.
     pub fn number(self) -> f64 {
         match self {
             ParameterValue::Int(value) => f64::from(value),

@@ -41,7 +41,7 @@ pub(crate) enum Job {
 }
 
 impl Job {
-    /// Those with the same number replace each other; the lowest goes first.
+    /// The number of the job's kind: jobs of one kind replace each other; the lowest goes first.
     fn kind(&self) -> usize {
         match self {
             Job::Mission(_) => 0,

@@ -109,7 +109,7 @@ pub(crate) fn write_timestamp(file: &StateFile, timestamp: u64) -> Result<(), St
     file.write(format!("{timestamp}\n").as_bytes())
 }
 
-/// That a timestamp of signatures was not kept. The gateway tries again with the next one, within 30 s.
+/// Warns that a timestamp of signatures was not kept. The gateway tries again with the next one, within 30 s.
 pub(crate) fn warn_of_timestamp(error: &StateError) {
     let why = "a restart with a clock that was set back repeats timestamps";
     tracing::warn!(%error, "the timestamp of signatures was not kept: {why}");

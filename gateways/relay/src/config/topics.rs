@@ -27,7 +27,7 @@ pub struct TopicsConfig {
     pub rate_hz: f64,
     /// Which samples go first when the link is too slow for all.
     pub priority: Priority,
-    /// Other rates and priorities.
+    /// Rates and priorities of single topics.
     pub rules: Vec<Rule>,
 }
 
@@ -52,7 +52,7 @@ pub struct Rule {
     /// At most so many samples a second; that of `[topics]` if `None`.
     #[serde(default, deserialize_with = "some_rate_hz")]
     pub rate_hz: Option<f64>,
-    /// That of `[topics]` if `None`.
+    /// Priority of the samples; that of `[topics]` if `None`.
     #[serde(default)]
     pub priority: Option<Priority>,
 }

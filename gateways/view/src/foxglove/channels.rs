@@ -186,7 +186,7 @@ impl ParameterSubscriptions {
         }
     }
 
-    /// Those of these names that there are; all if no name is given.
+    /// The parameters of these names, as far as there are some; all if no name is given.
     pub fn find(&self, names: &[String]) -> Vec<Parameter> {
         match names {
             [] => self.values.keys().map(|name| self.get(name)).collect(),
@@ -222,7 +222,7 @@ pub struct OfferedService {
 }
 
 impl OfferedService {
-    /// As clients get it.
+    /// The service in the form that clients get.
     pub(crate) fn info(&self, id: u32) -> ServiceInfo<'_> {
         let side = |part: &str, schema| ServiceSide {
             encoding: ENCODING,

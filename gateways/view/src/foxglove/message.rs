@@ -166,7 +166,7 @@ pub(crate) enum Binary<'a> {
 }
 
 impl Outgoing<'_> {
-    /// As JSON.
+    /// The message as JSON.
     pub fn text(&self) -> String {
         // Serde fails for maps whose keys are no texts; these messages have none.
         serde_json::to_string(self).unwrap_or_default()

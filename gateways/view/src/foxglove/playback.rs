@@ -84,7 +84,7 @@ struct OpenControl {
 pub(super) struct Playback {
     /// Unix time of the beginning and the end, ns; `None` without a replay, or if the recording has no wall time.
     range_ns: Option<(u64, u64)>,
-    /// Those that have used the controls, each with what is to be answered.
+    /// Clients that have used the controls, each with what is to be answered.
     clients: BTreeMap<ViewerId, OpenControl>,
 }
 

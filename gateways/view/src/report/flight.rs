@@ -112,11 +112,11 @@ pub struct Lane {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
-    /// As it was asked for.
+    /// The request was carried out.
     Done,
-    /// It was not taken.
+    /// The request was not taken.
     Refused,
-    /// It was taken, and ended early.
+    /// The request was taken, and ended early.
     Aborted,
     /// Unknown: the recording does not have it.
     Open,

@@ -32,7 +32,7 @@ struct SocketRow {
 pub(crate) struct OwnConnections(HashSet<(SocketAddr, SocketAddr)>);
 
 impl OwnConnections {
-    /// Those of now.
+    /// The connections at this moment.
     pub fn read() -> OwnConnections {
         let uid = rustix::process::getuid().as_raw();
         OwnConnections(tables().flat_map(|table| of_user(&table, uid)).collect())

@@ -201,7 +201,7 @@ fn place() -> PathBuf {
     }
 }
 
-/// That folder, which is made if there is none, and which no other user can enter.
+/// Gives the folder `place`, which is made if there is none, and which no other user can enter.
 fn folder(place: &Path) -> Result<&Path, Failure> {
     let uid = rustix::process::getuid().as_raw();
     let there = loop {

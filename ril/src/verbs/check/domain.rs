@@ -200,7 +200,7 @@ fn residue(robot: &RobotFacts) -> Finding {
     Finding::warning("residue", text, REPAIR)
 }
 
-/// Another user's domain.
+/// The finding about another user's domain.
 fn other(root: &Entry) -> Finding {
     let (uid, path) = (root.uid, root.path.display());
     let text = format!("no robot is alive for this user; user {uid} has a domain at {path}");

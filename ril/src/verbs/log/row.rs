@@ -122,7 +122,7 @@ impl Chosen {
         })
     }
 
-    /// Those of `names` that the log has.
+    /// The columns of `names` that the log has.
     pub fn present(columns: &[String], names: &[&str]) -> Chosen {
         let find = |name: &&str| {
             let place = columns.iter().position(|column| column == name)?;

@@ -28,7 +28,7 @@ use super::options::{HomeArg, PlanFileArgs};
 
 /// A plan with all that is known about it.
 pub struct KnownPlan {
-    /// As its file has it, and as the operator says.
+    /// The plan of the file, changed as the operator says.
     pub plan: Plan,
     /// What it is flown from.
     pub site: Site,

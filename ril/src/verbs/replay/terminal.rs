@@ -256,7 +256,7 @@ mod request_tests {
 
     use super::*;
 
-    /// As `ril record` writes it.
+    /// A message in the form that `ril record` writes.
     fn message(texts: [&str; 6], sender_pid: u32, station: &str) -> Vec<u8> {
         let [event, service, command, stage, reason, text] = texts;
         let request = RequestEvent {

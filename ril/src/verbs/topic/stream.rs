@@ -268,7 +268,7 @@ pub(super) enum WatchStep {
     Wait(MonotonicNs),
     /// Say by [`WatchTimeout::provider`] whether the publisher lives.
     Look,
-    /// As many samples as asked for, or as long.
+    /// All samples that were asked for have come, or the time is over.
     Enough,
     /// Nothing came in time, or the publisher has been gone too long.
     Nothing,

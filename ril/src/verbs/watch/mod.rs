@@ -80,7 +80,7 @@ pub struct WatchArgs {
 impl WatchArgs {
     /// What every process takes. `is_quiet` says that a log would be written across the screen.
     pub fn common(&self, is_quiet: bool) -> CommonArgs {
-        /// As many `-q` as it takes to say nothing.
+        /// How many `-q` silence the log.
         const NOTHING: u8 = 3;
         CommonArgs {
             robot: self.robots.first().copied(),

@@ -162,13 +162,13 @@ fn pymavlink_sends_and_flies_a_mission_as_qgroundcontrol_does() {
     judged("qgc_mission.py", "pymavlink==2.4.50", &[], "", |_| {});
 }
 
-/// As a script would be written that knows nothing of this project.
+/// A script that knows nothing of this project flies the helicopter.
 #[test]
 fn mavsdk_flies_a_mission_and_all_its_actions() {
     judged("mavsdk_flies.py", "mavsdk==4.1.0", &[], "", |_| {});
 }
 
-/// As whoever reads docs/mavlink.md begins.
+/// The first steps of docs/mavlink.md work.
 #[test]
 fn the_example_of_mavsdk_flies_its_mission() {
     let script = languages::root().join("examples/python/mavsdk_mission.py");

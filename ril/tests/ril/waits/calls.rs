@@ -85,7 +85,7 @@ pub struct Trace {
     unwaiting: BTreeSet<String>,
     /// Every kind of call.
     pub seen: BTreeSet<(String, About)>,
-    /// Those that are not on the list: an example, and how many.
+    /// Calls that are not on the list: an example, and how many.
     pub others: BTreeMap<(String, About), (String, u32)>,
 }
 

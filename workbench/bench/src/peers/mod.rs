@@ -127,7 +127,7 @@ pub fn join(process: &str) -> Result<Ipc> {
     Ok(Ipc::join(&domain, RobotId::DEFAULT, process)?)
 }
 
-/// As status publishes.
+/// Publishes robot telemetry as status does.
 fn publishing() -> Result<Send> {
     let mut publisher = join("bench-sender")?.publisher::<HeroTelemetry>()?;
     Ok(Box::new(move |sample| {

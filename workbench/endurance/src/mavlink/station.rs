@@ -22,7 +22,7 @@ const NEXT_LIMIT: Duration = Duration::from_millis(20);
 /// When a station sends a command again that was not answered, as MAVSDK does.
 const COMMAND_RETRY: Duration = Duration::from_millis(500);
 
-/// That of a ground station.
+/// The heartbeat of a ground station.
 pub fn heartbeat() -> MessageWriter {
     let message = MessageWriter::new(HEARTBEAT).u32(0).u8(6).u8(8);
     message.u8(0).u8(4).u8(3)

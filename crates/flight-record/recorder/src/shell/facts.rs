@@ -15,7 +15,7 @@ use crate::cli::RecordArgs;
 
 /// A process whose configuration is recorded.
 struct Configured {
-    /// As it is called.
+    /// The process' name.
     name: &'static str,
     /// A service that it provides.
     service: ServiceId,
@@ -96,7 +96,8 @@ impl FactsOfRobot {
         }
     }
 
-    /// As each file says it, with these layouts by topic, and with files that say what the processes run with.
+    /// What each file says of the flight, with these layouts by topic, and with files that say what the processes run
+    /// with.
     pub fn flight_info(
         &self,
         layouts: BTreeMap<String, String>,

@@ -89,7 +89,7 @@ pub(crate) enum Wakes {
 
 /// What became of a topic.
 pub(crate) struct TopicCounts {
-    /// As it is called in the file.
+    /// The topic's name in the file.
     pub topic: String,
     /// What came and what did not.
     pub losses: Losses,

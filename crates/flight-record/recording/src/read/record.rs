@@ -174,7 +174,7 @@ const CHUNK_HEAD_LEN: u64 = 8 + 8 + 8 + 4 + 4 + 8;
 /// Longest name of a compression, bytes.
 const MAX_NAME_LEN: u64 = 32;
 
-/// As much of a chunk as has all before its records, bytes.
+/// Bytes from the beginning of a chunk that have all before its records.
 pub(super) const MAX_CHUNK_HEAD_LEN: u64 = CHUNK_HEAD_LEN + MAX_NAME_LEN;
 
 /// What stands before the records of a chunk.

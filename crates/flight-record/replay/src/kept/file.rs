@@ -31,7 +31,7 @@ pub enum NotKept {
     /// The first bytes are others.
     #[error("it is no kept flight: its first bytes are not `RIL kept`")]
     Foreign,
-    /// Another version of the format.
+    /// The file has another version of the format.
     #[error("its format is version {0}, and this program reads version {VERSION}")]
     Version(u32),
     /// The checksum does not fit, or what it covers is no flight.
@@ -67,9 +67,9 @@ pub(crate) struct KeptFlight {
 /// How a core begins.
 #[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Beginning<'a> {
-    /// As its process began at this moment, with this configuration.
+    /// The core begins with its process, at this moment and with this configuration.
     Fresh(MonotonicNs, Cow<'a, str>),
-    /// With a snapshot, because the recording began later: for the version that made it alone.
+    /// The core begins with a snapshot, because the recording began later: for the version that made it alone.
     Snapshot(&'a [u8]),
 }
 

@@ -61,7 +61,7 @@ pub(super) struct StationSession {
     last_ping: MonotonicNs,
     /// When any message of it came.
     last_message: MonotonicNs,
-    /// That it is silent was reported.
+    /// Whether its silence was reported.
     is_reported: bool,
 }
 
