@@ -15,11 +15,11 @@ const E2: f64 = 6.694_379_990_14e-3;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Offset {
-    /// See the header.
+    /// Metres to the north.
     pub north_m: f64,
-    /// See the header.
+    /// Metres to the east.
     pub east_m: f64,
-    /// See the header.
+    /// Metres up.
     pub up_m: f64,
 }
 
