@@ -483,7 +483,7 @@ codes! {
         BridgeEnding = 24 => "bridge-ending",
         /// The bridge vanished; reported by the client's port, never by the bridge.
         BridgeGone = 25 => "bridge-gone",
-        /// Waypoints did not reach the DSP although they were sent again and again.
+        /// Waypoints did not reach the DSP although they were sent repeatedly.
         DeliveryFailed = 26 => "delivery-failed",
         /// A repetition of a request that this bridge does not know: the one before may have carried it out.
         NotRemembered = 27 => "not-remembered",

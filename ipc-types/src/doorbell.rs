@@ -14,7 +14,7 @@
 //!
 //! Either the ringer sees the sleeper's bit, or the sleeper sees the data: both write before they read, with a full
 //! barrier between. And a process that has looked in vain either still finds `rings` changed, or is asleep and is
-//! woken. So no wake-up is lost, and while nobody sleeps ringing costs a barrier and a load.
+//! woken. So no wake-up is lost, and while no process sleeps ringing costs a barrier and a load.
 //!
 //! Nothing of it can be left broken: a sleeper that is killed leaves at most its bit, which costs the next ringer one
 //! system call; a ringer that is killed between data and doorbell leaves a sleep that its bound ends. The numbers in
@@ -143,7 +143,7 @@ unsafe impl Send for Doorbell {}
 unsafe impl Sync for Doorbell {}
 
 impl Doorbell {
-    /// Maps the doorbell that is the content of `file`. A new one is all zeros, so that nobody finds it half made.
+    /// Maps the doorbell that is the content of `file`. A new one is all zeros, so that no process finds it half made.
     ///
     /// # Errors
     ///

@@ -355,7 +355,7 @@ fn services(domain: &Domain, robot: RobotId, meant: Pattern) -> Vec<ServiceFacts
 }
 
 /// A service of the robot as its provider has announced it: what is known without reading and parsing its schema. A
-/// program that looks again and again reads the schemas of those generations alone that it has not seen.
+/// program that looks periodically reads the schemas of those generations alone that it has not seen.
 #[derive(Debug)]
 pub(crate) struct Announced {
     /// Last part of its name, such as `battery_watch/cell_voltages`.

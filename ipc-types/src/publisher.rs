@@ -170,7 +170,7 @@ pub struct BytesPublisher {
 /// A publisher's part in one generation.
 struct PublisherPort {
     /// Where the next sample will be filled in. Lent as soon as the one before is on its way: taking what subscribers
-    /// gave back costs more than the rest of publishing, and then nobody waits for it.
+    /// gave back costs more than the rest of publishing, and no subscriber waits for it then.
     preloaned: Option<Preloaned>,
     port: iceoryx2::port::publisher::Publisher<Svc, [CustomPayloadMarker], CustomHeaderMarker>,
     service: TopicService,

@@ -375,7 +375,7 @@ impl Drop for BytesServer {
 
 impl sealed::Source for BytesServer {
     fn has_something(&self, look: sealed::Look) -> bool {
-        // The listeners of former generations wake nobody.
+        // The listeners of former generations do not wake the waiter.
         let mut former = self.former.iter().map(|(former, _)| former);
         self.port.has_something(look)
             || former.any(|port| port.has_something(sealed::Look::Thorough))

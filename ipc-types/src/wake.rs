@@ -3,7 +3,7 @@
 //!
 //! A wake-up goes both ways: the doorbell for the RIL's own processes, and the event for those that wait on a file
 //! descriptor, such as the bridge with its serial port, and for consumers in other languages. The event costs nothing
-//! while nobody listens to it, therefore a receiver makes its listener only when a descriptor is wanted.
+//! while no listener exists, therefore a receiver makes its listener only when a descriptor is wanted.
 //!
 //! The provider makes both of its service's events; the others open them.
 

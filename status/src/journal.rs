@@ -2,7 +2,7 @@
 //! from which it can be gone on with. `docs/journal.md` has every byte. Logs are not of it: nothing that is published
 //! follows from them.
 //!
-//! * [`Journaled`]: a wrapper around the core that writes the journal while somebody records it;
+//! * [`Journaled`]: a wrapper around the core that writes the journal while a recorder subscribes to it;
 //! * [`Snapshot`]: the configuration and the core as bytes, bit for bit;
 //! * [`Record`]: what a [`JournalReader`](module_kit::journal::JournalReader) finds in the pieces of the topic
 //!   `status/journal`.

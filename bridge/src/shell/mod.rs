@@ -303,7 +303,7 @@ impl Shell {
         self.bridge.apply(now, input, &mut self.services);
     }
 
-    /// Before the end of a lease is handled: its sender may have renewed it, which wakes nobody.
+    /// Before the end of a lease is handled: its sender may have renewed it, and a renewal wakes no process.
     fn look_at_lease(&mut self, now: MonotonicNs) {
         if let Some((path_id, until)) = self.bridge.lease()
             && until <= now

@@ -107,7 +107,7 @@ impl FenceChange {
         })
     }
 
-    /// Makes the file what it was before, unless somebody else has changed it since.
+    /// Makes the file what it was before, unless another program has changed it since.
     ///
     /// # Errors
     ///

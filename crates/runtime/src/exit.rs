@@ -129,8 +129,8 @@ impl Failure {
         Failure::new(ExitCode::Usage, error)
     }
 
-    /// Ends the process early with code 0 and prints nothing: what was asked for is done, or nobody wants the rest of
-    /// it.
+    /// Ends the process early with code 0 and prints nothing: what was asked for is done, or the reader has gone before
+    /// the rest of it.
     pub fn quiet_end() -> Failure {
         Failure {
             code: ExitCode::Ok,

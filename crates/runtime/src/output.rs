@@ -1,10 +1,10 @@
 //! [`Output`]: texts for standard error, or for standard output, that no caller waits for: a bounded queue, and one
-//! thread that alone writes. A pipe that nobody reads, a terminal with Ctrl+S and a journal that hangs so stop this
-//! thread and nothing else.
+//! thread that alone writes. A pipe whose reader does not read, a terminal with Ctrl+S and a journal that hangs so
+//! stop this thread and nothing else.
 //!
 //! A text without room is lost and counted; the next one that finds room comes after a line that says how many are
 //! missing. Texts of [`Output::put_passing`] leave half of the room to others. At the end of a process
-//! [`Output::finish`] writes what waits, for at most [`END_LIMIT`]; of standard output, for as long as somebody reads
+//! [`Output::finish`] writes what waits, for at most [`END_LIMIT`]; of standard output, for as long as a program reads
 //! it. A caller that must not wait uses [`Output::put`] alone: the lock in here is for callers that wait for the
 //! thread. A stream whose reader has gone is known by [`Output::is_closed`], and wakes a wait by [`Output::closed`].
 
@@ -158,9 +158,9 @@ static STANDARD_ERROR: OnceLock<Output> = OnceLock::new();
 
 static STANDARD_OUTPUT: OnceLock<Output> = OnceLock::new();
 
-/// Standard output, for processes that must go on when nobody reads it. Its thread starts with the first call. Nothing
-/// stands in the place of what is missing, because programs read it; a line on standard error says how many texts are
-/// missing.
+/// Standard output, for processes that must go on when no program reads it. Its thread starts with the first call.
+/// Nothing stands in the place of what is missing, because programs read it; a line on standard error says how many
+/// texts are missing.
 pub fn standard_output() -> &'static Output {
     STANDARD_OUTPUT.get_or_init(|| {
         Output::start(stdio::stdout(), |missing| {
@@ -170,7 +170,7 @@ pub fn standard_output() -> &'static Output {
     })
 }
 
-/// The end of what the process prints: writes what waits on standard output for as long as somebody reads it, see
+/// The end of what the process prints: writes what waits on standard output for as long as a program reads it, see
 /// [`READER_LIMIT`]; and then `text` on standard error, the last words of the process or nothing, for at most
 /// [`END_LIMIT`].
 pub fn finish(text: impl Into<String>) {
@@ -393,7 +393,7 @@ mod tests {
 
     use super::*;
 
-    /// Standard error in small: a pipe of one page, which nobody reads yet.
+    /// Standard error in small: a pipe of one page, which is not read yet.
     fn stalled() -> (File, Output) {
         let (reader, writer) = pipe_with(PipeFlags::CLOEXEC).unwrap();
         fcntl_setpipe_size(&writer, 4096).unwrap();

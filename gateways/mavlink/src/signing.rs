@@ -1,7 +1,7 @@
 //! [`Signing`]: MAVLink 2's signatures: <https://mavlink.io/en/guide/message_signing.html>.
 //!
 //! A signature is 48 bits of SHA-256 over the key and the frame with a timestamp. The timestamps of a stream, which is
-//! a system, a component and a link, rise strictly, so that a frame that is sent again by somebody else is not taken:
+//! a system, a component and a link, rise strictly, so that a frame that another sender repeats is not taken:
 //!
 //! | a right signature comes | its timestamp is newer | it is not |
 //! |---|---|---|

@@ -20,7 +20,7 @@ const MIN_PERIOD: Duration = Duration::from_millis(20);
 
 macro_rules! streams {
     ($($(#[$meta:meta])* $name:ident = $kind:ident, $tenths:literal, $content:ident;)*) => {
-        /// A message that is sent again and again.
+        /// A message that is sent periodically.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(u8)]
         pub enum StreamId {

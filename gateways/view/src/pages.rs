@@ -102,7 +102,7 @@ impl Pages {
         Some(robot)
     }
 
-    /// A page is back at `robot`: if it commanded and nobody else has since, it commands again. Its former connection
+    /// A page is back at `robot`: if it commanded and no other page has since, it commands again. Its former connection
     /// may be one of which the end is not known here.
     fn come_back(&mut self, viewer: ViewerId, robot: u32, now: MonotonicNs, events: &mut Events) {
         let Some(page) = self.pages.get(&viewer).filter(|page| page.may_order()) else {

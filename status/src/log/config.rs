@@ -33,7 +33,7 @@ pub struct LogLimits {
 
 impl LogLimits {
     /// How much must be free so that something is written, bytes. To go on after a pause takes an eighth more, so that
-    /// other programs that use and free room at the limit do not make the log pause again and again.
+    /// other programs that use and free room at the limit do not make the log pause repeatedly.
     pub const fn needed_bytes(&self, is_pausing: bool) -> u64 {
         match is_pausing {
             true => self.min_free_bytes.saturating_add(self.min_free_bytes / 8),

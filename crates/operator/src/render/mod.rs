@@ -30,7 +30,7 @@ pub fn print_as(is_json: bool, object: &impl Serialize, text: impl Display) -> R
     out.flush().map_err(Failure::output)
 }
 
-/// Writes a line for people on standard error, which may be closed, or read by nobody: data and exit code say enough.
+/// Writes a line for people on standard error, which may be closed or not read: data and exit code say enough.
 pub fn note(text: impl Display) {
     standard_error().print(format!("{text}\n"));
 }

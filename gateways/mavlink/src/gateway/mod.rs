@@ -318,7 +318,7 @@ impl Gateway {
             } if system == self.settings.system && matches!(component, 0 | COMPONENT) => {
                 self.parameter(sender, is_station, &asked, now);
             }
-            // There are no files: whoever asks goes on at once.
+            // There are no files: with this answer a station that asks goes on at once.
             StationMessage::File {
                 system,
                 sequence,

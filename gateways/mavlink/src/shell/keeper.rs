@@ -215,7 +215,7 @@ mod tests {
     fn a_disk_that_does_not_answer_holds_up_nobody_and_of_what_waits_the_newest_is_written() {
         let folder = tempfile::tempdir().unwrap();
         let read = |what: &str| fs::read_to_string(folder.path().join(format!("robot-1.{what}")));
-        // Opening it for writing waits until somebody reads it.
+        // Opening it for writing waits until a reader opens it.
         let disk = folder.path().join(".robot-1.home.new");
         let made = Command::new("mkfifo").arg(&disk).status().unwrap();
         assert!(made.success());

@@ -158,7 +158,7 @@ impl Exchange {
 }
 
 /// The greatest relative drift of two clocks, in ns per second: 200 ppm, two quartz clocks of 100 ppm each. Clocks that
-/// drift more contradict themselves: the estimate begins anew again and again, and the counted resets show it.
+/// drift more contradict themselves: the estimate begins anew repeatedly, and the counted resets show it.
 pub const MAX_DRIFT_PPB: i64 = 200_000;
 
 /// By how much the drift changes per second at most, in ppb. Quartz clocks change by up to 0.5 ppm per kelvin far from

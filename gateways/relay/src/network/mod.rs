@@ -69,7 +69,7 @@ impl Network {
     }
 
     /// Can be read when something has arrived, when a way out is open that was not, and when a [`Watch`] has noticed
-    /// somebody.
+    /// a process.
     pub fn descriptor(&self) -> BorrowedFd<'_> {
         self.arrivals.as_fd()
     }
@@ -100,8 +100,8 @@ impl Network {
         Token::open(&self.declarations, &self.session, key)
     }
 
-    /// Notices when another process is connected, and when somebody begins to receive what is sent to `key`, a pattern,
-    /// and nobody did. It begins later.
+    /// Notices when another process is connected, and when the first one begins to receive what is sent to `key`, a
+    /// pattern. It begins later.
     pub fn watch(&self, key: String) -> Watch {
         Watch::open(&self.declarations, &self.session, key, &self.arrivals)
     }

@@ -88,7 +88,7 @@ impl Token {
     }
 }
 
-/// Notices when another process is connected, and when somebody begins to receive under a key and nobody did, through a
+/// Notices when another process is connected, and when the first one begins to receive under a key, through a
 /// router perhaps. It is declared in the background.
 pub struct Watch {
     has_come: Arc<AtomicBool>,
@@ -96,7 +96,7 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// `arrivals` can be read when somebody has come.
+    /// `arrivals` can be read when a process has come.
     pub(super) fn open(
         background: &Background,
         session: &zenoh::Session,
@@ -137,7 +137,7 @@ impl Watch {
         }
     }
 
-    /// Whether somebody has come since the last call.
+    /// Whether a process has come since the last call.
     pub fn take_arrival(&self) -> bool {
         self.has_come.swap(false, Ordering::AcqRel)
     }

@@ -3,7 +3,7 @@
 //!
 //! [`PageLost`]: robots that a page has set in motion and that no page commands any more, and when they are to hold. A
 //! page that is loaded again, or whose network comes back, takes command again, and no hold is ordered. A page that is
-//! closed, hidden or silent loses command by the rules of its lease: until then nobody is missing.
+//! closed, hidden or silent loses command by the rules of its lease: until then it is not missing.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;

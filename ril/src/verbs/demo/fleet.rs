@@ -5,7 +5,7 @@
 //! robot dies and stays away, another one dies and is replaced by one with its number. Every flight is judged as that
 //! of one robot is.
 //!
-//! The air falls silent when the robots' relays are stopped: nothing comes and nothing goes, and nobody says so.
+//! The air falls silent when the robots' relays are stopped: nothing comes and nothing goes, and no relay says so.
 
 use std::fs;
 use std::net::{Ipv4Addr, TcpListener};

@@ -70,8 +70,7 @@ pub fn status(args: &StatusArgs) -> Result<(), Failure> {
     }
 }
 
-/// Shows the report again and again until a signal: on a terminal in its place, elsewhere a line whenever the situation
-/// is another.
+/// Shows the report until a signal: on a terminal in its place, elsewhere a line whenever the situation is another.
 fn watch(args: &StatusArgs, session: &Session, newest: &mut Newest) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     let is_live = !args.samples.json && out.is_terminal();

@@ -33,7 +33,7 @@ pub struct TopicGenerateArgs {
     pub json: bool,
 }
 
-/// What every file begins with after its comment sign. A file that begins otherwise is nobody's to replace.
+/// What every file begins with after its comment sign. A file that begins otherwise is never replaced.
 const MARK: &str = "Made by `ril topic generate`";
 
 /// Where the mark stands in a file: within its first bytes.

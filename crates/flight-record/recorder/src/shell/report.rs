@@ -187,7 +187,7 @@ impl Reporter {
     }
 }
 
-/// Prints an object on a line. Standard output may be closed, or read by nobody: a flight is recorded all the same.
+/// Prints an object on a line. Standard output may be closed or not read: the flight is recorded nevertheless.
 fn print(object: &impl Serialize) {
     let _ = json_line(&mut standard_output(), object);
 }

@@ -290,7 +290,7 @@ mod tests {
             requests.take(&parameter(id * 10, id, "request", "read", ""));
             requests.take(&parameter(id * 10 + 5, id, "report", "read", stage));
         }
-        // What somebody else does ends the row, and so does another process.
+        // An action of another sender ends the row, and so does another process.
         requests.take(&event(500, 50, 0, "request", "hold", ""));
         requests.take(&parameter(510, 51, "request", "read", ""));
         requests.take(&RequestEvent {
