@@ -101,8 +101,8 @@ pub(crate) type PortNumber = u64;
 /// change only while the connections are updated, which receiving does, and asking for requests. Therefore:
 ///
 /// * after each update, and before anything is sent or dropped, the requests of clients that are not in the list any
-///   more are closed here. A client leaves the list before its place is given away, and never comes back: a client that is
-///   missing in an update is missing in a later look at the list;
+///   more are closed here. A client leaves the list before its place is given away, and never comes back: a client that
+///   is missing in an update is missing in a later look at the list;
 /// * a request whose end would close the channel of another client is held back until it does not (`held_back`);
 /// * nothing of a client that is gone is held while iceoryx2 looks for requests. It removes a wrong connection from its
 ///   list when one that is still held lies before two that are not (`port/details/receiver.rs:490`, `skip` and then

@@ -15,9 +15,9 @@
 //! 2. one that may command as little or as much as the new one, of the machine that has most of them, if it has more
 //!    than the machine of the new one then has.
 //!
-//! Of these the station that has come last gives its place up. So a program that invents numbers takes the places of its
-//! own machine, a station of another machine always finds one, and one that flies the helicopter keeps its own. A *machine* is an IP address,
-//! and on this machine, where it is a program, an address with its port.
+//! Of these the station that has come last gives its place up. So a program that invents numbers takes the places of
+//! its own machine, a station of another machine always finds one, and one that flies the helicopter keeps its own. A
+//! *machine* is an IP address, and on this machine, where it is a program, an address with its port.
 
 use std::fmt;
 use std::net::{IpAddr, SocketAddr};
