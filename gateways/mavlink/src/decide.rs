@@ -144,7 +144,7 @@ fn accept() -> Decision {
     Decision::Answer(CommandAck::plain(MavResult::Accepted), None)
 }
 
-/// What a command asks for, as the helicopter is now. Commands that only ask for messages never come here.
+/// What a command asks for, as the helicopter is now. Commands that only ask for messages are judged elsewhere.
 pub fn decide(asked: &VehicleCommand, facts: &VehicleFacts<'_>) -> Decision {
     match asked.command {
         command::ARM_DISARM => match asked.param(1) {
