@@ -1,5 +1,5 @@
-//! A comment stands alone: rustdoc shows one item without its neighbours and without the head of its module. So no comment
-//! begins by pointing at another one, and each fits beside a second file on a screen.
+//! A comment stands alone: rustdoc shows one item without its neighbours and without the head of its module. So no
+//! comment begins by pointing at another one, and each line has at most 120 characters.
 //!
 //! Judged are all Rust files of the workspace, tests, examples and measuring programs included.
 
